@@ -1,0 +1,47 @@
+"""OpenSWIm: a weather model's file in, a believable sky out.
+
+    scene = openswim.open_scene("wrfout_d01_...", time="2005-08-28T18:00")
+    image = openswim.render(scene, openswim.Camera.panorama(lat=24.5, lon=-90, height_m=2))
+    openswim.to_rgb(image)
+
+The folders follow the light: `readers` and `scene` (the world), `optics`, `lights`, `transport`, `ground`,
+`cameras`, `colour`, `irradiance`. Names are imported on first use, so `import openswim` itself costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from openswim.cameras import Camera as Camera
+    from openswim.colour import to_rgb as to_rgb
+    from openswim.errors import UserError as UserError
+    from openswim.readers import open_scene as open_scene
+    from openswim.rendering import render as render
+    from openswim.scene import Scene as Scene
+    from openswim.transport import Solver as Solver
+
+_HOME = {
+    "Camera": "openswim.cameras",
+    "Scene": "openswim.scene",
+    "Solver": "openswim.transport",
+    "UserError": "openswim.errors",
+    "open_scene": "openswim.readers",
+    "render": "openswim.rendering",
+    "to_rgb": "openswim.colour",
+}
+
+__all__ = ["Camera", "Scene", "Solver", "UserError", "__version__", "open_scene", "render", "to_rgb"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'openswim' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

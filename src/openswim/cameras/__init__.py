@@ -1,0 +1,7 @@
+"""Cameras: which way each pixel looks."""
+
+from openswim.cameras.camera import Camera
+from openswim.cameras.pixels import Pixels
+from openswim.cameras.rays import Rays
+
+__all__ = ["Camera", "Pixels", "Rays"]

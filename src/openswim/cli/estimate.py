@@ -1,0 +1,57 @@
+"""What a job will take: one line before it starts, where it is large."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+from openswim.progress import PATIENCE_S
+
+if TYPE_CHECKING:
+    from openswim.cameras import Camera
+    from openswim.scene import Scene
+
+WAVELENGTHS = 3
+LARGE_BYTES = 1_000_000_000
+
+# Measured on two cores (benchmarks/): what the estimate stands on.
+_VIEW_SAMPLES_PER_S = 40e6
+_SOLVE_S_PER_NODE = 2.0e-6  # `fast`, per node of the grid and wavelength, all sweeps
+_START_S = 2.0
+_NODE_BYTES = 250  # optics, moments and scratch per node and wavelength
+_PIXEL_BYTES = 60
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Wall-clock seconds and peak memory of a rendering, right within a factor of two or so."""
+
+    seconds: float
+    memory_bytes: float
+
+    def __str__(self) -> str:
+        time = f"{self.seconds:.0f} s" if self.seconds < 120 else f"{self.seconds / 60:.0f} min"
+        return f"estimated: about {time}, {max(self.memory_bytes / 1e9, 0.1):.1f} GB of memory"
+
+    @property
+    def large(self) -> bool:
+        return self.seconds > 2 * PATIENCE_S or self.memory_bytes > LARGE_BYTES
+
+
+def estimate(
+    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS
+) -> Estimate:
+    """What solving the scene and viewing it once will take on two cores."""
+    nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
+    steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
+    pixels = camera.shape[0] * camera.shape[1]
+    solve_s = _SOLVE_S_PER_NODE * nodes * wavelengths if solver == "fast" else 0.1e-6 * nodes * wavelengths
+    seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
+    return Estimate(seconds, 2e8 + nodes * wavelengths * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
+
+
+def announce(scene: "Scene", camera: "Camera", solver: str) -> None:
+    """Print the estimate of a large job to stderr."""
+    expected = estimate(scene, camera, solver)
+    if expected.large:
+        click.echo(str(expected), err=True)

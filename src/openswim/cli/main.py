@@ -1,0 +1,158 @@
+"""The `openswim` command: its groups, options and exit codes.
+
+Exit codes: 0 done, 1 our fault, 2 the user's mistake or a bad file, 130 interrupted. Heavy modules are
+imported by the commands that need them, so that `openswim --help` is quick.
+"""
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from openswim import __version__
+from openswim.errors import UserError
+
+SOLVERS = ("swim", "fast", "reference")
+VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
+
+DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
+
+
+def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    if value:
+        context.find_root().obj["debug"] = True
+
+
+_debug = click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="openswim")
+@_debug
+def cli() -> None:
+    """A weather model's file in, a believable sky out."""
+
+
+@cli.command()
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path),
+    default=Path("openswim-demo"),
+    show_default=True,
+)
+@_debug
+def demo(folder: Path) -> None:
+    """Render four pictures of a made-up summer sky: no file and no network needed."""
+    from openswim.cli.demo import run
+
+    run(folder)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@_debug
+def info(file: Path) -> None:
+    """Say what a file holds, and what will be assumed where it lacks something."""
+    from openswim.readers import describe
+
+    click.echo(str(describe(file)))
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--lat", type=float, help="Observer's latitude, degrees north.")
+@click.option("--lon", type=float, help="Observer's longitude, degrees east.")
+@click.option(
+    "--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat."
+)
+@click.option(
+    "--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat."
+)
+@click.option(
+    "--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).  [default: 2]"
+)
+@click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
+@click.option(
+    "--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north."
+)
+@click.option(
+    "--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon."
+)
+@click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
+@click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option(
+    "--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]"
+)
+@click.option(
+    "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
+    help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
+)  # fmt: skip
+@_debug
+def render(file: Path, outputs: tuple[Path, ...], **options: Any) -> None:
+    """Render what an observer in FILE would see."""
+    from openswim.cli.render import RenderRequest, run
+
+    run(RenderRequest(file=file, outputs=outputs, **options))
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option(
+    "--json", "json_path", type=click.Path(path_type=Path), help="Also write the rows to this file."
+)
+@_debug
+def validate(directory: Path, solver: str, json_path: Path | None) -> None:
+    """Compare with every reference file below DIRECTORY; print a table, worst first."""
+    from openswim.cli.validate import run
+
+    run(directory, solver, json_path)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and leave with its exit code; errors are one line on stderr."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    state: dict[str, bool] = {}
+    try:
+        cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
+    except UserError as error:
+        return _fail(str(error), USERS_MISTAKE, state)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        return USERS_MISTAKE
+    except click.ClickException as error:
+        return _fail(f"{error.format_message()} (see openswim --help)", USERS_MISTAKE, state)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("openswim: interrupted", err=True)
+        return INTERRUPTED
+    except MemoryError:
+        return _fail("out of memory: use a smaller --size or a smaller domain", USERS_MISTAKE, state)
+    except Exception as error:
+        hint = "" if state.get("debug") else " (a fault of openswim; --debug shows where)"
+        return _fail(f"{type(error).__name__}: {error}{hint}", OUR_FAULT, state)
+    return DONE
+
+
+def _fail(message: str, code: int, state: dict[str, bool]) -> int:
+    if state.get("debug"):
+        traceback.print_exc()
+    click.echo(f"openswim: error: {' '.join(message.split())}", err=True)
+    return code

@@ -1,0 +1,163 @@
+"""`openswim render`: from a file's name and a few options to a picture."""
+
+import math
+import re
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from openswim.cameras import Camera
+
+DEFAULT_HEIGHT_M = 2.0
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """The options of `openswim render`; None: not given."""
+
+    file: Path
+    outputs: tuple[Path, ...]
+    lat: float | None = None
+    lon: float | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    height_m: float | None = None
+    time: str | None = None
+    view: str = "allsky"
+    azimuth_deg: float | None = None
+    altitude_deg: float | None = None
+    fov_deg: float | None = None
+    size: str | None = None
+    solver: str = "fast"
+    exposure: float | None = None
+
+
+def run(request: RenderRequest) -> None:
+    """Render and write; whatever can be wrong with the request is found before any work is done."""
+    from openswim.colour import check_writable
+
+    check_solver(request.solver)
+    for output in request.outputs:
+        check_writable(output)
+    camera = camera_of(request)
+
+    import openswim
+    from openswim.cli.estimate import announce
+
+    scene = openswim.open_scene(request.file, time=request.time)
+    for note in scene.notes:
+        click.echo(f"note: {note}", err=True)
+    announce(scene, camera, request.solver)
+    start = time.perf_counter()
+    image = openswim.render(scene, camera, solver=request.solver)
+    report(image)
+    write(image, request.outputs, request.exposure)
+    click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def check_solver(name: str) -> None:
+    if name == "reference":
+        raise UserError(
+            "solver 'reference' is not available in this version; use --solver fast or --solver swim"
+        )
+
+
+def camera_of(request: RenderRequest) -> "Camera":
+    """The camera that the options describe; options that its view does not have are refused."""
+    from openswim.cameras import Camera
+
+    place = _place(request)
+    allowed = {
+        "allsky": {"altitude_deg", "fov_deg"},
+        "panorama": {"azimuth_deg"},
+        "sphere": {"azimuth_deg"},
+        "perspective": {"azimuth_deg", "altitude_deg", "fov_deg"},
+        "satellite": {"fov_deg"},
+    }[request.view]
+    given = {
+        name: value
+        for name in ("azimuth_deg", "altitude_deg", "fov_deg")
+        if (value := getattr(request, name)) is not None
+    }
+    for name in given.keys() - allowed:
+        raise UserError(f"--view {request.view} has no --{name.removesuffix('_deg')}; leave it out")
+    options: dict[str, Any] = dict(given)
+    if request.size is not None:
+        options["size"] = parse_size(request.size, square=request.view == "allsky")
+    if request.height_m is not None:
+        options["height_m"] = request.height_m
+    if request.view == "allsky":
+        options["centre"] = _centre(options.pop("altitude_deg", 90.0))
+    return getattr(Camera, request.view)(**place, **options)
+
+
+def _place(request: RenderRequest) -> dict[str, float]:
+    if request.lat is not None and request.lon is not None and request.x_m is None and request.y_m is None:
+        return {"lat": request.lat, "lon": request.lon}
+    geographic = request.lat is not None or request.lon is not None or request.view == "satellite"
+    if request.x_m is not None and request.y_m is not None and not geographic:
+        return {"x_m": request.x_m, "y_m": request.y_m}
+    raise UserError(
+        "observer missing: give --lat and --lon in degrees (in a flat scene --x and --y in metres)"
+    )
+
+
+def _centre(altitude_deg: float) -> str:
+    if altitude_deg not in (90.0, -90.0):
+        raise UserError("--view allsky looks up (--altitude 90) or down (--altitude -90), nowhere else")
+    return "zenith" if altitude_deg > 0 else "nadir"
+
+
+def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
+    """ "1440" or "1440x720" (columns x rows) as what cameras take: columns, or (rows, columns)."""
+    match = re.fullmatch(r"(\d{1,6})(?:[xX,](\d{1,6}))?", text.strip())
+    if not match:
+        raise UserError(f"--size {text!r} is not understood; write COLUMNS or COLUMNSxROWS, such as 1440x720")
+    columns = int(match.group(1))
+    if match.group(2) is None:
+        return columns
+    rows = int(match.group(2))
+    if square:
+        if rows != columns:
+            raise UserError(f"--size {text}: an all-sky image is square; give one number")
+        return columns
+    return rows, columns
+
+
+def report(image: "xr.Dataset") -> None:
+    """Print what the image says of itself: the sun, and the irradiance at the observer."""
+    attributes = image.attrs
+    if "sun_altitude_deg" in attributes:
+        click.echo(
+            f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
+            f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
+        )
+    line = irradiance_line(image)
+    if line:
+        click.echo(line)
+
+
+def irradiance_line(image: "xr.Dataset") -> str:
+    """Global, direct and diffuse horizontal irradiance, W/m2; empty where the image carries none."""
+    names = ("global", "direct", "diffuse")
+    attributes = [f"{name}_horizontal_w_m2" for name in names]
+    if not set(attributes) <= set(image.attrs):
+        return ""
+    values = [float(image.attrs[name]) for name in attributes]
+    return "irradiance: " + ", ".join(f"{n} {v:.1f}" for n, v in zip(names, values, strict=True)) + " W/m2"
+
+
+def write(image: "xr.Dataset", outputs: tuple[Path, ...], exposure: float | None = None) -> None:
+    """Write the image to every output; each appears only when it is complete."""
+    from openswim.colour import save
+
+    for output in outputs:
+        save(image, output, exposure="auto" if exposure is None else exposure)

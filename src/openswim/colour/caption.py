@@ -1,0 +1,101 @@
+"""What was rendered, in words: the caption of a picture."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from PIL import Image, ImageDraw, ImageFont
+
+BACKGROUND, INK = (16, 16, 18), (205, 205, 200)
+
+
+def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
+    """What is known of a rendered image, by name: view, place, time, sun, irradiance and so on.
+
+    Read from the attributes view; latitude, longitude or x_m, y_m; height_m, height_above; time;
+    sun_altitude_deg, sun_azimuth_deg; global_, direct_ and diffuse_horizontal_irradiance_w_m2; source;
+    solver.  What the image lacks is left out.
+    """
+    attrs = image.attrs
+    found = {
+        "View": str(attrs.get("view", "")),
+        "Place": _place(attrs),
+        "Time": f"{str(attrs['time'])[:19].replace('T', ' ')} UTC" if attrs.get("time") else "",
+        "Sun": _sun(attrs),
+        "Irradiance": _irradiance(attrs),
+        "Source": str(attrs.get("source", "")),
+        "Solver": str(attrs.get("solver", "")),
+        "Exposure": f"{exposure:.3g}" if exposure is not None else "",
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def _place(attrs: dict[Any, Any]) -> str:
+    height = _height(attrs)
+    if attrs.get("latitude") is not None and attrs.get("longitude") is not None:
+        lat, lon = float(attrs["latitude"]), (float(attrs["longitude"]) + 180) % 360 - 180
+        return f"{abs(lat):.3f} {'N' if lat >= 0 else 'S'} {abs(lon):.3f} {'E' if lon >= 0 else 'W'}{height}"
+    if attrs.get("x_m") is not None and attrs.get("y_m") is not None:
+        return f"x {float(attrs['x_m']):.0f} m, y {float(attrs['y_m']):.0f} m{height}"
+    return ""
+
+
+def _height(attrs: dict[Any, Any]) -> str:
+    if attrs.get("height_m") is None:
+        return ""
+    height, above = float(attrs["height_m"]), attrs.get("height_above", "ground")
+    return (
+        f", {height / 1000:,.0f} km above {above}" if height >= 20_000 else f", {height:.0f} m above {above}"
+    )
+
+
+def _sun(attrs: dict[Any, Any]) -> str:
+    if attrs.get("sun_altitude_deg") is None:
+        return ""
+    text = f"altitude {float(attrs['sun_altitude_deg']):.1f}"
+    if attrs.get("sun_azimuth_deg") is not None:
+        text += f", azimuth {float(attrs['sun_azimuth_deg']):.1f}"
+    return text + " degrees"
+
+
+def _irradiance(attrs: dict[Any, Any]) -> str:
+    values = {
+        name: attrs.get(f"{name}_horizontal_irradiance_w_m2") for name in ("global", "direct", "diffuse")
+    }
+    known = [f"{name} {float(value):.0f}" for name, value in values.items() if value is not None]
+    return ", ".join(known) + " W/m2" if known else ""
+
+
+def with_strip(picture: np.ndarray, entries: dict[str, str]) -> np.ndarray:
+    """The picture (y, x, 3) uint8 with the entries on a strip added below it, wrapped to its width."""
+    width = picture.shape[1]
+    size = float(np.clip(width / 70, 9, 24))
+    font = ImageFont.load_default(size)
+    space, step = round(size * 0.6), round(size * 1.4)
+    parts = [value if key == "Place" else f"{key}: {value}" for key, value in entries.items()]
+    lines = _wrapped(parts, font, width - 2 * space)
+    strip = Image.new("RGB", (width, len(lines) * step + space), BACKGROUND)
+    draw = ImageDraw.Draw(strip)
+    for row, line in enumerate(lines):
+        draw.text((space, row * step + space // 2), line, INK, font=font)
+    return np.concatenate([picture, np.asarray(strip)])
+
+
+def _wrapped(parts: list[str], font: Any, width: float) -> list[str]:
+    """The parts joined into as few lines as fit; a part too long for a line is cut with dots."""
+    lines: list[str] = []
+    for part in parts:
+        joined = f"{lines[-1]}  |  {part}" if lines else part
+        if lines and font.getlength(joined) <= width:
+            lines[-1] = joined
+        else:
+            lines.append(_shortened(part, font, width))
+    return lines
+
+
+def _shortened(text: str, font: Any, width: float) -> str:
+    if font.getlength(text) <= width:
+        return text
+    while text and font.getlength(text + "...") > width:
+        text = text[:-1]
+    return text + "..."

@@ -1,0 +1,36 @@
+"""The CIE 1931 standard observer."""
+
+import functools
+from importlib import resources
+
+import numpy as np
+
+
+@functools.cache
+def standard_observer() -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (81,), 380-780 nm, and the 2-degree colour matching functions (81, 3); CIE 018:2019."""
+    text = resources.files("openswim.colour").joinpath("data/cie1931_2deg.csv").read_text()
+    rows = [line for line in text.splitlines() if line[:1].isdigit()]
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    return table[:, 0], table[:, 1:]
+
+
+def xyz_weights(step_nm: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (n,) and weights (n, 3) that turn a solar-relative spectrum L' into X, Y, Z.
+
+    The weights hold the colour matching functions and the sun's spectrum and are scaled so that L' = 1 at all
+    wavelengths has Y = 1.  With steps above 5 nm the sums stay at 5 nm, L' running straight between its
+    nodes.
+    """
+    from openswim.lights.spectrum import solar_irradiance
+
+    fine, matching = standard_observer()
+    weights = matching * solar_irradiance(fine, bandwidth_nm=5.0)[:, None]
+    nodes = np.linspace(fine[0], fine[-1], round((fine[-1] - fine[0]) / step_nm) + 1)
+    share = np.maximum(1 - np.abs(nodes[:, None] - fine) / (nodes[1] - nodes[0]), 0)
+    return nodes, share @ weights / weights[:, 1].sum()
+
+
+def chromaticity(xyz: np.ndarray) -> np.ndarray:
+    """x, y (..., 2) of X, Y, Z (..., 3)."""
+    return xyz[..., :2] / xyz.sum(axis=-1, keepdims=True)

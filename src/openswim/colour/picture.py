@@ -1,0 +1,146 @@
+"""Pictures (.png, .jpg, .tif) and data (.nc, .zarr) in files, whole or not at all."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from openswim.errors import UserError
+
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+DATA = (".nc", ".zarr")
+
+
+def check_writable(path: str | Path) -> None:
+    """Raise UserError unless `save` could write `path`: a known suffix, in a folder that takes files.
+
+    Meant to be called before a long computation.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in PICTURES + DATA:
+        raise UserError(
+            f"output {path}: suffix {path.suffix!r} is unknown; use one of {', '.join(PICTURES + DATA)}"
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"output {path}: folder {path.parent} does not exist; make it first")
+    if path.is_dir() and path.suffix.lower() != ".zarr":
+        raise UserError(f"output {path} is a folder; give a file name")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise UserError(f"output {path} is write-protected; remove it or choose another name")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise UserError(
+            f"output {path}: cannot write in {path.parent} ({error.strerror}); choose another folder"
+        ) from None
+
+
+def save(
+    image: xr.Dataset,
+    path: str | Path,
+    exposure: float | str = "auto",
+    caption: bool = True,
+    **rgb_options: Any,
+) -> None:
+    """Write a rendered image by the suffix of `path`: .png, .jpg, .tif as a picture, .nc, .zarr as data.
+
+    Pictures carry what was rendered on a strip below (`caption`) and in their metadata; `exposure` and the
+    other options are those of `to_rgb`.  The file appears under its name only when it is complete.
+    """
+    path = Path(path)
+    check_writable(path)
+    suffix = path.suffix.lower()
+    if suffix == ".nc":
+        _atomically(path, lambda part: _write_netcdf(image, part))
+    elif suffix == ".zarr":
+        _atomically(path, lambda part: _write_zarr(image, part))
+    else:
+        _save_picture(image, path, exposure, caption, rgb_options)
+
+
+def _save_picture(
+    image: xr.Dataset, path: Path, exposure: Any, caption: bool, options: dict[str, Any]
+) -> None:
+    from openswim.colour.caption import facts, with_strip
+    from openswim.colour.rgb import auto_exposure, to_rgb
+
+    exposure = auto_exposure(image) if exposure == "auto" else exposure
+    picture = to_rgb(image, exposure, **options)
+    entries = facts(image, exposure)
+    if caption and entries:
+        picture = with_strip(picture, entries)
+    _atomically(path, lambda part: write_picture(picture, part, entries))
+
+
+def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> None:
+    """Write uint8 (y, x, 3) with the entries as metadata: PNG text, or the description of a JPEG or TIFF."""
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    drawn = Image.fromarray(picture)
+    description = "; ".join(f"{key}: {value}" for key, value in entries.items())
+    suffix = path.suffix.lower()
+    if suffix == ".png":
+        text = PngInfo()
+        for key, value in {"Software": "OpenSWIm", "Description": description, **entries}.items():
+            text.add_itxt(key, value)
+        drawn.save(path, pnginfo=text)
+    elif suffix in (".jpg", ".jpeg"):
+        exif = Image.Exif()
+        exif[270], exif[305] = description, "OpenSWIm"  # ImageDescription, Software
+        drawn.save(path, quality=95, subsampling=0, exif=exif)
+    else:
+        drawn.save(path, compression="tiff_deflate", tiffinfo={270: description, 305: "OpenSWIm"})
+
+
+def _write_netcdf(image: xr.Dataset, path: Path) -> None:
+    storable = _storable(image)
+    numeric = [name for name, field in storable.data_vars.items() if field.ndim and field.dtype.kind in "fiu"]
+    storable.to_netcdf(
+        path, encoding={name: {"zlib": True, "complevel": 4, "shuffle": True} for name in numeric}
+    )
+
+
+def _write_zarr(image: xr.Dataset, path: Path) -> None:
+    _storable(image).to_zarr(path, consolidated=False)
+
+
+def _storable(image: xr.Dataset) -> xr.Dataset:
+    """A copy whose attributes files can hold: no None, dates and truth values as text and numbers."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, (bool, np.bool_)):
+            return int(value)
+        return (
+            value if isinstance(value, (str, int, float, list, tuple, np.ndarray, np.number)) else str(value)
+        )
+
+    stored = image.copy(deep=False)
+    stored.attrs = {"Conventions": "CF-1.11", **image.attrs}
+    stored.attrs = {key: plain(value) for key, value in stored.attrs.items() if value is not None}
+    for field in stored.variables.values():
+        field.attrs = {key: plain(value) for key, value in field.attrs.items() if value is not None}
+    return stored
+
+
+def _atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Write under a temporary name beside `path`, then rename."""
+    folder = Path(tempfile.mkdtemp(prefix=f".{path.stem}-", dir=path.parent))
+    try:
+        part = folder / path.name
+        write(part)
+        if path.is_dir():
+            os.replace(path, folder / "replaced")
+        os.replace(part, path)
+    except OSError as error:
+        raise UserError(
+            f"output {path}: writing failed ({error}); free some space or choose another folder"
+        ) from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

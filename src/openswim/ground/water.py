@@ -1,0 +1,119 @@
+"""A wind-blown water surface: the sun's glint, the mirrored sky, foam."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+REFRACTIVE_INDEX = 1.34
+FOAM_ALBEDO = 0.22  # effective, foam of all ages (Koepke 1984)
+_LEAST_MU = 0.01
+_MU_NODES = np.linspace(0.0, 1.0, 41)[1:] ** 1.5
+_WIND_NODES_M_S = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 24.0, 36.0])
+
+
+def fresnel_reflectance(cos_incidence: ArrayLike) -> FloatArray:
+    """Reflected share of unpolarised light falling on flat water of index 1.34; .0211 at normal incidence."""
+    c = np.clip(np.asarray(cos_incidence, float), 0.0, 1.0)
+    refracted = np.sqrt(REFRACTIVE_INDEX**2 - 1 + c**2)
+    perpendicular = (c - refracted) / (c + refracted)
+    parallel = (REFRACTIVE_INDEX**2 * c - refracted) / (REFRACTIVE_INDEX**2 * c + refracted)
+    return 0.5 * (perpendicular**2 + parallel**2)
+
+
+def mean_square_slope(wind_speed_m_s: ArrayLike) -> FloatArray:
+    """Total slope variance of clean water by the 10-m wind (Cox & Munk 1954): .003 + .00512 W, W <= 40
+    m/s."""
+    return 0.003 + 0.00512 * np.clip(np.asarray(wind_speed_m_s, float), 0.0, 40.0)
+
+
+def foam_fraction(wind_speed_m_s: ArrayLike) -> FloatArray:
+    """Whitecap cover 2.95e-6 W^3.52 (Monahan & O'Muircheartaigh 1980), at most .5."""
+    return np.minimum(2.95e-6 * np.maximum(np.asarray(wind_speed_m_s, float), 0.0) ** 3.52, 0.5)
+
+
+def glint_reflectance(
+    mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike, wind_speed_m_s: ArrayLike
+) -> FloatArray:
+    """Bidirectional reflectance factor (n,) of the waves for the direct sun: pi L / E on the horizontal.
+
+    pi F(omega) p(slope) G / (4 mu mu0 cos^4 beta) with the Gaussian slope density p = exp(-tan^2 beta / s^2)
+    / (pi s^2), s^2 = mean_square_slope (Cox & Munk 1954; Albers et al. 2020, section 3.7, corrected: wind,
+    normalised density), and G the shadowing of waves by waves (Smith 1967). Wind direction is not used.
+    Reciprocal; mu not below .01. Light that meets a second wave is left out: of the reflected flux .1 % at
+    sun zenith 40, 6 % at 55 and 16 % at 65 degrees in 8 m/s wind, below 3 % there in 3 m/s.
+    """
+    mu0 = np.maximum(np.asarray(mu_sun, float), _LEAST_MU)
+    mu = np.maximum(np.asarray(mu_view, float), _LEAST_MU)
+    sines = np.sqrt((1 - np.minimum(mu0, 1) ** 2) * (1 - np.minimum(mu, 1) ** 2))
+    cos_two_omega = np.clip(mu * mu0 + sines * np.cos(relative_azimuth_rad), -1.0, 1.0)
+    cos_omega = np.sqrt(0.5 * (1 + cos_two_omega))
+    cos_beta = np.minimum((mu + mu0) / np.maximum(2 * cos_omega, 1e-9), 1.0)
+    variance = mean_square_slope(wind_speed_m_s)
+    density = np.exp(-(cos_beta**-2 - 1) / variance) / (np.pi * variance)
+    visible = 1 / (1 + _shadowing(mu, variance) + _shadowing(mu0, variance))
+    return np.pi * fresnel_reflectance(cos_omega) * density * visible / (4 * mu * mu0 * cos_beta**4)
+
+
+def mirrored_sky(mu_view: ArrayLike, wind_speed_m_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Reflectance of the waves seen along `mu_view` (n,), and the mean mu of the sky they mirror.
+
+    Averages over the facets that face the viewer, by Cox-Munk slopes; near the horizon a sea under
+    5 m/s wind mirrors the sky 12 degrees up with half of flat water's reflectance.
+    """
+    tables = _mirror_tables()
+    mu = np.clip(np.asarray(mu_view, float), 0.0, 1.0)
+    i = np.interp(mu, _MU_NODES, np.arange(_MU_NODES.size))
+    k = np.interp(np.asarray(wind_speed_m_s, float), _WIND_NODES_M_S, np.arange(_WIND_NODES_M_S.size))
+    i0 = np.minimum(i.astype(int), _MU_NODES.size - 2)
+    k0 = np.minimum(k.astype(int), _WIND_NODES_M_S.size - 2)
+    fi, fk = i - i0, k - k0
+    value = (1 - fk) * ((1 - fi) * tables[:, k0, i0] + fi * tables[:, k0, i0 + 1]) + fk * (
+        (1 - fi) * tables[:, k0 + 1, i0] + fi * tables[:, k0 + 1, i0 + 1]
+    )
+    return value[0], value[1]
+
+
+def isotropic_sky_albedo(wind_speed_m_s: ArrayLike) -> FloatArray:
+    """Share of an isotropic sky's flux that the waves reflect (n,): .066 calm, .05 in a gale."""
+    reflectance = _mirror_tables()[0]
+    albedo = 2 * np.trapezoid(reflectance * _MU_NODES, _MU_NODES, axis=1)
+    return np.interp(np.asarray(wind_speed_m_s, float), _WIND_NODES_M_S, albedo)
+
+
+@cache
+def _mirror_tables() -> FloatArray:
+    """(reflectance, mean mirrored mu) on (wind, mu) nodes.
+
+    Facets weigh by their slope density and the area they show, max(cos omega, 0) / cos beta; sky below the
+    horizon (seen by way of a second wave) counts as just above it.
+    """
+    u = (np.arange(80) + 0.5) / 80  # slope tan(beta) = s sqrt(-ln(1 - u)): equal shares of the density
+    azimuth = (np.arange(48) + 0.5) * 2 * np.pi / 48
+    tables = np.empty((2, _WIND_NODES_M_S.size, _MU_NODES.size))
+    mu = _MU_NODES[:, None, None]
+    sine = np.sqrt(1 - mu**2)
+    for k, variance in enumerate(mean_square_slope(_WIND_NODES_M_S)):
+        slope = np.sqrt(-variance * np.log1p(-u))[None, :, None]
+        shown = mu - slope * sine * np.cos(azimuth)  # cos omega / cos beta
+        cos_beta = 1 / np.sqrt(1 + slope**2)
+        weight = np.maximum(shown, 0.0)
+        cos_omega = np.minimum(weight * cos_beta, 1.0)
+        sky_mu = np.maximum(2 * cos_omega * cos_beta - mu, 0.01)
+        total = weight.sum(axis=(1, 2))
+        reflected = (weight * fresnel_reflectance(cos_omega)).sum(axis=(1, 2))
+        tables[0, k] = reflected / total
+        tables[1, k] = (weight * fresnel_reflectance(cos_omega) * sky_mu).sum(axis=(1, 2)) / reflected
+    return tables
+
+
+def _shadowing(mu: FloatArray, variance: FloatArray) -> FloatArray:
+    """Smith's Lambda for Gaussian slopes, by a rational fit (Walter et al. 2007; .35 %)."""
+    tangent = np.sqrt(np.maximum(1 - mu**2, 0.0)) / mu
+    a = 1 / np.maximum(np.sqrt(variance) * tangent, 1e-9)
+    fit = np.minimum(a, 1.6)
+    return np.where(a < 1.6, (1 + 2.276 * fit + 2.577 * fit**2) / (3.535 * fit + 2.181 * fit**2) - 1, 0.0)

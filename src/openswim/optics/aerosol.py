@@ -1,0 +1,107 @@
+"""Aerosol types: phase function, single-scattering albedo and Angstrom exponent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.errors import UserError
+from openswim.optics.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, phases_at
+from openswim.scene.atmosphere import AerosolProfile
+
+BACKSCATTER_FRACTION = 0.125  # b of Albers et al. 2020, Eq. 4
+
+
+@dataclass(frozen=True)
+class AerosolType:
+    """Optical character of an aerosol; mappings are {wavelength_nm: value}, interpolated linearly."""
+
+    phase: PhaseFunction | Mapping[float, PhaseFunction]
+    single_scattering_albedo: float | Mapping[float, float]
+    angstrom_exponent: float
+
+
+def double_hg(sharp_g: float, broad_g: float, sharp_fraction: float, f_b: float) -> PhaseFunction:
+    """Pair of double Henyey-Greenstein functions (Albers et al. 2020, Eq. 28, corrected).
+
+    `sharp_fraction` (f_c) weights the sharp lobe; g = f_c g_sharp + (1 - f_c) g_broad (Eq. 29).
+    """
+    return Mixture((sharp_fraction, 1 - sharp_fraction), (AlbersDHG(sharp_g, f_b), AlbersDHG(broad_g, f_b)))
+
+
+def aerosol_type(name: str = "continental") -> AerosolType:
+    """A named type: "continental" (the default), "colorado_dust" or "saudi_dust_pollution".
+
+    The dusts are Albers et al. 2020, Table 3 (corrected: its g_1 and g_2 columns are swapped relative to Eq.
+    28); the paper gives no Angstrom exponents, .6 (coarse and fine mixed) is ours.
+    """
+    match name:
+        case "continental":
+            return AerosolType(HenyeyGreenstein(0.65), 0.95, 1.3)
+        case "colorado_dust":
+            phase = {
+                615.0: double_hg(0.895, 0.59, 0.12, 0.550),
+                546.0: double_hg(0.900, 0.60, 0.12, 0.550),
+                450.0: double_hg(0.905, 0.61, 0.12, 0.550),
+            }
+            return AerosolType(phase, {615.0: 0.935, 546.0: 0.92, 450.0: 0.86}, 0.6)
+        case "saudi_dust_pollution":
+            phase = {
+                615.0: double_hg(0.915, 0.23, 0.58, 0.562),
+                546.0: double_hg(0.925, 0.27, 0.54, 0.558),
+                450.0: double_hg(0.933, 0.29, 0.53, 0.558),
+            }
+            return AerosolType(phase, 0.96, 0.6)
+    raise UserError(f"unknown aerosol type {name!r}; known: continental, colorado_dust, saudi_dust_pollution")
+
+
+def aerosol_profile(
+    name: str = "continental",
+    optical_depth: float = 0.05,
+    scale_height_m: float = 1500.0,
+    base_height_m: float = 0.0,
+) -> AerosolProfile:
+    """The 1-D profile of a named type, with its optical depth at 550 nm above the base."""
+    kind = aerosol_type(name)
+    return AerosolProfile(
+        optical_depth=optical_depth,
+        angstrom_exponent=kind.angstrom_exponent,
+        scale_height_m=scale_height_m,
+        base_height_m=base_height_m,
+        single_scattering_albedo=kind.single_scattering_albedo,
+        phase=kind.phase,
+    )
+
+
+def type_of_profile(profile: AerosolProfile | None) -> AerosolType:
+    """The optical character of a 1-D profile; continental where it, or its phase function, is not given."""
+    default = aerosol_type()
+    if profile is None:
+        return default
+    phase = default.phase if profile.phase is None else profile.phase
+    return AerosolType(phase, profile.single_scattering_albedo, profile.angstrom_exponent)
+
+
+def spectral_albedo(kind: AerosolType, wavelengths_nm: ArrayLike) -> NDArray[np.float64]:
+    """Single-scattering albedo at each wavelength, (nwl,)."""
+    return interpolate_spectral(kind.single_scattering_albedo, wavelengths_nm)
+
+
+def spectral_phase(kind: AerosolType, wavelengths_nm: ArrayLike) -> list[PhaseFunction]:
+    """Phase function at each wavelength."""
+    return phases_at(kind.phase, wavelengths_nm)
+
+
+def interpolate_spectral(
+    value: float | Mapping[float, float], wavelengths_nm: ArrayLike
+) -> NDArray[np.float64]:
+    """A constant, or a {wavelength_nm: value} mapping interpolated linearly (constant beyond its ends), as
+    (nwl,)."""
+    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    if not isinstance(value, Mapping):
+        return np.full(wavelengths.shape, float(value))
+    known = sorted(value)
+    return np.interp(wavelengths, known, [value[wl] for wl in known])

@@ -1,0 +1,194 @@
+"""What a reader is, and the checks every reader of netCDF files shares."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.classic import classic_length
+
+if TYPE_CHECKING:
+    import netCDF4
+
+    from openswim.scene import Grid, Scene
+
+Time = str | np.datetime64 | datetime | None
+MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """Reads one kind of file. Register one under the entry point group "openswim.readers"."""
+
+    name: str
+
+    def detects(self, path: Path) -> bool:
+        """Whether the content (not the name) of the file is this reader's; cheap, never raises."""
+
+    def read(self, path: Path, time: Time = None) -> Scene:
+        """The scene at one time (default: the file's first)."""
+
+    def describe(self, path: Path) -> SceneInfo:
+        """What `openswim info` prints, from the file's header and few small fields."""
+
+
+@dataclass
+class SceneInfo:
+    """What a file holds, for `openswim info`. `str(info)` is the text it prints."""
+
+    path: str
+    model: str
+    grid: str
+    projection: str
+    spacing: str
+    levels: str
+    times: list[str]
+    species: list[str]
+    surface: list[str]
+    missing: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        more = f" ... {self.times[-1]} ({len(self.times)} times)" if len(self.times) > 6 else ""
+        rows = [
+            ("file", self.path),
+            ("model", self.model),
+            ("grid", self.grid),
+            ("projection", self.projection),
+            ("spacing", self.spacing),
+            ("levels", self.levels),
+            ("times", ", ".join(self.times[:6]) + more or "none"),
+            ("species", ", ".join(self.species) or "none"),
+            ("surface", ", ".join(self.surface) or "none"),
+            ("missing", ", ".join(self.missing) or "nothing"),
+        ]
+        rows += [("" if line else "assumed", note) for line, note in enumerate(self.assumed)]
+        return "\n".join(f"{label:<11}{text}" for label, text in rows)
+
+
+def open_netcdf(path: Path) -> netCDF4.Dataset:
+    """Open a netCDF file; a UserError says what it is instead, or that it is damaged."""
+    import netCDF4
+
+    try:
+        needed = classic_length(path)
+        if needed is not None and path.stat().st_size < needed:
+            size = path.stat().st_size
+            raise UserError(f"{path}: truncated: {size} of {needed} bytes: copy or download it again")
+        return netCDF4.Dataset(os.fspath(path), "r")
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UserError(unreadable(path)) from error
+
+
+def unreadable(path: Path) -> str:
+    """One line on why a file cannot be read as netCDF or Zarr, from its first bytes."""
+    if not path.exists():
+        return f"{path}: no such file"
+    if path.is_dir():
+        return f"{path}: a folder, but not a Zarr store: give a file or a Zarr folder"
+    try:
+        with path.open("rb") as file:
+            magic = file.read(8)
+    except OSError as error:
+        return f"{path}: cannot be read ({error.strerror})"
+    if magic.startswith((b"CDF", b"\x89HDF")):
+        return f"{path}: truncated or damaged netCDF file: copy or download it again"
+    if magic.startswith(b"GRIB"):
+        return f"{path}: a GRIB file, but no GRIB reader is installed: convert it (docs/scene-format.md)"
+    return f"{path}: neither a netCDF file nor a Zarr folder"
+
+
+def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:
+    """Refuse a variable whose declared size could not be held in memory, before reading it."""
+    elements = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
+    if elements > MAX_ELEMENTS:
+        declared = " x ".join(map(str, shape))
+        raise UserError(
+            f"{path}: {name} declares {declared} values, more than {MAX_ELEMENTS:.0e}: damaged header, "
+            "or crop the file first"
+        )
+
+
+def parse_time(time: Time) -> np.datetime64 | None:
+    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
+    if time is None:
+        return None
+    if isinstance(time, np.datetime64):
+        return time.astype("datetime64[ms]")
+    try:
+        stamp = time if isinstance(time, datetime) else datetime.fromisoformat(time.strip().replace("_", "T"))
+    except ValueError as error:
+        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+    if stamp.tzinfo is not None:
+        stamp = stamp.astimezone(UTC).replace(tzinfo=None)
+    return np.datetime64(stamp, "ms")
+
+
+def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
+    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named."""
+    stamp = parse_time(wanted)
+    if stamp is None:
+        return 0
+    if times.size:
+        apart = np.abs(times.astype("datetime64[ms]") - stamp)
+        nearest = int(np.argmin(apart))
+        if apart[nearest] <= np.timedelta64(1, "s"):
+            return nearest
+    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {times_text(times)}")
+
+
+def iso(time: np.datetime64) -> str:
+    """ISO text to the second (to the millisecond where needed)."""
+    text = str(time.astype("datetime64[ms]"))
+    return text.removesuffix(".000")
+
+
+def times_text(times: NDArray[Any]) -> str:
+    """The times of a file in one line."""
+    listed = [iso(time) for time in times]
+    if len(listed) > 12:
+        return f"{', '.join(listed[:4])}, ... {listed[-1]} ({len(listed)} times)"
+    return ", ".join(listed) or "no valid time"
+
+
+def place_text(grid: Grid | None) -> str:
+    """ ", centre 23.753 N 89.540 W", or nothing for a flat grid."""
+    if grid is None or not grid.curved:
+        return ""
+    lon, lat = (float(angle) for angle in grid.lonlat(*grid.centre_index))
+    return f", centre {abs(lat):.3f} {'NS'[lat < 0]} {abs(lon):.3f} {'EW'[lon < 0]}"
+
+
+def spacing_text(grid: Grid | None) -> str:
+    """True ground distance of a cell at the centre."""
+    if grid is None:
+        return "none"
+    dx, dy = grid.spacing_m()
+    return f"{dx:.4g} x {dy:.4g} m" if dx < 1e3 else f"{dx / 1e3:.4g} x {dy / 1e3:.4g} km"
+
+
+def levels_text(grid: Grid | None) -> str:
+    """Number and range of the levels."""
+    if grid is None:
+        return "none"
+    return f"{grid.shape[0]}, {grid.height_m[0].min():.0f} to {grid.height_m[-1].max():.0f} m above sea level"
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put the file's name before the messages of checks that do not know it."""
+    try:
+        yield
+    except UserError as error:
+        if str(path) in str(error):
+            raise
+        raise UserError(f"{path}: {error}") from error

@@ -1,0 +1,196 @@
+"""The documented scene layout (docs/scene-format.md), netCDF or Zarr: the way in for any model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.base import (
+    SceneInfo,
+    Time,
+    check_size,
+    iso,
+    levels_text,
+    naming,
+    open_netcdf,
+    pick_time,
+    place_text,
+    spacing_text,
+    unreadable,
+)
+from openswim.readers.cf_fields import atmosphere_of, fields_of, optics_of
+from openswim.readers.cf_grid import grid_of, upright
+from openswim.scene import Grid, Scene
+from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.files import ZARR_MARKS
+from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
+
+_HELPERS = {
+    "x",
+    "y",
+    "height",
+    "lon",
+    "lat",
+    "latitude",
+    "longitude",
+    "time",
+    "wavelength",
+    GRID_MAPPING,
+    AEROSOL,
+    *PROFILES,
+}
+
+
+class CFReader:
+    """Reads files written in the documented layout, by this program or any other."""
+
+    name = "scene layout"
+
+    def detects(self, path: Path) -> bool:
+        """True for files that say so, and for those with dimensions z, y, x and a variable of the layout."""
+        try:
+            with _opened(path) as data:
+                on_levels = set(LEVEL_DIMS) <= set(data.dims)
+                known = any(is_known(str(name)) for name in data.variables)
+                return "openswim_layout" in data.attrs or (on_levels and known)
+        except UserError:
+            return False
+
+    def read(self, path: Path, time: Time = None) -> Scene:
+        """The scene at one time of the file (default: its first); only that time is read."""
+        with naming(path), _opened(path) as whole:
+            data, valid = _at_time(path, whole, time)
+            for name in data.variables:
+                check_size(path, str(name), data[name].shape)
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            with _reading(path):
+                data = upright(data)
+                grid = grid_of(data, notes)
+                fields = fields_of(data, grid, notes)
+                atmosphere = atmosphere_of(data, notes)
+                optics = optics_of(data)
+            if "openswim_layout" not in data.attrs:
+                notes += _absences(fields)
+            unused = [
+                str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
+            ]
+            if unused:
+                notes.append(f"variables not used: {', '.join(unused)}")
+            source = str(data.attrs.get("source", path.name))
+            return Scene(grid, fields, atmosphere, optics, valid, source, notes)
+
+    def describe(self, path: Path) -> SceneInfo:
+        """Grid, times and contents, from the header, the coordinates and the heights of the first time."""
+        with naming(path), _opened(path) as whole:
+            times = _times(whole)
+            data = upright(_at_time(path, whole, None)[0])
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            with _reading(path):
+                grid = grid_of(data, notes)
+            names = [str(name) for name in data.data_vars if is_known(str(name))]
+            expected = [f"{species}_content" for species in HYDROMETEORS] + [
+                "air_pressure",
+                "air_temperature",
+            ]
+            expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
+            if "openswim_layout" not in data.attrs:
+                notes += _absences(data)
+            return SceneInfo(
+                path=str(path),
+                model=str(data.attrs.get("source", "scene layout")),
+                grid="none (clear sky)" if grid is None else "{2} x {1} x {0} (x, y, z)".format(*grid.shape),
+                projection=_projection_text(grid),
+                spacing=spacing_text(grid),
+                levels=levels_text(grid),
+                times=[iso(moment) for moment in times],
+                species=species_of(names),
+                surface=[name for name in names if "z" not in data[name].dims],
+                missing=[name for name in expected if name not in names],
+                assumed=notes,
+            )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[xr.Dataset]:
+    """The file as a lazy dataset; missing values become NaN, times datetime64."""
+    if path.is_dir():
+        if not any((path / mark).exists() for mark in ZARR_MARKS):
+            raise UserError(unreadable(path))
+        engine = "zarr"
+    else:
+        open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
+        engine = "netcdf4"
+    try:
+        data = xr.open_dataset(path, engine=engine, decode_timedelta=False, chunks=None)
+    except Exception as error:  # the back ends raise anything on damaged files
+        raise UserError(f"{path}: cannot be opened ({_one_line(error)})") from error
+    with data:
+        layout = data.attrs.get("openswim_layout", LAYOUT)
+        if int(layout) > LAYOUT:
+            raise UserError(
+                f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
+            )
+        yield data
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise UserError(
+            f"{path}: cannot be read ({_one_line(error)}): damaged, or not as docs/scene-format.md describes"
+        ) from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:160]
+
+
+def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
+    if "time" not in data.variables:
+        return np.array([], dtype="datetime64[ms]")
+    values = np.atleast_1d(data["time"].values)
+    if values.dtype.kind != "M":
+        raise UserError(
+            'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
+        )
+    # files keep times as floating-point numbers: round to the millisecond
+    return (values.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
+
+
+def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:
+    times = _times(data)
+    chosen = pick_time(path, times, time)
+    if "time" in data.dims:
+        data = data.isel(time=chosen)
+    return data, times[chosen] if times.size else None
+
+
+def _absences(data: xr.Dataset) -> list[str]:
+    absent = [species for species in HYDROMETEORS if f"{species}_content" not in data]
+    notes = [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
+    for name, instead in (
+        ("surface_altitude", "terrain height from the ground map"),
+        ("land_area_fraction", "land and water from the ground map"),
+        ("surface_albedo", "surface albedo from the ground map"),
+        ("snow_area_fraction", "no snow on the ground assumed"),
+        ("sea_ice_area_fraction", "no sea ice assumed"),
+        ("wind_east_10m", "default wind over water"),
+    ):
+        if name not in data:
+            notes.append(f"no {name} in the file: {instead}")
+    return notes
+
+
+def _projection_text(grid: Grid | None) -> str:
+    if grid is None or grid.crs is None:
+        return "none (flat)" if grid is not None else "none"
+    operation = grid.crs.coordinate_operation
+    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)

@@ -1,0 +1,169 @@
+"""The fields of a file in the documented layout: units brought to SI, gaps below the terrain filled."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.units import canonical, conversion
+from openswim.scene import Grid, Optics
+from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.cf import AEROSOL, PROFILES
+from openswim.scene.checks import WAVELENGTH_DIM
+from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
+
+DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
+_PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
+_STATE = ("air_pressure", "air_temperature")
+
+
+def fields_of(data: xr.Dataset, grid: Grid | None, notes: list[str]) -> xr.Dataset:
+    """The known variables of an upright dataset at one time, in the units of a scene."""
+    names = [str(name) for name in data.data_vars if is_known(str(name))]
+    names.sort(key=lambda name: name not in _STATE)  # mixing ratios need pressure and temperature
+    fields: dict[str, xr.DataArray] = {}
+    for name in names:
+        fields[name] = _in_si(name, data[name], fields, notes)
+    if grid is not None:
+        _fill_below_ground(fields, grid, notes)
+    coords: dict[str, Any] = {
+        name: float(data[name])
+        for name in ("latitude", "longitude")
+        if name in data.variables and data[name].ndim == 0
+    }
+    if WAVELENGTH_DIM in data.variables:
+        coords[WAVELENGTH_DIM] = _wavelengths(data[WAVELENGTH_DIM])
+    return xr.Dataset(fields, coords=coords)
+
+
+def optics_of(data: xr.Dataset) -> dict[str, Optics]:
+    """Optical properties kept as attributes of extinction_<name> (and of aerosol_extinction)."""
+    from openswim.optics.phase import phase_from_dict
+
+    found = {}
+    for name, field in data.data_vars.items():
+        if str(name) != "aerosol_extinction" and not str(name).startswith(DIRECT_PREFIX):
+            continue
+        if "phase_function" not in field.attrs:
+            if str(name) == "aerosol_extinction":
+                continue
+            raise UserError(
+                f"{name} lacks the attribute phase_function, for example "
+                '\'{"type": "henyey_greenstein", "g": 0.85}\''
+            )
+        species = "aerosol" if str(name) == "aerosol_extinction" else str(name).removeprefix(DIRECT_PREFIX)
+        albedo = field.attrs.get("single_scattering_albedo", 1.0)
+        phase: Any = _json(str(name), "phase_function", field.attrs["phase_function"])
+        if "spectral" in phase:
+            phase = {
+                float(wavelength): phase_from_dict(each) for wavelength, each in phase["spectral"].items()
+            }
+        else:
+            phase = phase_from_dict(phase)
+        found[species] = Optics(
+            albedo if np.ndim(albedo) == 0 else np.asarray(albedo, float),
+            phase,
+            str(field.attrs.get("kind", "other")),
+        )
+    return found
+
+
+def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
+    """The gas profile and background aerosol of the file; US standard unless it gives some or says "none"."""
+    if data.attrs.get("atmosphere") == "none":
+        return None
+    aerosol: AerosolProfile | None = None
+    if AEROSOL in data.variables:
+        known = AerosolProfile.__dataclass_fields__
+        described = {
+            key: _maybe_json(AEROSOL, key, value)
+            for key, value in data[AEROSOL].attrs.items()
+            if key in known
+        }
+        aerosol = AerosolProfile.from_dict(described)
+    if not any(name in data.variables for name in PROFILES):
+        given = "the file's" if aerosol is not None else "the default"
+        notes.append(f"gas and aerosol background: US standard atmosphere with {given} aerosol")
+        return Atmosphere.us_standard() if aerosol is None else Atmosphere.us_standard(aerosol=aerosol)
+    lacking = [name for name in PROFILES if name not in data.variables]
+    if lacking:
+        raise UserError(
+            f"the background profile lacks {', '.join(lacking)}: give all of {', '.join(PROFILES)}, or none"
+        )
+    columns = {}
+    for name, (target, attributes) in PROFILES.items():
+        columns[target] = _converted(name, data[name], attributes["units"])
+    return Atmosphere(**columns, aerosol=aerosol)
+
+
+def _in_si(name: str, field: xr.DataArray, state: dict[str, xr.DataArray], notes: list[str]) -> xr.DataArray:
+    expected = variable(name).units
+    found = field.attrs.get("units")
+    if found is None:
+        if expected != "1":
+            notes.append(f"{name} gives no units: taken as {expected}")
+        return field
+    per_volume, factor = _PER_MASS.get(canonical(str(found)), ("", 0.0))
+    if per_volume == expected:
+        if not all(needed in state for needed in _STATE):
+            raise UserError(
+                f"{name} is in {found!r}: to make it {expected!r} the file must hold air_pressure "
+                "and air_temperature, or convert it first"
+            )
+        notes.append(f"{name} converted from {found} with the density of dry air")
+        pressure, temperature = (state[needed] for needed in _STATE)
+        return field * (factor * pressure / (DRY_AIR_GAS_CONSTANT * temperature))
+    return field.copy(data=_converted(name, field, expected))
+
+
+def _converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
+    found = str(field.attrs.get("units", expected))
+    factor = conversion(found, expected)
+    if factor is None:
+        raise UserError(f"{name} is in {found!r}; it must be in {expected!r}: convert it")
+    if factor == (1.0, 0.0):
+        return field.values
+    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(field.dtype)
+
+
+def _wavelengths(axis: xr.DataArray) -> NDArray[np.float64]:
+    return np.asarray(_converted(WAVELENGTH_DIM, axis, "nm"), dtype=np.float64)
+
+
+def _fill_below_ground(fields: dict[str, xr.DataArray], grid: Grid, notes: list[str]) -> None:
+    """Missing values below the terrain are usual on height or pressure levels and matter to nothing."""
+    if "surface_altitude" not in fields:
+        return
+    height = grid.height_m if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
+    ground = fields["surface_altitude"].transpose("y", "x").values
+    for name, field in fields.items():
+        if set(field.dims) != {"z", "y", "x"}:
+            continue
+        values = field.transpose("z", "y", "x").values
+        gaps = ~(np.abs(values) < 1e19) & (height < ground)
+        if not gaps.any():
+            continue
+        values = np.where(gaps, 0.0, values).astype(values.dtype)
+        if name in _STATE:
+            for level in range(values.shape[0] - 2, -1, -1):
+                values[level] = np.where(gaps[level], values[level + 1], values[level])
+        notes.append(f"{name}: {int(gaps.sum())} missing values below the terrain filled")
+        fields[name] = xr.DataArray(values, dims=("z", "y", "x"))
+
+
+def _json(name: str, attribute: str, text: Any) -> Any:
+    try:
+        return json.loads(text)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{name}: attribute {attribute} is not JSON: {str(text)[:60]!r}") from error
+
+
+def _maybe_json(name: str, attribute: str, value: Any) -> Any:
+    if isinstance(value, str):
+        return _json(name, attribute, value)
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,82 @@
+"""The few unit conversions a scene file may need, without a unit library."""
+
+from __future__ import annotations
+
+import re
+
+# canonical unit: {spelling: (factor, offset)}
+_CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
+    "kg m-3": {"g m-3": (1e-3, 0.0), "mg m-3": (1e-6, 0.0)},
+    "m": {"km": (1e3, 0.0), "cm": (1e-2, 0.0), "mm": (1e-3, 0.0), "um": (1e-6, 0.0)},
+    "nm": {"um": (1e3, 0.0), "m": (1e9, 0.0)},
+    "m-3": {"cm-3": (1e6, 0.0), "l-1": (1e3, 0.0)},
+    "m-1": {"km-1": (1e-3, 0.0), "Mm-1": (1e-6, 0.0)},
+    "Pa": {"hPa": (1e2, 0.0), "mbar": (1e2, 0.0), "kPa": (1e3, 0.0)},
+    "K": {"degC": (1.0, 273.15)},
+    "1": {"%": (1e-2, 0.0)},
+    "m s-1": {"km h-1": (1.0 / 3.6, 0.0), "knot": (1852.0 / 3600.0, 0.0)},
+    "degrees": {},
+}
+_SPELLING = {
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "metres": "m",
+    "micron": "um",
+    "microns": "um",
+    "micrometer": "um",
+    "micrometers": "um",
+    "micrometre": "um",
+    "micrometres": "um",
+    "\u00b5m": "um",
+    "\u03bcm": "um",
+    "nanometer": "nm",
+    "nanometers": "nm",
+    "nanometre": "nm",
+    "nanometres": "nm",
+    "L-1": "l-1",
+    "pascal": "Pa",
+    "mb": "mbar",
+    "millibar": "mbar",
+    "kelvin": "K",
+    "celsius": "degC",
+    "degree_celsius": "degC",
+    "degrees_celsius": "degC",
+    "deg_c": "degC",
+    "c": "degC",
+    "percent": "%",
+    "": "1",
+    "-": "1",
+    "none": "1",
+    "fraction": "1",
+    "dimensionless": "1",
+    "degree": "degrees",
+    "degrees_east": "degrees",
+    "degree_east": "degrees",
+    "degrees_north": "degrees",
+    "degree_north": "degrees",
+    "knots": "knot",
+    "kt": "knot",
+}
+
+
+def canonical(units: str) -> str:
+    """One spelling of a unit: "kg/m^3", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
+    text = re.sub(r"\*\*|\^", "", units.strip()).replace(".", " ").replace("*", " ").replace("#", "1")
+    above, _, below = text.partition("/")
+    terms = [term for term in above.split() if term != "1" or not below]
+    terms += [
+        re.sub(r"(\d*)$", lambda power: f"-{power[1] or 1}", term, count=1)
+        for term in re.split(r"[ /]+", below)
+        if term
+    ]
+    joined = " ".join(terms)
+    return _SPELLING.get(joined, _SPELLING.get(joined.lower(), joined))
+
+
+def conversion(found: str, expected: str) -> tuple[float, float] | None:
+    """(factor, offset) so that expected = factor * found + offset; None where there is no such conversion."""
+    plain = canonical(found)
+    if plain == expected:
+        return 1.0, 0.0
+    return _CONVERSIONS.get(expected, {}).get(plain)

@@ -1,0 +1,238 @@
+"""WRF output and input files (ARW core): wrfout, wrfinput, wrfrst subsets with the usual variable names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.base import (
+    SceneInfo,
+    Time,
+    iso,
+    levels_text,
+    naming,
+    place_text,
+    spacing_text,
+)
+from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
+from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
+from openswim.scene import Grid, Scene
+from openswim.scene.checks import checked_values
+from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS, Variable
+
+NEEDED = ("PH", "PHB", "P", "PB", "T")
+CONTENTS = {
+    "QCLOUD": "liquid",
+    "QRAIN": "rain",
+    "QICE": "ice",
+    "QSNOW": "snow",
+    "QGRAUP": "graupel",
+    "QHAIL": "graupel",
+}
+NUMBERS = {
+    "QNCLOUD": "liquid",
+    "QNDROP": "liquid",
+    "QNRAIN": "rain",
+    "QNICE": "ice",
+    "QNSNOW": "snow",
+    "QNGRAUPEL": "graupel",
+}
+RADII = {"RE_CLOUD": "liquid", "RE_ICE": "ice", "RE_SNOW": "snow"}
+SURFACE_FIELDS = ("HGT", "LANDMASK", "XLAND", "SNOWC", "SEAICE", "ALBEDO", "U10", "V10")
+LOW_TOP_M = 10_000.0
+
+DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1, these four as in WRF share/module_model_constants.F
+VAPOUR_GAS_CONSTANT = 461.6
+HEAT_CAPACITY = 7.0 * DRY_AIR_GAS_CONSTANT / 2.0
+REFERENCE_PRESSURE_PA = 1e5
+BASE_THETA_K = 300.0
+_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
+
+
+class WRFReader:
+    """Reads WRF files in any of its map projections."""
+
+    name = "WRF"
+
+    def detects(self, path: Path) -> bool:
+        """True for netCDF files with WRF's staggered dimensions and its title or its geopotential."""
+        try:
+            with WRFFile(path) as file:
+                gridded = file.size("south_north") and file.size("west_east") and file.size("bottom_top")
+                titled = any(word in str(file.attr("TITLE", "")) for word in ("WRF", "REAL_EM"))
+                return bool(gridded) and (titled or ("PH" in file and "PHB" in file))
+        except UserError:
+            return False
+
+    def read(self, path: Path, time: Time = None) -> Scene:
+        """The scene at one time of the file (default: its first); only that time is read."""
+        with WRFFile(path) as file, naming(path):
+            _need(file)
+            valid = file.go_to(time)
+            notes: list[str] = []
+            grid = wrf_grid(file, notes)
+            levels, air = _air(file, notes)
+            levels |= _hydrometeors(file, air, notes)
+            surface = _surface(file, grid, notes)
+            notes += _absences(file)
+            top_m = float(np.max(grid.height_m[-1]))
+            if top_m < LOW_TOP_M:
+                notes.append(f"levels end at {top_m / 1e3:.1f} km: no cloud above")
+            fields: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in levels.items()}
+            fields |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
+            return Scene(
+                grid,
+                xr.Dataset(fields),
+                _atmosphere(notes),
+                time=valid,
+                source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
+                notes=notes,
+            )
+
+    def describe(self, path: Path) -> SceneInfo:
+        """Grid, times and contents of a file, from its header and the geopotential of the first time."""
+        with WRFFile(path) as file, naming(path):
+            lacking = [name for name in NEEDED if name not in file]
+            notes: list[str] = []
+            times = [iso(time) for time in file.times()]
+            grid = None if lacking else wrf_grid(file, notes)
+            notes += _absences(file)
+            _atmosphere(notes)
+            kind = projection_kind(file)
+            nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
+            everything = (*NEEDED, "QVAPOR", *(name for name in CONTENTS if name != "QHAIL"), *SURFACE_FIELDS)
+            return SceneInfo(
+                path=str(path),
+                model=str(file.attr("TITLE", "WRF")).strip(),
+                grid=f"{nx} x {ny} x {nz} (x, y, z)",
+                projection=PROJECTIONS[kind] + place_text(grid),
+                spacing=spacing_text(grid),
+                levels=levels_text(grid),
+                times=times,
+                species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file],
+                surface=[name for name in SURFACE_FIELDS if name in file],
+                missing=[name for name in everything if name not in file],
+                assumed=notes,
+            )
+
+
+def _need(file: WRFFile) -> None:
+    lacking = [name for name in NEEDED if name not in file]
+    if lacking:
+        raise UserError(
+            f"{file.path}: a WRF file without {', '.join(lacking)}, needed for heights, pressure and "
+            "temperature: keep these variables when cutting the file"
+        )
+
+
+def _air(file: WRFFile, notes: list[str]) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32]]:
+    """Pressure [Pa] and temperature [K] as scene variables, and the density of dry air [kg m-3].
+
+    Density includes the vapour: rho_d = p/(R_d T (1 + r_v R_v/R_d)).
+    """
+    pressure = file.field("P", MASS_LEVELS, "Pa") + file.field("PB", MASS_LEVELS, "Pa")
+    if not pressure.min() > 0:
+        raise UserError("P + PB is not positive everywhere: wrong units, or a damaged file")
+    theta = file.field("T", MASS_LEVELS, "K") + np.float32(BASE_THETA_K)
+    temperature = theta * (pressure / np.float32(REFERENCE_PRESSURE_PA)) ** np.float32(
+        DRY_AIR_GAS_CONSTANT / HEAT_CAPACITY
+    )
+    vapour = _mixing_ratio(file, "QVAPOR", notes) if "QVAPOR" in file else np.zeros_like(pressure)
+    moist = 1.0 + vapour * np.float32(VAPOUR_GAS_CONSTANT / DRY_AIR_GAS_CONSTANT)
+    dry_density = (pressure / (DRY_AIR_GAS_CONSTANT * temperature * moist)).astype(np.float32)
+    return {"air_pressure": pressure, "air_temperature": temperature}, dry_density
+
+
+def _mixing_ratio(file: WRFFile, name: str, notes: list[str]) -> NDArray[np.float32]:
+    return checked_values(name, file.field(name, MASS_LEVELS, "kg kg-1"), _MIXING_RATIO, notes)
+
+
+def _hydrometeors(
+    file: WRFFile, dry_density: NDArray[np.float32], notes: list[str]
+) -> dict[str, NDArray[np.float32]]:
+    """Contents [kg m-3], numbers [m-3] and effective radii [m] in the file; hail joins graupel."""
+    fields: dict[str, NDArray[np.float32]] = {}
+    for name, species in CONTENTS.items():
+        if name in file:
+            content = _mixing_ratio(file, name, notes) * dry_density
+            target = f"{species}_content"
+            fields[target] = fields[target] + content if target in fields else content
+    if fields and not any(content.any() for content in fields.values()):
+        notes.append("all cloud and precipitation fields are zero: a clear sky")
+    if "QHAIL" in file:
+        notes.append("QHAIL is counted as graupel")
+    for name, species in NUMBERS.items():
+        mixed = species == "graupel" and "QHAIL" in file  # the number would describe only part of the mass
+        if name in file and f"{species}_content" in fields and not mixed:
+            fields[f"{species}_number"] = np.maximum(file.field(name, MASS_LEVELS, "kg-1"), 0.0) * dry_density
+    for name, species in RADII.items():
+        if name in file and f"{species}_content" in fields:
+            radius = file.field(name, MASS_LEVELS, "m")
+            if radius.any():
+                fields[f"{species}_effective_radius"] = radius
+            else:
+                notes.append(f"{name} is zero everywhere: effective radius of {species} from its content")
+    return fields
+
+
+def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[np.float32]]:
+    """Terrain, land, snow, ice, albedo and wind, as far as the file has them."""
+    fields: dict[str, NDArray[np.float32]] = {}
+    for name, target, units in (
+        ("HGT", "surface_altitude", "m"),
+        ("SNOWC", "snow_area_fraction", ""),
+        ("SEAICE", "sea_ice_area_fraction", ""),
+    ):
+        if name in file:
+            fields[target] = file.field(name, SURFACE, units)
+    if "LANDMASK" in file:
+        fields["land_area_fraction"] = file.field("LANDMASK", SURFACE)
+    elif "XLAND" in file:
+        fields["land_area_fraction"] = 2.0 - file.field("XLAND", SURFACE)
+    if "ALBEDO" in file:
+        albedo = file.field("ALBEDO", SURFACE)
+        if albedo.min() > 0:
+            fields["surface_albedo"] = albedo
+        else:
+            notes.append("ALBEDO is not filled in at this time: surface albedo from the ground map")
+    if "U10" in file and "V10" in file:
+        u, v = file.field("U10", SURFACE, "m s-1"), file.field("V10", SURFACE, "m s-1")
+        angle = grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
+        fields["wind_east_10m"] = (u * np.cos(angle) - v * np.sin(angle)).astype(np.float32)
+        fields["wind_north_10m"] = (v * np.cos(angle) + u * np.sin(angle)).astype(np.float32)
+    return fields
+
+
+def _absences(file: WRFFile) -> list[str]:
+    """One line for each thing the file lacks: what is assumed instead."""
+    notes = []
+    if "QVAPOR" not in file:
+        notes.append("no QVAPOR in the file: dry air assumed for density")
+    absent = {name: species for name, species in CONTENTS.items() if name not in file and name != "QHAIL"}
+    if absent:
+        notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
+    if "HGT" not in file:
+        notes.append("no HGT in the file: terrain height from the ground map")
+    if "LANDMASK" not in file and "XLAND" not in file:
+        notes.append("no LANDMASK or XLAND in the file: land and water from the ground map")
+    if "SNOWC" not in file:
+        notes.append("no SNOWC in the file: no snow on the ground assumed")
+    if "SEAICE" not in file:
+        notes.append("no SEAICE in the file: no sea ice assumed")
+    if "ALBEDO" not in file:
+        notes.append("no ALBEDO in the file: surface albedo from the ground map")
+    if "U10" not in file or "V10" not in file:
+        notes.append("no U10, V10 in the file: default wind over water")
+    return notes
+
+
+def _atmosphere(notes: list[str]) -> Any:
+    from openswim.scene.atmosphere import Atmosphere
+
+    notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+    return Atmosphere.us_standard()

@@ -1,0 +1,147 @@
+"""Saving a scene in its documented CF layout (docs/scene-format.md), as netCDF or Zarr."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from openswim.scene.files import written_whole
+from openswim.scene.grid import Grid
+from openswim.scene.scene import Scene
+from openswim.scene.variables import DIRECT_PREFIX
+
+LAYOUT = 1
+GRID_MAPPING = "crs"
+AEROSOL = "aerosol_background"
+# file variable of each gas profile, with the Atmosphere field it holds
+PROFILES = {
+    "profile_height": ("height_m", {"units": "m", "standard_name": "altitude", "positive": "up"}),
+    "profile_pressure": ("pressure_pa", {"units": "Pa", "standard_name": "air_pressure"}),
+    "profile_temperature": ("temperature_k", {"units": "K", "standard_name": "air_temperature"}),
+    "profile_ozone": ("ozone_per_m3", {"units": "m-3", "long_name": "ozone molecules per volume of air"}),
+}
+_AXES = {
+    "projected": (("projection_x_coordinate", "m"), ("projection_y_coordinate", "m")),
+    "geographic": (("longitude", "degrees_east"), ("latitude", "degrees_north")),
+    "rotated": (("grid_longitude", "degrees"), ("grid_latitude", "degrees")),
+}
+
+
+def save_netcdf(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write netCDF-4, compressed; whole or not at all."""
+    data = to_dataset(scene)
+    with written_whole(path) as partial:
+        packed = {"zlib": True, "complevel": 1, "shuffle": True}
+        encoding: dict[str, Any] = {
+            str(name): _fill(data, name) | (packed if data[name].ndim else {}) for name in data.variables
+        }
+        data.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+
+
+def save_zarr(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a Zarr folder (format 2, consolidated); whole or not at all."""
+    data = to_dataset(scene)
+    with written_whole(path) as partial:
+        encoding: dict[str, Any] = {str(name): _fill(data, name) for name in data.variables}
+        data.to_zarr(partial, mode="w", encoding=encoding, zarr_format=2, consolidated=True)
+
+
+def to_dataset(scene: Scene) -> xr.Dataset:
+    """The scene as it stands in a file: fields, coordinates, grid mapping, profiles, time and notes."""
+    data = scene.data.copy()
+    if scene.grid is not None:
+        data = _with_grid(data, scene.grid)
+    for name, optics in scene.optics.items():
+        target = "aerosol_extinction" if name == "aerosol" else f"{DIRECT_PREFIX}{name}"
+        albedo = optics.single_scattering_albedo
+        data[target].attrs |= {
+            "kind": optics.kind,
+            "single_scattering_albedo": albedo if isinstance(albedo, float) else [float(a) for a in albedo],
+            "phase_function": json.dumps(_phase_dict(optics.phase)),
+        }
+    data.attrs = {
+        "Conventions": "CF-1.11",
+        "title": "OpenSWIm scene",
+        "openswim_layout": LAYOUT,
+        "source": scene.source,
+        "assumptions": "\n".join(scene.notes),
+    }
+    if scene.grid is not None:
+        data.attrs |= {
+            "earth_radius_m": float(scene.grid.earth_radius_m),
+            "periodic_sides": int(scene.grid.periodic),
+        }
+    if scene.time is not None:
+        since = (scene.time - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s")
+        data = data.assign_coords(
+            time=(
+                (),
+                float(since),
+                {
+                    "standard_name": "time",
+                    "units": "seconds since 1970-01-01 00:00:00",
+                    "calendar": "standard",
+                },
+            )
+        )
+    return _with_atmosphere(data, scene)
+
+
+def _fill(data: xr.Dataset, name: Any) -> dict[str, Any]:
+    # fields are never missing, but a lost piece of a Zarr folder must not read as zeros
+    if data[name].dtype.kind != "f":
+        return {}
+    return {"_FillValue": None if name in data.coords else data[name].dtype.type(np.nan)}
+
+
+def _with_grid(data: xr.Dataset, grid: Grid) -> xr.Dataset:
+    if grid.crs is None:
+        for name in ("x", "y"):
+            data[name].attrs = {"units": "m", "long_name": f"{name} (Cartesian)"}
+        return data
+    kind = "projected" if not grid.in_degrees else "rotated" if grid.crs.is_derived else "geographic"
+    for name, (standard_name, units) in zip(("x", "y"), _AXES[kind], strict=True):
+        data[name].attrs = {"standard_name": standard_name, "units": units}
+    for field in data.data_vars.values():
+        if "x" in field.dims:
+            field.attrs["grid_mapping"] = GRID_MAPPING
+    lon, lat = grid.lonlat(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
+    data = data.assign_coords(
+        lon=(("y", "x"), lon, {"standard_name": "longitude", "units": "degrees_east"}),
+        lat=(("y", "x"), lat, {"standard_name": "latitude", "units": "degrees_north"}),
+    )
+    data[GRID_MAPPING] = ((), np.int32(0), _plain(grid.crs.to_cf()))
+    return data
+
+
+def _phase_dict(phase: Any) -> dict[str, Any]:
+    if isinstance(phase, Mapping):
+        return {"spectral": {str(wavelength): each.to_dict() for wavelength, each in phase.items()}}
+    described: dict[str, Any] = phase.to_dict()
+    return described
+
+
+def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in attributes.items()}
+
+
+def _with_atmosphere(data: xr.Dataset, scene: Scene) -> xr.Dataset:
+    atmosphere = scene.atmosphere
+    if atmosphere is None:
+        data.attrs["atmosphere"] = "none"
+        return data
+    for name, (source, attributes) in PROFILES.items():
+        data[name] = (("profile",), np.asarray(getattr(atmosphere, source), np.float64), dict(attributes))
+    if atmosphere.aerosol is not None:
+        described = {
+            key: json.dumps(value) if isinstance(value, dict) else value
+            for key, value in atmosphere.aerosol.to_dict().items()
+            if value is not None
+        }
+        data[AEROSOL] = ((), np.int32(0), {"long_name": "uniform background aerosol"} | described)
+    return data

@@ -1,0 +1,122 @@
+"""What every field of a scene must be: known by name, of the right shape, finite, in range."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.scene.grid import Grid
+from openswim.scene.variables import Variable, variable
+
+WAVELENGTH_DIM = "wavelength"
+_CLIPPED_SHARE = 0.1  # clipping may change a field's sum by no more than this share
+
+
+def checked_dataset(data: xr.Dataset, grid: Grid | None) -> tuple[xr.Dataset, list[str]]:
+    """A scene's fields as float32 (z, y, x), validated against `grid`, with coordinates and CF attributes.
+
+    Returns the dataset and notes on what was repaired. Raises UserError naming the variable otherwise.
+    """
+    sizes = {} if grid is None else dict(zip(("z", "y", "x"), grid.shape, strict=True))
+    notes: list[str] = []
+    fields = {str(name): _checked(str(name), data[name], sizes, notes) for name in data.data_vars}
+    return xr.Dataset(fields, coords=_coordinates(data, grid), attrs=dict(data.attrs)), notes
+
+
+def _coordinates(data: xr.Dataset, grid: Grid | None) -> dict[str, Any]:
+    coords: dict[str, Any] = {}
+    for name in ("latitude", "longitude"):  # the place of a scene whose grid does not say it
+        if name in data.coords and data.coords[name].ndim == 0:
+            coords[name] = float(data.coords[name])
+    if WAVELENGTH_DIM in data.dims:
+        coords[WAVELENGTH_DIM] = _wavelengths(data)
+    if grid is not None:
+        dims = ("z",) if grid.height_m.ndim == 1 else ("z", "y", "x")
+        units = "degrees" if grid.in_degrees else "m"
+        coords["x"] = ("x", grid.x, {"units": units})
+        coords["y"] = ("y", grid.y, {"units": units})
+        coords["height"] = (
+            dims,
+            grid.height_m,
+            {"standard_name": "altitude", "units": "m", "positive": "up"},
+        )
+    return coords
+
+
+def _wavelengths(data: xr.Dataset) -> Any:
+    if WAVELENGTH_DIM not in data.coords:
+        raise UserError(
+            "scene: surface_albedo varies with wavelength, but there is no coordinate wavelength [nm]"
+        )
+    values = np.asarray(data.coords[WAVELENGTH_DIM].values, dtype=np.float64)
+    if not np.isfinite(values).all() or values.min() < 100.0 or values.max() > 1e5:
+        raise UserError("scene: wavelength is out of range (100 to 100000 nm): give nanometres")
+    return WAVELENGTH_DIM, values, {"standard_name": "radiation_wavelength", "units": "nm"}
+
+
+def _checked(name: str, field: xr.DataArray, sizes: dict[str, int], notes: list[str]) -> xr.DataArray:
+    spec = variable(name)
+    dims = tuple(dim for dim in spec.dims if dim in sizes)
+    if name == "surface_albedo" and WAVELENGTH_DIM in field.dims:
+        dims += (WAVELENGTH_DIM,)
+    if not sizes and "z" in spec.dims:
+        raise UserError(f"scene: {name} is a field on levels, but the scene has no grid")
+    if set(field.dims) != set(dims):
+        raise UserError(f"scene: {name} has dimensions {_tuple(field.dims)}; it must have {_tuple(dims)}")
+    for dim in dims:
+        if field.sizes[dim] != sizes.get(dim, field.sizes[dim]):
+            raise UserError(
+                f"scene: {name} has {field.sizes[dim]} values along {dim}; the grid has {sizes[dim]}"
+            )
+    values = np.asarray(field.transpose(*dims).values, dtype=np.float32, order="C")
+    values = checked_values(f"scene: {name}", values, spec, notes)
+    attrs = {"long_name": spec.long_name, "units": spec.units}
+    if spec.standard_name:
+        attrs["standard_name"] = spec.standard_name
+    return xr.DataArray(values, dims=dims, attrs=attrs)
+
+
+def checked_values(
+    what: str, values: NDArray[np.float32], spec: Variable, notes: list[str]
+) -> NDArray[np.float32]:
+    """Values within the range of `spec`: noise just outside is clipped (with a note), the rest refused."""
+    if values.size == 0:
+        raise UserError(f"{what} is empty")
+    lowest, highest = float(values.min()), float(values.max())  # NaN anywhere makes these NaN
+    if spec.low <= lowest and highest <= spec.high:
+        return values
+    missing = int(values.size - np.isfinite(values).sum())
+    if missing or highest > 1e19:
+        missing = missing or int((values > 1e19).sum())
+        raise UserError(
+            f"{what} has {missing} missing values (NaN or fill) of {values.size}: fill them, "
+            "or crop the file to where it has data"
+        )
+    clipped = np.clip(values, np.float32(spec.low), np.float32(spec.high))
+    changed = float(np.abs(values - clipped).sum(dtype=np.float64))
+    kept = float(np.abs(clipped).sum(dtype=np.float64))
+    noise = highest <= spec.high * 1.01 and (lowest >= spec.low or changed <= _CLIPPED_SHARE * kept)
+    if not (spec.clip and (noise or changed < 1e-12)):
+        hint = f" ({spec.hint})" if spec.hint else ""
+        raise UserError(
+            f"{what} runs from {lowest:.4g} to {highest:.4g} {spec.units}; it must lie within "
+            f"{spec.low:g} to {spec.high:g} {spec.units}{hint}"
+        )
+    for count, bound, word, extreme in (
+        (int((values < spec.low).sum()), spec.low, "below", lowest),
+        (int((values > spec.high).sum()), spec.high, "above", highest),
+    ):
+        if count:
+            notes.append(
+                f"{what.removeprefix('scene: ')}: {count} of {values.size} values {word} {bound:g} "
+                f"(to {extreme:.2g} {spec.units}) set to {bound:g}"
+            )
+    return clipped
+
+
+def _tuple(dims: Any) -> str:
+    return "(" + ", ".join(str(dim) for dim in dims) + ")"

@@ -1,0 +1,100 @@
+"""The Cartesian frame in which light travels straight.
+
+Origin: the sea-level point below the centre of the domain; x east, y north, z up there. Curved scenes
+stand on a sphere; flat ones on a sphere so large that its sagitta over 100 km is 5 mm, so that no code
+downstream needs to know the difference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from openswim.scene.scene import Scene
+
+FLAT_RADIUS_M = 1.0e12
+
+Array = NDArray[np.float64]
+
+
+def _enu(lat_deg: float, lon_deg: float) -> Array:
+    """Rows east, north, up in Earth-centred axes."""
+    lat, lon = np.radians([lat_deg, lon_deg])
+    return np.array(
+        [
+            [-np.sin(lon), np.cos(lon), 0.0],
+            [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
+            [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Scene frame: ``radius_m`` of the Earth, and the latitude and longitude (degrees) of its origin.
+
+    In flat scenes (``curved`` false) the "latitude" and "longitude" are y and x in metres.
+    """
+
+    radius_m: float
+    lat: float
+    lon: float
+    curved: bool = True
+
+    @property
+    def _axes(self) -> Array:
+        return _enu(self.lat, self.lon)
+
+    def position(self, lat: ArrayLike, lon: ArrayLike, height_m: ArrayLike) -> Array:
+        """Frame coordinates (..., 3) in metres of a place ``height_m`` above sea level."""
+        lat_, lon_, height = np.broadcast_arrays(
+            np.asarray(lat, float), np.asarray(lon, float), np.asarray(height_m, float)
+        )
+        if not self.curved:
+            return np.stack([lon_ - self.lon, lat_ - self.lat, height], axis=-1)
+        la, lo = np.radians(lat_), np.radians(lon_)
+        up = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)], axis=-1) @ self._axes.T
+        place = up * (self.radius_m + height)[..., None]
+        place[..., 2] -= self.radius_m
+        return place
+
+    def latlon(self, position: ArrayLike) -> tuple[Array, Array, Array]:
+        """Latitude, longitude (degrees) and height above sea level (m) of frame coordinates (..., 3)."""
+        p = np.asarray(position, float)
+        if not self.curved:
+            return p[..., 1] + self.lat, p[..., 0] + self.lon, p[..., 2]
+        q = p + np.array([0.0, 0.0, self.radius_m])
+        r = np.linalg.norm(q, axis=-1)
+        e = (q / r[..., None]) @ self._axes
+        return np.degrees(np.arcsin(np.clip(e[..., 2], -1, 1))), np.degrees(np.arctan2(e[..., 1], e[..., 0])), (
+            r - self.radius_m
+        )
+
+    def enu(self, lat: float, lon: float) -> Array:
+        """Rows east, north, up (unit vectors in the frame) at a place."""
+        if not self.curved:
+            return np.eye(3)
+        return _enu(lat, lon) @ self._axes.T
+
+    def direction(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike, lat: float, lon: float) -> Array:
+        """Unit vectors (..., 3) of an azimuth (clockwise from north) and altitude seen from a place."""
+        az, alt = np.radians(np.asarray(azimuth_deg, float)), np.radians(np.asarray(altitude_deg, float))
+        local = np.stack([np.cos(alt) * np.sin(az), np.cos(alt) * np.cos(az), np.sin(alt)], axis=-1)
+        return local @ self.enu(lat, lon)
+
+
+def scene_frame(scene: Scene) -> Frame:
+    """The frame of a scene: at the centre of its grid, or at the place of a clear-sky scene."""
+    grid = scene.grid
+    if grid is None:
+        lat, lon = scene.place
+        return Frame(scene.earth_radius_m, lat, lon)
+    if not grid.curved:
+        return Frame(FLAT_RADIUS_M, 0.0, 0.0, curved=False)
+    _, ny, nx = grid.shape
+    lon, lat = grid.lonlat((nx - 1) / 2, (ny - 1) / 2)
+    return Frame(grid.earth_radius_m, float(lat), float(lon))

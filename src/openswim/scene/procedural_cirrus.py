@@ -1,0 +1,88 @@
+"""Procedural cirrus: ice that falls out of generating cells and is drawn into streaks by wind shear."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.scene.procedural_noise import FloatArray, blur, fractal_noise, lattice_noise, sample, smoothstep
+
+_ICE_DENSITY = 917.0
+
+
+def cirrus_field(
+    x_m: NDArray,
+    y_m: NDArray,
+    height_m: NDArray,
+    *,
+    seed: int = 0,
+    base_m: float = 8300.0,
+    top_m: float = 10_800.0,
+    optical_depth: float = 0.25,
+    wind_from_deg: float = 250.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Ice water content (kg m-3) and effective radius (m) of cirrus over part of the domain, (nz, ny, nx).
+
+    Ice falls out of generating cells at the top and trails behind them where the wind is weaker, so every
+    level shows the cells moved along the wind and a little more diffuse (Heymsfield 1975, J. Atmos. Sci. 32,
+    799). `optical_depth` is the mean over cloudy columns (tau > 0.03), as usual in middle latitudes (Sassen
+    and Comstock 2001, J. Atmos. Sci. 58, 2113); no column has more than 2.5 times as much. Radii grow from 25
+    um at the top to 40 um.
+    """
+    rng = np.random.default_rng(seed)
+    z, x, y = (np.asarray(axis, float) for axis in (height_m, x_m, y_m))
+    step, middle_x, middle_y = x[1] - x[0], x.mean(), y.mean()
+    toward = np.radians(wind_from_deg + 180.0)
+    east, north = np.meshgrid(x - middle_x, y - middle_y)
+    along = east * np.sin(toward) + north * np.cos(toward)
+    across = east * np.cos(toward) - north * np.sin(toward)
+
+    trail_m = 8000.0
+    half = 0.5 * np.hypot(np.ptp(x), np.ptp(y)) + trail_m + 2 * step
+    ruler = np.arange(-half, half + step, step)
+    cells = _generating_cells(rng, ruler, float(step))
+    content = np.zeros((len(z), len(y), len(x)), np.float32)
+    fall = (top_m - z) / (top_m - base_m)
+    across = across + 2.2e-5 * along**2 + 300.0 * lattice_noise(rng, (y, x), 3500.0)
+    for level in np.flatnonzero((fall > 0) & (fall < 1)):
+        t = float(fall[level])
+        blurred = blur(cells, ((0.2 + 1.2 * t) * 100.0 / step, (2.0 + 8.0 * t) * 100.0 / step))
+        there = sample(blurred, ((across + half) / step, (along + trail_m * t**1.5 + half) / step))
+        content[level] = there * min(t / 0.2, 1.0) * (1 - t) ** 0.7
+
+    content *= _cirrus_sheet(rng, x, y)
+    radius = np.interp(fall, [0.0, 1.0], [25.0e-6, 40.0e-6]).astype(np.float32)
+    per_content = (1.5 * np.gradient(z) / (radius * _ICE_DENSITY)).astype(np.float32)
+    depth = np.tensordot(per_content, content, axes=1)
+    wanted = _rescaled(depth, optical_depth, 2.5 * optical_depth)
+    content *= wanted / np.maximum(depth, 1e-30)
+    return content, np.broadcast_to(radius[:, None, None], content.shape).copy()
+
+
+def _rescaled(depth: FloatArray, mean: float, limit: float) -> FloatArray:
+    """Relative optical depth (ny, nx) bent to stay below `limit`, with the `mean` over tau > 0.03."""
+    scale = limit / max(float(depth.max()), 1e-30)
+    for _ in range(30):
+        wanted = limit * -np.expm1(-scale * depth / limit)
+        cloudy = wanted[wanted > 0.03]
+        scale *= mean / float(cloudy.mean()) if cloudy.size else 2.0
+    return wanted
+
+
+def _generating_cells(rng: np.random.Generator, ruler_m: NDArray, step_m: float) -> FloatArray:
+    """Relative ice source at cirrus top on (across, along) the wind: fibres gathered into tufts."""
+    fine = lattice_noise(rng, (ruler_m, ruler_m), (max(150.0, 1.3 * step_m), 2500.0))
+    medium = lattice_noise(rng, (ruler_m, ruler_m), (420.0, 3200.0))
+    tufts = lattice_noise(rng, (ruler_m, ruler_m), (900.0, 1800.0))
+    return np.exp(0.65 * fine + 0.65 * medium) * smoothstep(tufts + 0.35 * medium, -0.5, 2.0)
+
+
+def _cirrus_sheet(rng: np.random.Generator, x_m: NDArray, y_m: NDArray) -> FloatArray:
+    """Where cirrus is at all, 0..1 (ny, nx): a broad soft patch that ends inside the domain."""
+    extent_x, extent_y = np.ptp(x_m), np.ptp(y_m)
+    broad = lattice_noise(rng, (y_m, x_m), 0.22 * min(extent_x, extent_y))
+    ragged = fractal_noise(rng, (y_m, x_m), 0.06 * min(extent_x, extent_y), 400.0)
+    across = np.abs(y_m - y_m.mean())[:, None] / extent_y
+    to_edge = 0.5 - np.maximum(across, np.abs(x_m - x_m.mean())[None, :] / extent_x)
+    inside = smoothstep(to_edge - 0.012 * np.abs(ragged), 0.005, 0.12)
+    return (inside * smoothstep(broad + 0.12 * ragged, -1.2, 1.8)) ** 1.7

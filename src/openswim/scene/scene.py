@@ -1,0 +1,265 @@
+"""The scene: one labelled, validated description of the world that light travels through."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.errors import UserError
+from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
+from openswim.scene.grid import EARTH_RADIUS_M, Grid
+from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+    from openswim.optics.phase import PhaseFunction
+    from openswim.scene.atmosphere import Atmosphere
+
+DEFAULT_WAVELENGTH_NM = (615.0, 546.0, 450.0)
+DEFAULT_ALBEDO = 0.15
+
+
+@dataclass(frozen=True)
+class Optics:
+    """Optical properties of a species given directly by its extinction.
+
+    single_scattering_albedo : scalar, or one value for each wavelength that will be asked for.
+    phase : its phase function (mean 1 over the sphere), or {wavelength_nm: phase function}.
+    kind : "liquid", "ice", "rain", "snow", "graupel", "aerosol" or "other".
+    """
+
+    single_scattering_albedo: float | NDArray[np.float64]
+    phase: PhaseFunction | Mapping[float, PhaseFunction]
+    kind: str = "other"
+
+    def __post_init__(self) -> None:
+        albedo = np.asarray(self.single_scattering_albedo, dtype=np.float64)
+        if albedo.ndim > 1 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
+            raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
+        object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
+
+
+@dataclass
+class Scene:
+    """Grid, fields, gas and aerosol background, place and time.
+
+    grid : where the fields live; None for a clear sky without any field on levels.
+    data : fields named as in docs/scene-format.md, float32 in SI units, dimensions (z, y, x) or (y, x).
+    atmosphere : gas and aerosol background on 0..100 km; None for no gas at all.
+    optics : properties of the species given as extinction_<name> (required), and of "aerosol" (optional).
+    time : valid time, UTC, to the millisecond; None where unknown.
+    source : where the fields come from; notes : what was assumed or repaired.
+    """
+
+    grid: Grid | None
+    data: xr.Dataset
+    atmosphere: Atmosphere | None = None
+    optics: dict[str, Optics] = field(default_factory=dict)
+    time: np.datetime64 | None = None
+    source: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.data, repairs = checked_dataset(self.data, self.grid)
+        self.notes = [" ".join(note.split()) for note in [*self.notes, *repairs]]
+        self.source = " ".join(self.source.split())
+        if self.time is not None:
+            self.time = np.datetime64(self.time).astype("datetime64[ms]")
+        direct = [
+            str(name).removeprefix(DIRECT_PREFIX)
+            for name in self.data.data_vars
+            if str(name).startswith(DIRECT_PREFIX)
+        ]
+        for name in direct:
+            if name not in self.optics:
+                raise UserError(f"scene: {DIRECT_PREFIX}{name} needs optics={{'{name}': Optics(...)}}")
+        for name in self.optics:
+            if name not in direct and name != "aerosol":
+                raise UserError(
+                    f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}"
+                )
+
+    @property
+    def species(self) -> list[str]:
+        """Names of the species present: hydrometeors, "aerosol", then those given as extinction_<name>."""
+        return species_of([str(name) for name in self.data.data_vars])
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """(latitude, longitude) [degrees] of the centre of the domain, or the scene's given place."""
+        if self.grid is not None and self.grid.curved:
+            lon, lat = self.grid.lonlat(*self.grid.centre_index)
+            return float(lat), float(lon)
+        if "latitude" in self.data.coords and "longitude" in self.data.coords:
+            return float(self.data.coords["latitude"]), float(self.data.coords["longitude"])
+        raise UserError(
+            "scene: a flat scene without a place: give place=(latitude, longitude), or the sun's direction"
+        )
+
+    @property
+    def earth_radius_m(self) -> float:
+        """Radius of the sphere the scene lies on [m]."""
+        return EARTH_RADIUS_M if self.grid is None else self.grid.earth_radius_m
+
+    @classmethod
+    def from_arrays(
+        cls,
+        extinction_per_m: ArrayLike | Mapping[str, ArrayLike],
+        x_m: ArrayLike,
+        y_m: ArrayLike,
+        z_m: ArrayLike,
+        *,
+        single_scattering_albedo: float | ArrayLike | Mapping[str, Any] = 1.0,
+        phase: PhaseFunction | Mapping[Any, Any] | None = None,
+        kind: str | Mapping[str, str] = "other",
+        periodic: bool = False,
+        atmosphere: Atmosphere | None = None,
+        surface_albedo: ArrayLike = 0.0,
+        wavelength_nm: ArrayLike | None = None,
+        terrain_m: ArrayLike | None = None,
+        crs: CRS | None = None,
+        earth_radius_m: float = EARTH_RADIUS_M,
+        place: tuple[float, float] | None = None,
+        time: np.datetime64 | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+        source: str = "arrays",
+    ) -> Scene:
+        """A scene from plain arrays.
+
+        extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
+            arrays by species name (an empty dict for none). A bare array is the species "cloud".
+        x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
+            z_m is (nz,) or (nz, ny, nx).
+        single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
+        surface_albedo : scalar, (ny, nx), or (ny, nx, nwl) at wavelength_nm (default 615, 546, 450 nm).
+        terrain_m : (ny, nx) height of the ground above sea level; default sea level (z = 0).
+        place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
+        fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
+        """
+        grid = Grid(np.asarray(x_m), np.asarray(y_m), np.asarray(z_m), crs, earth_radius_m, periodic)
+        extinctions = (
+            extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
+        )
+        optics = {
+            name: Optics(
+                _for_species(single_scattering_albedo, name),
+                _for_species(phase, name) or _default_phase(),
+                _for_species(kind, name),
+            )
+            for name in extinctions
+        }
+        arrays = {f"{DIRECT_PREFIX}{name}": values for name, values in extinctions.items()} | dict(
+            fields or {}
+        )
+        if terrain_m is not None:
+            arrays["surface_altitude"] = terrain_m
+        data = xr.Dataset({name: _labelled(name, values, grid) for name, values in arrays.items()})
+        data["surface_albedo"] = _albedo(surface_albedo, grid)
+        data = _with_wavelengths(data, wavelength_nm)
+        if place is not None:
+            data = data.assign_coords(latitude=float(place[0]), longitude=float(place[1]))
+        return cls(grid, data, atmosphere, optics, time, source)
+
+    @classmethod
+    def clear(
+        cls,
+        lat: float,
+        lon: float,
+        atmosphere: Atmosphere | Literal["default"] | None = "default",
+        surface_albedo: ArrayLike = DEFAULT_ALBEDO,
+        terrain_m: float = 0.0,
+        wavelength_nm: ArrayLike | None = None,
+        time: np.datetime64 | None = None,
+    ) -> Scene:
+        """A cloudless sky over level ground at a place [degrees], without a grid.
+
+        surface_albedo : scalar, or (nwl,) at wavelength_nm (default 615, 546, 450 nm).
+        terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
+        """
+        if not (-90.0 <= lat <= 90.0 and -360.0 <= lon <= 360.0):
+            raise UserError(f"scene: latitude {lat}, longitude {lon} is no place on Earth: give degrees")
+        albedo = np.asarray(surface_albedo, dtype=np.float32)
+        data = xr.Dataset(
+            {
+                "surface_albedo": ((WAVELENGTH_DIM,) if albedo.ndim else (), albedo),
+                "surface_altitude": ((), np.float32(terrain_m)),
+            }
+        )
+        data = _with_wavelengths(data, wavelength_nm).assign_coords(latitude=float(lat), longitude=float(lon))
+        background = _default_atmosphere() if isinstance(atmosphere, str) else atmosphere
+        return cls(None, data, background, time=time, source="clear sky")
+
+    def to_netcdf(self, path: str | os.PathLike[str]) -> None:
+        """Save as CF netCDF (docs/scene-format.md); `openswim.open_scene` reads it back."""
+        from openswim.scene.cf import save_netcdf
+
+        save_netcdf(self, path)
+
+    def to_zarr(self, path: str | os.PathLike[str]) -> None:
+        """Save as a Zarr folder (docs/scene-format.md); `openswim.open_scene` reads it back."""
+        from openswim.scene.cf import save_zarr
+
+        save_zarr(self, path)
+
+
+def _for_species(value: Any, name: str) -> Any:
+    by_species = isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+    if not by_species:  # one for all; a phase function may itself be a mapping by wavelength
+        return value
+    if name not in value:
+        raise UserError(f"scene: nothing is given for species {name} among {', '.join(map(str, value))}")
+    return value[name]
+
+
+def _default_phase() -> PhaseFunction:
+    from openswim.optics.phase import HenyeyGreenstein
+
+    return HenyeyGreenstein(0.85)
+
+
+def _default_atmosphere() -> Atmosphere:
+    from openswim.scene.atmosphere import Atmosphere
+
+    return Atmosphere.us_standard()
+
+
+def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:
+    array, dims = np.asarray(values), variable(name).dims
+    shape = grid.shape[3 - len(dims) :]
+    if array.shape != shape:
+        raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(dims)}) is {shape}")
+    return dims, array
+
+
+def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+    albedo = np.asarray(surface_albedo, dtype=np.float32)
+    if albedo.ndim == 0:
+        albedo = np.full(grid.shape[1:], albedo)
+    if albedo.ndim not in (2, 3) or albedo.shape[:2] != grid.shape[1:]:
+        ny, nx = grid.shape[1:]
+        raise UserError(
+            f"scene: surface_albedo has shape {albedo.shape}; it must be a number, ({ny}, {nx}) or "
+            f"({ny}, {nx}, wavelengths)"
+        )
+    return SURFACE_DIMS + (WAVELENGTH_DIM,) * (albedo.ndim - 2), albedo
+
+
+def _with_wavelengths(data: xr.Dataset, wavelength_nm: ArrayLike | None) -> xr.Dataset:
+    if WAVELENGTH_DIM not in data.dims:
+        return data
+    wavelengths = np.asarray(
+        DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm, dtype=np.float64
+    )
+    if wavelengths.shape != (data.sizes[WAVELENGTH_DIM],):
+        raise UserError(
+            f"scene: surface_albedo has {data.sizes[WAVELENGTH_DIM]} wavelengths; wavelength_nm lists "
+            f"{wavelengths.size}"
+        )
+    return data.assign_coords({WAVELENGTH_DIM: wavelengths})

@@ -1,0 +1,221 @@
+"""A scene as the kernels see it: species on height levels, columns with their axes, and a chart to find them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.optics import Background, OpticalSpecies, background, scene_optics
+from openswim.scene.frame import Frame, scene_frame
+from openswim.scene.scene import Scene
+from openswim.transport.shells import shell_levels
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_CHART_NODES = 161
+_CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
+_MOST_NODES = 6_000_000
+_MOST_LEVELS = 160
+_CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
+
+
+@dataclass
+class Medium:
+    """Optical species on a regular stack of height levels.
+
+    extinction (ns, nz, ny, nx) 1/m at the reference wavelength; levels_m (nz,); cell_m (dx, dy); terrain_m (ny, nx);
+    axes (ny, nx, 3, 3): rows grid-x, grid-y, up of each column in the scene frame; place (ny, nx, 3): sea level there.
+    """
+
+    frame: Frame
+    wavelengths_nm: F64
+    species: list[OpticalSpecies]
+    extinction: F32
+    levels_m: F64
+    cell_m: tuple[float, float]
+    terrain_m: F32
+    axes: F32
+    place: F64
+    periodic: bool
+    chart_origin_m: float
+    chart_per_m: float
+    chart: F64
+    ground_m: float
+    air: Background | None
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return (len(self.levels_m), *self.terrain_m.shape)
+
+    @property
+    def level_lookup(self) -> tuple[float, float, F64]:
+        """Origin, entries per metre, and table of fractional levels."""
+        z = self.levels_m
+        count = int(np.clip(8 * (z[-1] - z[0]) / np.diff(z).min(), 64, 20000))
+        heights = np.linspace(z[0], z[-1], count)
+        return float(z[0]), (count - 1) / (z[-1] - z[0]), np.interp(heights, z, np.arange(len(z), dtype=float))
+
+
+def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | None:
+    """Optical profile of the scene's own atmosphere on the shells' levels above ``ground_m``, or None."""
+    if scene.atmosphere is None:
+        return None
+    return background(scene.atmosphere, wavelengths_nm, shell_levels() + ground_m)
+
+
+def build_medium(scene: Scene, wavelengths_nm: F64, refine: bool = True) -> Medium:
+    """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps."""
+    grid = scene.grid
+    if grid is None:
+        raise UserError("this scene has no grid")
+    frame = scene_frame(scene)
+    species = scene_optics(scene, wavelengths_nm)
+    _, ny, nx = grid.shape
+    terrain = np.zeros((ny, nx), np.float32)
+    if "surface_altitude" in scene.data:
+        terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
+    dx, dy = grid.spacing_m()
+    heights = grid.height_m
+    levels = _levels(heights, terrain, frame.curved)
+    total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+    if refine:
+        levels = _refined(levels, heights, total, min(dx, dy), ny * nx)
+    extinction = np.zeros((len(species), len(levels), ny, nx), np.float32)
+    for out, one in zip(extinction, species, strict=True):
+        _to_levels(one.extinction_per_m, heights, levels, frame.curved, out)
+    if frame.curved:  # what lies under the terrain must not be seen by a step that ends there
+        thickness = np.gradient(levels)
+        buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
+        extinction[:, buried] = 0
+    axes, place = _columns(grid, frame)
+    origin, per_m, chart = _chart(grid, frame)
+    ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
+    return Medium(
+        frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
+        per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m),
+    )  # fmt: skip
+
+
+def _outside_ground_m(terrain: F32) -> float:
+    """Height of the ground beyond the grid: the median along the edge, rounded to the metre."""
+    edge = np.concatenate([terrain[0], terrain[-1], terrain[:, 0], terrain[:, -1]])
+    return float(np.round(np.median(edge)))
+
+
+def _levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
+    """Levels for a scene: its own where they are flat, else spaced like its layers at each height."""
+    low = float(min(terrain.min(), heights.min()))
+    if heights.ndim == 1:
+        z = heights.astype(float)
+        if extend and z[0] > low + 1.0:
+            count = max(1, int(np.ceil((z[0] - low) / (1.5 * (z[1] - z[0])))))
+            z = np.concatenate([np.linspace(low, z[0], count, endpoint=False), z])
+        elif not extend and z[0] > 0.5:
+            z = np.concatenate([[0.0, z[0] - min(1.0, 0.1 * z[0])], z])
+        return z
+    columns = heights.reshape(heights.shape[0], -1).astype(float)
+    columns = columns[:, :: max(1, columns.shape[1] // 2000)]
+    top = float(columns[-1].max())
+    thickness = np.diff(columns, axis=0)
+    middle = 0.5 * (columns[1:] + columns[:-1])
+    # the finer tenth of the layers near each height decides, but no layer under 30 m
+    probe = np.linspace(low, top, 200)
+    local = np.empty(200)
+    for n, z in enumerate(probe):
+        row = np.abs(middle - z).argmin(axis=0)
+        local[n] = np.percentile(thickness[row, np.arange(columns.shape[1])], 10)
+    local = np.maximum(local, 30.0)
+    count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
+    count = int(np.clip(np.ceil(count_at[-1]), 8, _MOST_LEVELS))
+    return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
+
+
+def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> F64:
+    """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2)."""
+    if total is None:
+        return levels
+    dz = np.diff(levels)
+    parts = np.clip(np.ceil(dz / cell_m - 0.01), 1, 3)
+    flat = total.reshape(total.shape[0], -1)
+    own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
+    cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
+    depth = 0.28 * np.interp(0.5 * (levels[1:] + levels[:-1]), own, cloudy) * dz  # about 1 - f of droplets
+    parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
+    while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
+        parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
+    pieces = [
+        np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)
+    ]
+    return np.concatenate([*pieces, levels[-1:]])
+
+
+def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32) -> None:
+    """Linear interpolation in height, column by column; zero above the top, the lowest value down to the ground."""
+    if heights.ndim == 1:
+        k = np.clip(np.searchsorted(heights, levels, "right") - 1, 0, len(heights) - 2)
+        c = np.clip((levels - heights[k]) / (heights[k + 1] - heights[k]), 0, 1).astype(np.float32)
+        for n, z in enumerate(levels):
+            out[n] = field[k[n]] * (1 - c[n]) + field[k[n] + 1] * c[n]
+            if z > heights[-1] + 1e-6 or (z < heights[0] - 1e-6 and not extend):
+                out[n] = 0
+        return
+    for n, z in enumerate(levels):
+        k = np.clip((heights <= z).sum(axis=0) - 1, 0, heights.shape[0] - 2)[None]
+        h0, h1 = np.take_along_axis(heights, k, 0)[0], np.take_along_axis(heights, k + 1, 0)[0]
+        c = np.clip((z - h0) / (h1 - h0), 0, 1)
+        f0, f1 = np.take_along_axis(field, k, 0)[0], np.take_along_axis(field, k + 1, 0)[0]
+        out[n] = np.where(z > h1, 0, f0 * (1 - c) + f1 * c)
+
+
+def _columns(grid: object, frame: Frame) -> tuple[F32, F64]:
+    """Axes and sea-level points of the columns."""
+    _, ny, nx = grid.shape  # type: ignore[attr-defined]
+    iy, ix = np.mgrid[0:ny, 0:nx].astype(float)
+    if not frame.curved:
+        place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)  # type: ignore[attr-defined]
+        return np.broadcast_to(np.eye(3, dtype=np.float32), (ny, nx, 3, 3)).copy(), place
+
+    def at(i: F64, j: F64) -> F64:
+        lon, lat = grid.lonlat(i, j)  # type: ignore[attr-defined]
+        return frame.position(lat, lon, 0.0)
+
+    place = at(ix, iy)
+    up = place + np.array([0, 0, frame.radius_m])
+    up /= np.linalg.norm(up, axis=-1, keepdims=True)
+    along = at(ix + 0.5, iy) - at(ix - 0.5, iy)
+    along -= (along * up).sum(-1, keepdims=True) * up
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
+
+
+def _chart(grid: object, frame: Frame) -> tuple[float, float, F64]:
+    """Table of fractional grid indices on the tangent plane (gnomonic, so that rays are straight in it)."""
+    _, ny, nx = grid.shape  # type: ignore[attr-defined]
+    if not frame.curved:
+        # linear, so two nodes are exact; extent beyond the domain for distances to it
+        x0, y0 = grid.x[0], grid.y[0]  # type: ignore[attr-defined]
+        dx, dy = grid.step  # type: ignore[attr-defined]
+        half = 50.0 * max(nx * dx, ny * dy, abs(x0), abs(y0))
+        u = np.array([-half, half])
+        chart = np.stack(np.meshgrid((u - x0) / dx, (u - y0) / dy), axis=-1)
+        return -half, 1 / (2 * half), chart
+    corners = np.array([[0, 0], [nx - 1, 0], [0, ny - 1], [nx - 1, ny - 1], [0, ny / 2], [nx - 1, ny / 2], [nx / 2, 0],
+                        [nx / 2, ny - 1]], float)  # fmt: skip
+    lon, lat = grid.lonlat(corners[:, 0], corners[:, 1])  # type: ignore[attr-defined]
+    p = frame.position(lat, lon, 0.0)
+    if (p[:, 2] < -0.6 * frame.radius_m).any():
+        raise UserError("the domain spans more than 130 degrees: global grids are not supported yet, cut a region out")
+    tangent = p[:, :2] * (frame.radius_m / (frame.radius_m + p[:, 2:3]))
+    half = _CHART_MARGIN * np.abs(tangent).max()
+    u = np.linspace(-half, half, _CHART_NODES)
+    uu, vv = np.meshgrid(u, u)
+    q = np.stack([uu, vv, np.full_like(uu, frame.radius_m)], axis=-1)
+    q *= frame.radius_m / np.linalg.norm(q, axis=-1, keepdims=True)
+    q[..., 2] -= frame.radius_m
+    lat, lon, _ = frame.latlon(q)
+    chart = np.stack(grid.index(lon, lat), axis=-1)  # type: ignore[attr-defined]
+    return -half, (_CHART_NODES - 1) / (2 * half), np.nan_to_num(chart, nan=-1e9, posinf=1e9, neginf=-1e9)

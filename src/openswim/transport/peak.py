@@ -1,0 +1,65 @@
+"""The forward peak that delta scaling takes out of the phase function, broadened by repeated scattering.
+
+transport.md section 2: with f = chi_M and p_l = 1 (l < M), chi_l/f above, light that has met the forward depth phi
+between the sun and a point is scattered there by f G(Theta, phi),
+G = sum_l (2l+1) p_l exp(-phi (1 - p_l)) P_l(cos Theta).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.optics.phase import PhaseFunction
+
+Array = NDArray[np.float64]
+
+_ANGLES = 721
+_DEPTHS = 32
+_MOST_MOMENTS = 900
+
+
+def _legendre(x: Array, count: int) -> Array:
+    """P_l(x), (count, n)."""
+    out = np.empty((count, len(x)))
+    out[0], out[1] = 1, x
+    for ell in range(1, count - 1):
+        out[ell + 1] = ((2 * ell + 1) * x * out[ell] - ell * out[ell - 1]) / (ell + 1)
+    return out
+
+
+@lru_cache(maxsize=64)
+def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
+    """G (angle, depth): 721 angles at pi (i/720)^2, 32 depths at phi/(1 + phi) = j/31.
+
+    Column 0 (phi = 0) is the exact phase function less its truncated part, over f: the TMS correction
+    (Nakajima & Tanaka 1988). Zero where the phase function has no moment chi_M.
+    """
+    moments = phase.moments(_MOST_MOMENTS)
+    f = moments[degree]
+    angle = np.pi * (np.arange(_ANGLES) / (_ANGLES - 1)) ** 2
+    x = np.cos(angle)
+    table = np.zeros((_ANGLES, _DEPTHS))
+    if f < 1e-6:
+        return table.astype(np.float32)
+    legendre = _legendre(x, _MOST_MOMENTS)
+    weight = 2 * np.arange(_MOST_MOMENTS) + 1.0
+    low = weight[:degree] * (moments[:degree] - f)
+    table[:, 0] = (phase.value(x) - low @ legendre[:degree]) / f
+    p = moments / f
+    p[:degree] = 1.0
+    for j in range(1, _DEPTHS):
+        u = j / (_DEPTHS - 1)
+        phi = u / (1 - u) if u < 1 else 1e3
+        # exp(-phi (1 - p)) - exp(-phi): converges twice as fast as the peak itself
+        growth = np.exp(-phi * (1 - p)) - np.exp(-phi)
+        table[:, j] = np.exp(-phi) * table[:, 0] + (weight * p * growth) @ legendre
+    return table.astype(np.float32)
+
+
+def peak_tables(phases: Sequence[Sequence[PhaseFunction]], degree: int) -> NDArray[np.float32]:
+    """Stacked tables (scatterer, wavelength, angle, depth) for the kernels."""
+    return np.stack([np.stack([peak_table(p, degree) for p in row]) for row in phases])

@@ -1,0 +1,154 @@
+"""Small pure functions of scalars: the physics of one step, one place, one look-up.
+
+Every kernel is built of these and nothing else, so that a GPU back end or a hand-written adjoint can
+reuse them. Units are in the names; none of them keeps state.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_F1 = np.float32(1.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True, inline="always")
+def transmission(optical_depth):
+    """exp(-optical_depth) for any depth >= 0, absolute error below 2e-5; vectorises, unlike exp.
+
+    The Taylor polynomial of exp at a sixteenth of the depth, inverted and squared four times.
+    """
+    y = optical_depth * np.float32(0.0625)
+    p = _F1 + y * (
+        _F1 + y * (np.float32(0.5) + y * (np.float32(1 / 6) + y * (np.float32(1 / 24) + y * np.float32(1 / 120))))
+    )
+    t = _F1 / p
+    t = t * t
+    t = t * t
+    t = t * t
+    return t * t
+
+
+@njit(cache=True, error_model="numpy", fastmath=True, inline="always")
+def step_emission(depth, trans, step_m, source_near, source_far, extinction_near, extinction_far):
+    """Light that one step adds at its near end, extinction and source linear along it.
+
+    (1 - e^-tau)/tau ds [(S_n + S_f)/2 + (S_n beta_f - S_f beta_n) ds/(12 + 2 tau)], transport.md section 2;
+    right in the thin and the thick limit. ``depth`` = (beta_n + beta_f) ds/2, ``trans`` = e^-depth.
+    """
+    mean_transmission = (
+        (_F1 - trans) / depth
+        if depth > np.float32(0.01)
+        else _F1 - depth * (np.float32(0.5) - depth * np.float32(1 / 6))
+    )
+    slope = (source_near * extinction_far - source_far * extinction_near) * step_m
+    return (
+        mean_transmission
+        * step_m
+        * (np.float32(0.5) * (source_near + source_far) + slope / (np.float32(12.0) + np.float32(2.0) * depth))
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def height_m(x, y, z, radius_m):
+    """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
+    q = x * x + y * y + z * (2.0 * radius_m + z)
+    return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def shadow_fraction(mu, mu_horizon, sun_radius_rad):
+    """Share of the sun's disc above the horizon (0..1), mu and mu_horizon being cosines of zenith angles."""
+    x = (mu - mu_horizon) / sun_radius_rad
+    if x >= 1.0:
+        return 1.0
+    if x <= -1.0:
+        return 0.0
+    return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def table_index(value, origin, per_unit, table):
+    """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
+    t = (value - origin) * per_unit
+    n = table.shape[0] - 1
+    if t <= 0.0:
+        return table[0]
+    if t >= n:
+        return table[n]
+    i = int(t)
+    f = t - i
+    return table[i] * (1.0 - f) + table[i + 1] * f
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def forward_depth_coordinate(forward_depth):
+    """Position in 0..1 on the axis of the forward-peak tables: phi/(1 + phi)."""
+    return forward_depth / (1.0 + forward_depth)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def smoothstep(x):
+    """0 below 0, 1 above 1, smooth between."""
+    if x <= 0.0:
+        return 0.0
+    if x >= 1.0:
+        return 1.0
+    return x * x * (3.0 - 2.0 * x)
+
+
+@njit(cache=True, error_model="numpy")
+def harmonics(x, y, z, degree, out):
+    """Real orthonormal spherical harmonics Y_lm(x, y, z), l < degree, into out[l*l + l + m]."""
+    # P_mm and the upward recurrence in l, without the factor sin(theta)^m, which (x + iy)^m carries
+    c = 1.0
+    s = 0.0
+    pmm = 0.28209479177387814
+    for m in range(degree):
+        p0 = 0.0
+        p1 = pmm
+        for ell in range(m, degree):
+            if ell > m:
+                a = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
+                b = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
+                p2 = a * (z * p1 - b * p0)
+                p0 = p1
+                p1 = p2
+            if m == 0:
+                out[ell * ell + ell] = p1
+            else:
+                out[ell * ell + ell + m] = 1.4142135623730951 * p1 * c
+                out[ell * ell + ell - m] = 1.4142135623730951 * p1 * s
+        pmm = -pmm * math.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+        c, s = c * x - s * y, s * x + c * y
+
+
+@njit(cache=True, error_model="numpy")
+def harmonics_symmetric(mu, cos_azimuth, degree, out):
+    """The harmonics even in azimuth (m >= 0) of a direction, into out[l*(l+1)/2 + m].
+
+    In the spherically symmetric atmosphere the field is even about the plane of sun and zenith, and the
+    cosine harmonics are all there is. The azimuth is taken from the sun's.
+    """
+    sin_theta = math.sqrt(max(0.0, 1.0 - mu * mu))
+    x = sin_theta * cos_azimuth
+    y = sin_theta * math.sqrt(max(0.0, 1.0 - cos_azimuth * cos_azimuth))
+    c = 1.0
+    s = 0.0
+    pmm = 0.28209479177387814
+    for m in range(degree):
+        p0 = 0.0
+        p1 = pmm
+        norm = 1.0 if m == 0 else 1.4142135623730951
+        for ell in range(m, degree):
+            if ell > m:
+                a = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
+                b = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
+                p2 = a * (mu * p1 - b * p0)
+                p0 = p1
+                p1 = p2
+            out[ell * (ell + 1) // 2 + m] = norm * p1 * c
+        pmm = -pmm * math.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+        c, s = c * x - s * y, s * x + c * y

@@ -1,0 +1,499 @@
+"""Solver: from a scene and a sun to a field of light, and from the field to what any camera sees.
+
+One solve serves every camera; only the view pass repeats.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.cameras.rays import Rays
+from openswim.errors import UserError
+from openswim.scene.frame import Frame, scene_frame
+from openswim.scene.scene import Scene
+from openswim.transport import diffuse, swim
+from openswim.transport.march import Shells, Volume, ground_radiance_rows, view_kernel
+from openswim.transport.medium import Medium, air_of, build_medium
+from openswim.transport.ordinates import harmonic_matrix, lebedev
+from openswim.transport.peak import peak_tables
+from openswim.transport.shells import build_shells, no_volume
+from openswim.transport.surface import Lighting, shade
+from openswim.transport.sweep import direct_beam, sun_sweep, terrain_shadow, view_source
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+NAMES = ("swim", "fast")
+_TRUNCATION = 5  # M: order of the smooth field (transport.md section 2)
+_ORDINATES = 50
+_SPACE_M = 120e3
+_TILE_RAYS = 400_000
+_CLEAR_CELLS = 8
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How light is solved for.
+
+    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: change of the field at which sweeps
+    end. step: eye-ray step in cells. shadows, ground: whether terrain shades and rays reflect off the ground.
+    """
+
+    name: str = "fast"
+    tolerance: float = 1e-2
+    step: float = 1.0
+    most_sweeps: int = 60
+
+    def __post_init__(self) -> None:
+        if self.name == "reference":
+            raise UserError("solver 'reference' (Monte Carlo) is not available in this version: use 'fast' or 'swim'")
+        if self.name not in NAMES:
+            raise UserError(f"unknown solver {self.name!r}: choose one of {', '.join(NAMES)}")
+
+    def solve(
+        self,
+        scene: Scene,
+        sun_direction: ArrayLike,
+        wavelengths_nm: Sequence[float] = (615.0, 546.0, 450.0),
+        progress: Callable[[str, int, int], None] | None = None,
+    ) -> Field:
+        """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame)."""
+        sun = np.asarray(sun_direction, float)
+        sun = sun / np.linalg.norm(sun)
+        wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
+        if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
+            raise UserError("wavelengths must lie between 280 and 2500 nm")
+        tell = progress or (lambda stage, done, total: None)
+        if scene.grid is None:
+            return _clear_field(self, scene, sun, wl)
+        return _grid_field(self, scene, sun, wl, tell)
+
+
+@dataclass
+class View:
+    """What rays see: solar-relative ``radiance`` (n, nw); ``transmittance`` e^-tau along the ray (n, nw); where they
+    ``hit`` the ground (n,) and at which ``position`` (n, 3); optical depth of each species (n, ns)."""
+
+    radiance: F32
+    transmittance: F32
+    hit: NDArray[np.bool_]
+    position: F64
+    distance_m: F64
+    species_depth: F32
+    samples: int
+
+
+@dataclass
+class Field:
+    """The solved light of a scene; `view` turns it into radiance along rays."""
+
+    solver: Solver
+    scene: Scene
+    frame: Frame
+    sun: F64
+    wavelengths_nm: F64
+    shells: Shells
+    volume: Volume
+    table: F32
+    lighting: Lighting
+    medium: Medium | None = None
+    timings: dict[str, float] = field(default_factory=dict)
+    sweeps: dict[str, list[int]] = field(default_factory=dict)
+    _light: GridLight | None = None
+    _space_shells: Shells | None = None
+
+    def view(self, rays: Rays, tick: Callable[[int], None] = lambda n: None) -> View:
+        """Radiance along rays; memory is bounded by tiling over them."""
+        started = time.perf_counter()
+        shells = self._shells_for(rays)
+        eye, parallel = _eye_of(rays)
+        if self._light is not None:
+            self._light.aim(self.volume, eye, parallel)
+        n, nw = len(rays), len(self.wavelengths_nm)
+        out = View(
+            np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
+            np.zeros(n), np.zeros((n, max(self.volume.species, 1)), np.float32), 0,
+        )  # fmt: skip
+        for a in range(0, n, _TILE_RAYS):
+            part = slice(a, min(n, a + _TILE_RAYS))
+            out.samples += self._view_tile(rays[part], part, shells, out)
+            tick(part.stop - a)
+        self.timings["view"] = time.perf_counter() - started
+        return out
+
+    def _view_tile(self, rays: Rays, part: slice, shells: Shells, out: View) -> int:
+        origin = np.ascontiguousarray(rays.origins(), float)
+        direction = np.ascontiguousarray(rays.directions(), float)
+        n, nw = len(rays), len(self.wavelengths_nm)
+        scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
+        samples = np.zeros(n, np.int64)
+        swim_mode = self.solver.name == "swim" and self.medium is not None
+        depth_limit = 2.0 if swim_mode else 1e30
+        radiance, full, distance = out.radiance[part], out.transmittance[part], out.distance_m[part]
+        seen_shells = swim.cloud_only(shells) if swim_mode else shells
+        view_kernel(
+            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance, scaled,
+            full, out.species_depth[part], front, distance, samples,
+        )  # fmt: skip
+        if swim_mode:
+            clear = self._clear_view(origin, direction, shells)
+            swim.merge(self, direction, origin, radiance, full, out.species_depth[part], front, clear)
+        out.hit[part] = distance >= 0
+        hit = np.flatnonzero(distance >= 0)
+        if hit.size:
+            place = origin[hit] + direction[hit] * distance[hit, None]
+            out.position[part][hit] = place
+            through = full[hit] if swim_mode else scaled[hit]
+            radiance[hit] += through * shade(self, shells, place, direction[hit])
+        return int(samples.sum())
+
+    def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
+        """Radiance of the clear atmosphere alone along rays (Eq. 3 and all higher orders)."""
+        n, nw = len(direction), len(self.wavelengths_nm)
+        volume = no_volume(nw)
+        empty = [np.zeros((n, nw), np.float32) for _ in range(4)]
+        view_kernel(
+            origin, direction, self.sun, self.table[-1:], shells, volume, 1e30, self.solver.step, *empty[:3],
+            np.zeros((n, 1), np.float32), empty[3], np.zeros(n), np.zeros(n, np.int64),
+        )  # fmt: skip
+        return empty[0]
+
+    def beam(self, place: F64) -> F32:
+        """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
+        n, nw = len(place), len(self.wavelengths_nm)
+        work = [np.zeros((n, nw), np.float32) for _ in range(4)]
+        distance = np.zeros(n)
+        dark = np.zeros_like(self.table)
+        lifted = place + np.array([0.0, 0.0, 1.0])
+        view_kernel(
+            lifted, np.tile(self.sun, (n, 1)), self.sun, dark, self.shells, self.volume, 1e30, 2.0, work[0], work[1],
+            work[2], np.zeros((n, max(1, self.volume.species)), np.float32), work[3], distance, np.zeros(n, np.int64),
+        )  # fmt: skip
+        return work[1] * (distance < 0)[:, None]
+
+    def fluxes(self) -> dict[str, F64]:
+        """Domain means for E_TOA = 1: up_top, down_bottom (diffuse), direct_bottom, up_bottom, each (nw,)."""
+        return self.lighting.mean_fluxes()
+
+    def _shells_for(self, rays: Rays) -> Shells:
+        """Local shells near the ground; for eyes in space, the diffuse field of every sun on the disc."""
+        height = self.frame.latlon(rays.origin_m)[2]
+        if self.scene.atmosphere is None or np.max(height) < _SPACE_M:
+            return self.shells
+        if self._space_shells is None:
+            s = self.shells
+            self._space_shells = build_shells(
+                air_of(self.scene, self.wavelengths_nm, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m,
+                s.ground_albedo, _TRUNCATION, len(self.wavelengths_nm), s.top_m, scale=1.5,
+            )  # fmt: skip
+        return self._space_shells
+
+
+def _eye_of(rays: Rays) -> tuple[F64, bool]:
+    """Common point of the rays, or their common direction."""
+    if rays.origin_m.ndim == 1:
+        return rays.origin_m, False
+    if rays.direction.ndim == 1:
+        return rays.direction, True
+    if np.allclose(rays.direction, rays.direction[:1], atol=1e-6):
+        return rays.direction[0], True
+    if np.allclose(rays.origin_m, rays.origin_m[:1], atol=1e-3):
+        return rays.origin_m[0], False
+    raise UserError("rays must share their origin or their direction: split them into groups that do")
+
+
+def _sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:
+    zenith = float(np.degrees(np.arccos(np.clip(sun[2], -1, 1))))
+    return max(0.0, zenith - reach_deg), min(110.0, zenith + reach_deg)
+
+
+def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64) -> Field:
+    """Field of a scene without a grid: the shells are all."""
+    started = time.perf_counter()
+    frame = scene_frame(scene)
+    lighting = Lighting.of_clear_scene(scene, frame, wl)
+    air = air_of(scene, wl, lighting.ground_m)
+    shells = build_shells(
+        air, _sun_range(sun, 12.0), frame.radius_m, lighting.ground_m, lighting.mean_albedo, _TRUNCATION, len(wl),
+        lighting.ground_m + 1e5,
+    )  # fmt: skip
+    table = peak_tables([air.aerosol_phase], _TRUNCATION) if air else np.zeros((1, len(wl), 2, 2), np.float32)
+    lighting.light_clear(shells, sun)
+    return Field(
+        solver, scene, frame, sun, wl, shells, no_volume(len(wl)), table, lighting,
+        timings={"sun": 0.0, "diffuse": time.perf_counter() - started},
+    )  # fmt: skip
+
+
+@dataclass
+class GridLight:
+    """What the grid knows of the light: per wavelength the beam, the moments and the coefficients."""
+
+    medium: Medium
+    beams: list[F32]
+    moments: list[F32] | None
+    coefficients: list[diffuse.Coefficients]
+    sun_harmonics: F32
+    first_source: int
+    shadow_m: F64
+    ridge_m: F64
+    _aimed: tuple[bytes, bool] | None = None
+
+    def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
+        """Fill the source channels for one eye."""
+        key = (np.asarray(eye, float).tobytes(), parallel)
+        if self.moments is None or key == self._aimed:
+            return
+        m = self.medium
+        for w, c in enumerate(self.coefficients):
+            view_source(
+                m.extinction, c.scattering, c.air_scattering, self.beams[w], self.sun_harmonics, self.moments[w], m.axes,
+                m.place, m.levels_m, np.asarray(eye, float), parallel, self.first_source + w, volume.fields,
+            )  # fmt: skip
+        self._aimed = key
+
+
+def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, tell: Callable[[str, int, int], None]) -> Field:
+    """Field of a scene with a grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
+    started = time.perf_counter()
+    fast = solver.name == "fast"
+    medium = build_medium(scene, wl, refine=fast)
+    nw = len(wl)
+    frame = medium.frame
+    lighting = Lighting.of_grid(scene, medium)
+    lighting.place_sun(sun)
+    reach = 12.0 + np.degrees(np.abs(medium.place[..., :2]).max() / frame.radius_m)
+    top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
+    shells = build_shells(
+        medium.air, _sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, _TRUNCATION, nw, top
+    )
+    timings = {"air": time.perf_counter() - started}
+    started = time.perf_counter()
+    local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
+    coefficients = [_coefficients(medium, shells, w, fast) for w in range(nw)]
+    volume, depths = _volume(medium, coefficients, local_sun, fast)
+    timings["sun"] = time.perf_counter() - started
+    started = time.perf_counter()
+    light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, sun, tell)
+    result = Field(solver, scene, frame, sun, wl, shells, volume, _tables(medium, fast, nw), lighting, medium, timings)
+    result._light = light
+    if fast:
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, tell)
+    else:
+        swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+    timings["diffuse"] = time.perf_counter() - started
+    return result
+
+
+def _tables(medium: Medium, fast: bool, nw: int) -> F32:
+    """Forward-peak tables of the species, then of the background aerosol; `swim` reads none in clouds."""
+    rows = [s.phase for s in medium.species]
+    air = medium.air.aerosol_phase if medium.air is not None else None
+    shape = peak_tables([air], _TRUNCATION).shape[2:] if air else peak_tables(rows, _TRUNCATION).shape[2:] if rows else (2, 2)
+    clouds = peak_tables(rows, _TRUNCATION) if rows and fast else np.zeros((len(rows), nw, *shape), np.float32)
+    last = peak_tables([air], _TRUNCATION) if air else np.zeros((1, nw, *shape), np.float32)
+    return np.concatenate([clouds, last])
+
+
+def _coefficients(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse.Coefficients:
+    """Delta-scaled coefficients of species and air at one wavelength; `swim` keeps the full extinction."""
+    scaled, scattering = [], []
+    for s in medium.species:
+        chi = s.phase[w].moments(_TRUNCATION + 1)
+        f = chi[-1] if fast else 0.0
+        k, omega = s.relative_extinction[w], s.single_scattering_albedo[w]
+        scaled.append(k * (1 - omega * f))
+        scattering.append(k * omega * (chi[:-1] - f))
+    above = medium.levels_m - shells.ground_m
+    if medium.air is None:
+        air_e, air_s = np.zeros(len(above)), np.zeros((len(above), _TRUNCATION))
+    else:
+        z = medium.air.height_m - shells.ground_m
+        air_e = np.interp(above, z, shells.extinction[:, w])
+        air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, w].T], axis=-1)
+    f32 = np.float32
+    return diffuse.Coefficients(
+        np.array(scaled, f32), np.array(scattering, f32).reshape(-1, _TRUNCATION), air_e.astype(f32), air_s.astype(f32)
+    )
+
+
+def _forward(medium: Medium, nw: int) -> F32:
+    """omega f per reference extinction (ns, nw): what delta scaling leaves in the beam."""
+    rows = [
+        [k * omega * phase.moments(_TRUNCATION + 1)[-1]
+         for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
+        for s in medium.species
+    ]  # fmt: skip
+    return np.array(rows, np.float32).reshape(len(medium.species), nw)
+
+
+def _volume(
+    medium: Medium, coefficients: list[diffuse.Coefficients], local_sun: F64, fast: bool
+) -> tuple[Volume, dict[str, F32]]:
+    """Sun sweeps, and the volume with all but its sources filled in."""
+    ns, nw = len(medium.species), len(coefficients)
+    scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
+    forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
+    second = forward if fast else swim.backscatter_weights(medium)
+    # wavelengths whose depths agree within 2 % share a sweep
+    rows: list[F32] = []
+    channel: dict[str, list[int]] = {"scaled": [], "second": []}
+    for name, matrix in (("scaled", scaled), ("second", second)):
+        for w in range(nw):
+            same = [n for n, r in enumerate(rows) if np.allclose(r, matrix[:, w], rtol=0.02, atol=1e-6)]
+            if not same:
+                rows.append(matrix[:, w])
+            channel[name].append(ns + (same[0] if same else len(rows) - 1))
+    nz, ny, nx = medium.shape
+    origin, per_m, lookup = medium.level_lookup
+    fields = np.zeros((nz, ny, nx, ns + len(rows) + nw + 1), np.float32)
+    for s in range(ns):
+        fields[..., s] = medium.extinction[s]
+    depth = np.empty((nz, ny, nx), np.float32)
+    cell = np.array(medium.cell_m, float)
+    depths: dict[int, F32] = {}
+    for n, row in enumerate(rows):
+        total = np.tensordot(row, medium.extinction, axes=1).astype(np.float32)
+        if total.any():
+            sun_sweep(
+                total, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m, medium.periodic, depth
+            )
+        else:
+            depth[:] = 0
+        fields[..., ns + n] = depth
+        depths[ns + n] = depth.copy()
+    occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
+    spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
+    occupied |= medium.levels_m[:, None, None] < medium.terrain_m + 1.5 * spacing[:, None, None]
+    fields[..., -1] = _free_cells(occupied, medium.periodic)
+    volume = Volume(
+        medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
+        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, fields, scaled, forward,
+        np.array(channel["scaled"]), np.array(channel["second"]), medium.terrain_m, _CLEAR_CELLS,
+    )  # fmt: skip
+    return volume, depths
+
+
+def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
+    """Cells to the nearest occupied node in the largest-axis metric, up to `_CLEAR_CELLS` + 1."""
+    free = np.full(occupied.shape, _CLEAR_CELLS + 1, np.float32)
+    reached = occupied
+    free[reached] = 0
+    for n in range(1, _CLEAR_CELLS + 1):
+        grown = reached.copy()
+        for axis in range(3):
+            source = grown.copy()
+            for shift in (1, -1):
+                moved = np.roll(source, shift, axis)
+                if axis == 0 or not periodic:
+                    edge = [slice(None)] * 3
+                    edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+                    moved[tuple(edge)] = False
+                grown |= moved
+        free[grown & ~reached] = n
+        reached = grown
+    return free
+
+
+def _light(
+    solver: Solver, medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: dict[int, F32],
+    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, tell: Callable[[str, int, int], None],
+) -> GridLight:  # fmt: skip
+    """Direct beam at the nodes and at the ground, terrain shadows included."""
+    nz, ny, nx = medium.shape
+    shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
+    terrain_shadow(
+        medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic, shadow, ridge
+    )
+    beams = []
+    surface = np.zeros((ny, nx), np.float32)
+    for w in range(len(coefficients)):
+        beam = np.empty((nz, ny, nx), np.float32)
+        direct_beam(
+            depths[int(volume.depth_channel[w])], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells,
+            beam, surface,
+        )  # fmt: skip
+        beams.append(beam)
+        lighting.direct[w] = surface
+    # the sun's depth hides it behind ridges too, for what the eye ray reads from it
+    hidden = np.clip((shadow[None] - medium.levels_m[:, None, None]) / 100.0, 0, 1) * 12.0
+    if (hidden > 0).any():
+        for channel in depths:
+            volume.fields[..., channel] += np.where(medium.levels_m[:, None, None] > medium.terrain_m, hidden, 0)
+    harmonics = harmonic_matrix(local_sun.reshape(-1, 3), _TRUNCATION).T.reshape(-1, ny, nx).astype(np.float32)
+    first = volume.fields.shape[-1] - 1 - len(coefficients)
+    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), first, shadow, ridge)
+
+
+def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:
+    """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level."""
+    q, _ = lebedev(count)
+    nz, ny, nx = medium.shape
+    axes = medium.axes[ny // 2, nx // 2].astype(float)
+    direction = np.repeat(q @ axes, nz, axis=0)
+    height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(q))
+    origin = np.stack([0 * height, 0 * height, height], axis=-1)
+    n, nw = len(direction), shells.extinction.shape[1]
+    work = [np.zeros((n, nw), np.float32) for _ in range(4)]
+    distance = np.zeros(n)
+    view_kernel(
+        origin, direction, sun, np.zeros((1, nw, 2, 2), np.float32), shells, no_volume(nw), 1e30, 1.0, work[0], work[1],
+        work[2], np.zeros((n, 1), np.float32), work[3], distance, np.zeros(n, np.int64),
+    )  # fmt: skip
+    hit = np.flatnonzero(distance >= 0)
+    work[0][hit] += work[1][hit] * ground_radiance_rows(origin[hit] + direction[hit] * distance[hit, None], sun, shells)
+    return work[0].reshape(len(q), nz, nw)
+
+
+def _diffuse(
+    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, tell: Callable[[str, int, int], None]
+) -> dict[str, list[int]]:
+    """Coarse-to-fine sweeps of every wavelength; each starts from the field of the one before."""
+    medium = light.medium
+    nz, ny, nx = medium.shape
+    nw = len(light.coefficients)
+    inflow = _inflow(medium, shells, sun, _ORDINATES)
+    ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
+    ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
+    coarse_first = ny > 8 and nx > 8 and not medium.periodic
+    shape = (_TRUNCATION**2, nz, ny, nx)
+    moments = np.zeros(shape if not coarse_first else (shape[0], nz, (ny + 1) // 2, (nx + 1) // 2), np.float32)
+    counts: dict[str, list[int]] = {"coarse": [], "fine": []}
+    light.moments = []
+    if coarse_first:
+        coarse_extinction = diffuse.coarsen(medium.extinction)
+        coarse_sun = diffuse.coarsen(light.sun_harmonics)
+        coarse_node = np.ascontiguousarray(ground_node[::2, ::2])
+    cell = np.array(medium.cell_m, float)
+    start = moments
+    for w, c in enumerate(light.coefficients):
+        albedo = lighting.albedo[w]
+        direct = lighting.direct_horizontal(w)
+        fine = diffuse.Sweeper(
+            medium.extinction, c, light.beams[w], light.sun_harmonics, medium.levels_m, cell, medium.periodic,
+            np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, _ORDINATES, _TRUNCATION,
+        )  # fmt: skip
+        if coarse_first:
+            coarse = replace(
+                fine, extinction=coarse_extinction, beam=diffuse.coarsen(light.beams[w]), sun_harmonics=coarse_sun,
+                cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
+                direct_flux=diffuse.coarsen(direct),
+            )  # fmt: skip
+            start, n = coarse.solve(start, solver.tolerance, solver.most_sweeps, lambda: tell("diffuse", 0, 0))
+            counts["coarse"].append(n)
+            moments, n = fine.solve(diffuse.prolong(start, (ny, nx)), solver.tolerance, 2)
+            moments, n = fine.sweep(moments), n + 1
+        else:
+            moments, n = fine.solve(moments, 0.02 * solver.tolerance, 4 * solver.most_sweeps)
+        counts["fine"].append(n)
+        tell("diffuse", w + 1, nw)
+        light.moments.append(moments)
+        lighting.diffuse[w] = fine.down_flux
+        lighting.up_top[w] = fine.up_flux
+    lighting.correct_quadrature(inflow, shells, sun)
+    return counts

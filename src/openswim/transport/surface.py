@@ -1,0 +1,218 @@
+"""Light that reaches the ground, and what an eye ray sees where it ends there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
+from openswim.scene.frame import Frame
+from openswim.scene.scene import Scene
+from openswim.transport.march import Shells, view_kernel
+from openswim.transport.medium import Medium
+from openswim.transport.ordinates import lebedev
+from openswim.transport.shells import beam_transmission, no_volume
+
+if TYPE_CHECKING:
+    from openswim.transport.solver import Field
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
+_SKY_AZIMUTHS = 19
+
+
+@dataclass
+class Lighting:
+    """Fluxes at the ground on the grid's columns, for E_TOA = 1, delta-scaled (the beam carries the forward peak).
+
+    albedo, direct (transmission of the beam), diffuse, up_top: (nw, ny, nx); mu_sun (ny, nx); normal (ny, nx, 3).
+    """
+
+    ground_m: float
+    mean_albedo: F64
+    albedo: F32
+    direct: F32
+    diffuse: F32
+    up_top: F32
+    mu_sun: F64 = field(default_factory=lambda: np.ones((1, 1)))
+    normal: F64 | None = None
+    axes: F32 | None = None
+    clear_sky: F32 | None = None  # (mu, azimuth, nw) above the centre of the domain
+
+    @classmethod
+    def of_clear_scene(cls, scene: Scene, frame: Frame, wl: F64) -> Lighting:
+        """A single column at the scene's place."""
+        lat, lon = np.array([frame.lat]), np.array([frame.lon])
+        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T
+        ground = float(scene.data["surface_altitude"].values.ravel()[0]) if "surface_altitude" in scene.data else 0.0
+        nw = len(wl)
+        blank = np.zeros((nw, 1, 1), np.float32)
+        return cls(ground, albedo[:, 0], albedo[:, :, None].astype(np.float32), blank, blank.copy(), blank.copy())
+
+    @classmethod
+    def of_grid(cls, scene: Scene, medium: Medium) -> Lighting:
+        """Albedo and slopes of the grid's columns."""
+        _, ny, nx = medium.shape
+        lat, lon, _ = medium.frame.latlon(medium.place.reshape(-1, 3))
+        wl = medium.wavelengths_nm
+        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T.reshape(-1, ny, nx)
+        blank = np.zeros(albedo.shape, np.float32)
+        slope_y = np.gradient(medium.terrain_m.astype(float), medium.cell_m[1], axis=0)
+        slope_x = np.gradient(medium.terrain_m.astype(float), medium.cell_m[0], axis=1)
+        axes = medium.axes.astype(float)
+        normal = axes[..., 2, :] - slope_x[..., None] * axes[..., 0, :] - slope_y[..., None] * axes[..., 1, :]
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        return cls(
+            medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(np.float32), blank, blank.copy(), blank.copy(),
+            normal=normal, axes=medium.axes,
+        )  # fmt: skip
+
+    def place_sun(self, sun: F64) -> None:
+        """Cosine of the solar zenith angle over every column."""
+        if self.axes is not None:
+            self.mu_sun = self.axes[..., 2, :].astype(float) @ sun
+
+    def direct_horizontal(self, w: int) -> F32:
+        """Direct flux through the horizontal (ny, nx)."""
+        return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(np.float32)
+
+    def light_clear(self, shells: Shells, sun: F64) -> None:
+        """Fluxes below the shells alone, and their sky."""
+        mu = np.array([sun[2]])
+        beam = beam_transmission(shells, mu)[0]
+        self.mu_sun = mu.reshape(1, 1)
+        self.direct[:, 0, 0] = beam
+        self.diffuse[:, 0, 0] = ground_flux(shells, mu)[0] - beam * max(sun[2], 0)
+        self.clear_sky = clear_sky_table(shells, sun)
+
+    def correct_quadrature(self, inflow: F32, shells: Shells, sun: F64) -> None:
+        """Scale the ordinates' diffuse flux by what they miss of the clear sky's, which is known better."""
+        self.clear_sky = clear_sky_table(shells, sun)
+        if not shells.moments.size:
+            return
+        q, weight = lebedev(len(inflow))
+        down = q[:, 2] > 0
+        raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
+        mu = np.array([sun[2]])
+        exact = (ground_flux(shells, mu) - beam_transmission(shells, mu) * np.maximum(mu, 0)[:, None])[0]
+        ratio = np.where(raw > 0, exact / np.maximum(raw, 1e-30), 1.0)
+        self.diffuse *= np.clip(ratio, 0.8, 1.25).astype(np.float32)[:, None, None]
+
+    def mean_fluxes(self) -> dict[str, F64]:
+        """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom, up_bottom."""
+        direct = np.stack([self.direct_horizontal(w) for w in range(len(self.direct))])
+        up = self.albedo * (direct + self.diffuse)
+        named = {"up_top": self.up_top, "down_bottom": self.diffuse, "direct_bottom": direct, "up_bottom": up}
+        return {name: np.asarray(v, float).mean(axis=(1, 2)) for name, v in named.items()}
+
+
+def ground_flux(shells: Shells, mu_sun: F64) -> F64:
+    """Total flux (n, nw) at the ground below the shells."""
+    t = np.interp(mu_sun, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
+    index = np.arange(shells.ground_flux.shape[0])
+    return np.stack([np.interp(t, index, column) for column in shells.ground_flux.T], axis=-1)
+
+
+def clear_sky_table(shells: Shells, sun: F64) -> F32:
+    """Radiance (mu, azimuth from the sun, nw) of the clear sky above the origin, for water to mirror."""
+    nw = shells.extinction.shape[1]
+    azimuth = np.linspace(0, np.pi, _SKY_AZIMUTHS)
+    mu, phi = np.meshgrid(_SKY_MU, azimuth, indexing="ij")
+    horizontal = np.array([sun[0], sun[1], 0.0])
+    length = np.linalg.norm(horizontal)
+    a = horizontal / length if length > 1e-9 else np.array([1.0, 0, 0])
+    b = np.array([-a[1], a[0], 0.0])
+    sine = np.sqrt(1 - mu**2)
+    direction = sine[..., None] * (np.cos(phi)[..., None] * a + np.sin(phi)[..., None] * b)
+    direction[..., 2] = mu
+    direction = direction.reshape(-1, 3)
+    n = len(direction)
+    work = [np.zeros((n, nw), np.float32) for _ in range(4)]
+    origin = np.tile([0.0, 0.0, shells.ground_m + 2.0], (n, 1))
+    view_kernel(
+        origin, direction, sun, np.zeros((1, nw, 2, 2), np.float32), shells, no_volume(nw), 1e30, 1.5, work[0], work[1],
+        work[2], np.zeros((n, 1), np.float32), work[3], np.zeros(n), np.zeros(n, np.int64),
+    )  # fmt: skip
+    return work[0].reshape(*mu.shape, nw)
+
+
+def _bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
+    """values (..., ny, nx) at fractional indices (n,), clamped to the edge: (n, ...)."""
+    ny, nx = values.shape[-2:]
+    x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
+    i, j = np.minimum(x.astype(int), max(nx - 2, 0)), np.minimum(y.astype(int), max(ny - 2, 0))
+    a, b = x - i, y - j
+    i1, j1 = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1)
+    v = values
+    return np.moveaxis(
+        (v[..., j, i] * (1 - a) + v[..., j, i1] * a) * (1 - b) + (v[..., j1, i] * (1 - a) + v[..., j1, i1] * a) * b, -1, 0
+    )
+
+
+def shade(light_field: Field, shells: Shells, place: F64, direction: F64) -> F32:
+    """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3)."""
+    scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
+    sun, wl = light_field.sun, light_field.wavelengths_nm
+    lat, lon, _ = frame.latlon(place)
+    up = place + np.array([0, 0, frame.radius_m])
+    up /= np.linalg.norm(up, axis=-1, keepdims=True)
+    mu_sun = up @ sun
+    beam = beam_transmission(shells, mu_sun)
+    diffuse = np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
+    normal = up.copy()
+    medium = light_field.medium
+    if medium is not None:
+        ix, iy = _indices(scene, medium, place, lat, lon)
+        _, ny, nx = medium.shape
+        inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
+        beam[inside] = _bilinear(lighting.direct, ix[inside], iy[inside])
+        diffuse[inside] = _bilinear(lighting.diffuse, ix[inside], iy[inside])
+        if lighting.normal is not None:
+            normal[inside] = _bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
+        gap = np.maximum.reduce([-ix, ix - (nx - 1), np.zeros_like(ix)]) * medium.cell_m[0]
+        gap = np.maximum(gap, np.maximum.reduce([-iy, iy - (ny - 1), np.zeros_like(iy)]) * medium.cell_m[1])
+        shaded = np.flatnonzero(~inside & (gap < medium.levels_m[-1] / np.maximum(mu_sun, 0.03)))
+        if shaded.size:
+            beam[shaded] = light_field.beam(place[shaded])
+    sample = surface_properties(scene, lat, lon, wl)
+    normal = np.where(sample.water[:, None] > 0.5, up, normal)
+    facet_sun = (normal * sun).sum(-1)
+    facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
+    horizontal_sun = sun - mu_sun[:, None] * up
+    horizontal_view = -direction + (direction * up).sum(-1, keepdims=True) * up
+    cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
+        np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
+    )
+    clear = np.maximum(ground_flux(shells, mu_sun) - beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None], 1e-9)
+
+    def sky(mu: F64, azimuth: F64) -> F64:
+        table = lighting.clear_sky
+        assert table is not None
+        radiance = _bilinear(
+            np.moveaxis(table, -1, 0), np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1), np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU)))
+        )
+        return radiance * np.minimum(diffuse / clear, 4.0)
+
+    return reflected_radiance(
+        sample, wl, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)), beam * np.maximum(facet_sun, 0)[:, None],
+        diffuse, sky,
+    ).astype(np.float32)  # fmt: skip
+
+
+def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tuple[F64, F64]:
+    """Fractional grid indices of places."""
+    grid = scene.grid
+    assert grid is not None
+    if medium.frame.curved:
+        return grid.index(lon, lat)
+    ix, iy = (place[:, 0] - grid.x[0]) / grid.step[0], (place[:, 1] - grid.y[0]) / grid.step[1]
+    if medium.periodic:
+        _, ny, nx = grid.shape
+        return np.clip(ix % nx, 0, nx - 1), np.clip(iy % ny, 0, ny - 1)
+    return ix, iy
+

@@ -1,0 +1,112 @@
+"""3-D cases: one netCDF holds the scene, the rays and their radiances; nothing about a case is built in."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.validate.geometry import grid_body, parse_body
+from openswim.validate.metrics import image_score
+from openswim.validate.phases import PhaseTables, phase_of_attributes
+from openswim.validate.reference import Reference, Row, Solver, Stopwatch
+
+Array = NDArray[np.float64]
+
+WAVELENGTH_NM = 550.0  # the cases are monochromatic and without gas: any will do
+
+
+def matches(reference: Reference) -> bool:
+    return reference.has("radiance", "ray_origin", "ray_direction", "sun_direction")
+
+
+def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
+    """A row per surface albedo: the image, on 4x4-pixel means of lit pixels."""
+    data = reference.data
+    watch = Stopwatch()
+    sun = np.asarray(data.sun_direction.values, np.float64)
+    radiance = data.radiance.transpose("i", "j", ...)
+    sigma = data.sigma.transpose("i", "j", ...) if "sigma" in data else 0 * radiance
+    for k, albedo in enumerate(np.atleast_1d(data.surface_albedo.values)):
+        scene = _scene(reference, float(albedo))
+        with watch.running():
+            field = solver.solve(scene, sun / np.linalg.norm(sun), np.array([WAVELENGTH_NM]))
+            image = _render(field, reference)
+        truth, noise = (a.values.reshape(*image.shape, -1)[..., k] for a in (radiance, sigma))
+        yield reference.row(
+            solver.name, f"radiance, albedo {albedo:g}", image_score(image, truth, noise), watch.lap()
+        )
+
+
+def _scene(reference: Reference, albedo: float) -> Scene:
+    data, attributes = reference.data, reference.data.attrs
+    boundary = str(attributes.get("boundary", "open"))
+    periodic = "periodic" in boundary
+    if "extinction" in data:
+        x, y, z = (data[axis].values.astype(np.float64) for axis in "xyz")
+        extinction = data.extinction.transpose("z", "y", "x").values
+        if periodic:
+            x, y, extinction = _without_repeated_sides(x, y, extinction)
+    else:
+        x, y, z, extinction = grid_body(parse_body(str(attributes.get("geometry", ""))))
+    ground_m = _ground_m(str(attributes.get("surface", "")))
+    return Scene.from_arrays(
+        np.asarray(extinction, np.float32) / 1000.0,
+        1000.0 * x,
+        1000.0 * y,
+        1000.0 * z,
+        single_scattering_albedo=float(attributes.get("single_scattering_albedo", 1.0)),
+        phase=phase_of_attributes(attributes, reference.path.name),
+        periodic=periodic,
+        surface_albedo=albedo,
+        terrain_m=np.full((len(y), len(x)), ground_m) if ground_m else None,
+    )
+
+
+def _ground_m(surface: str) -> float:
+    """Height of the ground in metres from "infinite Lambertian plane at z = 0" (km)."""
+    match = re.search(r"z\s*=\s*([-+]?\d*\.?\d+)", surface)
+    return 1000.0 * float(match.group(1)) if match else 0.0
+
+
+def _without_repeated_sides(x: Array, y: Array, extinction: Array) -> tuple[Array, Array, Array]:
+    """A periodic field whose last plane repeats the first has one plane too many for nodes a period apart."""
+    if np.array_equal(extinction[..., 0], extinction[..., -1]) and np.ptp(extinction, axis=2).any():
+        x, extinction = x[:-1], extinction[..., :-1]
+    if np.array_equal(extinction[:, 0], extinction[:, -1]) and np.ptp(extinction, axis=1).any():
+        y, extinction = y[:-1], extinction[:, :-1]
+    return x, y, extinction
+
+
+def _render(field: Any, reference: Reference) -> Array:
+    """The image (ni, nj), NaN where there is no ray; extended pixels are means over sub-rays."""
+    data = reference.data
+    origin, direction = (
+        data[name].transpose("i", "j", "xyz").values.astype(np.float64)
+        for name in ("ray_origin", "ray_direction")
+    )
+    known = np.isfinite(origin).all(-1) & np.isfinite(direction).all(-1)
+    along = direction[known] / np.linalg.norm(direction[known], axis=-1, keepdims=True)
+    # One view per shift: its rays then share their origin or their direction, as those of the case do.
+    views = [
+        field.view(Rays(1000.0 * (origin[known] + shift), along)).radiance for shift in _footprint(reference)
+    ]
+    image = np.full(known.shape, np.nan)
+    image[known] = np.mean(views, axis=0)[:, 0]
+    return image
+
+
+def _footprint(reference: Reference) -> Array:
+    """Offsets (n, 3) in km of a pixel's sub-rays: 2x2, for sharp-edged bodies 3x3, one for a point ray."""
+    u, v = (
+        np.asarray(reference.data[name].values, np.float64) if name in reference.data else np.zeros(3)
+        for name in ("pixel_u", "pixel_v")
+    )
+    n = 2 if "extinction" in reference.data else 3
+    ticks = (np.arange(n) + 0.5) / n - 0.5
+    along_u = ticks[:, None] * u if u.any() else np.zeros((1, 3))
+    along_v = ticks[:, None] * v if v.any() else np.zeros((1, 3))
+    return (along_u[:, None] + along_v[None]).reshape(-1, 3)

@@ -1,0 +1,94 @@
+"""Homogeneous bodies with sharp edges, from the words of a `geometry` attribute to extinction on a grid."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+
+Array = NDArray[np.float64]
+
+_CELLS_ACROSS = 64
+_SUBSAMPLES = 6  # per cell and axis, for the share of a cell that the body fills
+_NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
+
+
+@dataclass(frozen=True)
+class Body:
+    """A sphere or an axis-parallel box; lengths in km, extinction in 1/km."""
+
+    shape: str
+    centre: Array  # (3,)
+    half_size: Array  # (3,) radius, or half the edges
+    extinction: float
+
+    def inside(self, x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
+        offset = [(a - c) / h for a, c, h in zip((x, y, z), self.centre, self.half_size, strict=True)]
+        if self.shape == "sphere":
+            return np.asarray(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2 <= 1)
+        return np.asarray(np.maximum(np.maximum(abs(offset[0]), abs(offset[1])), abs(offset[2])) <= 1)
+
+
+def parse_body(text: str) -> Body:
+    """Read "sphere: centre (0,0,1) km radius 0.5 extinction 20/km" or the like for a box.
+
+    A box is given by a centre and a size (one edge or three; `half` before it: half edges) or by two corners.
+    """
+    shape = "sphere" if "sphere" in text.lower() else "box" if re.search(r"(?i)box|cube|cuboid", text) else ""
+    if not shape:
+        raise UserError(f"geometry {text!r} is neither a grid nor a sphere nor a box")
+    extinction = _after(r"extinction|beta", text)
+    triples = [
+        (word.lower(), np.array([float(n) for n in re.findall(_NUMBER, numbers)]))
+        for word, numbers in re.findall(
+            rf"([\w -]*?)\W*[(\[]\s*({_NUMBER}(?:[,\s]+{_NUMBER}){{2}})\s*[)\]]", text
+        )
+    ]
+    if shape == "sphere":
+        if len(triples) != 1:
+            raise UserError(f"geometry {text!r}: the sphere's centre (x,y,z) is missing")
+        radius = _after("radius", text)
+        return Body(shape, triples[0][1], np.full(3, radius), extinction)
+    centre, half_size = _box_extent(text, triples)
+    return Body(shape, centre, half_size, extinction)
+
+
+def _box_extent(text: str, triples: list[tuple[str, Array]]) -> tuple[Array, Array]:
+    named = next((value for word, value in triples if "cent" in word), None)
+    others = [(word, value) for word, value in triples if "cent" not in word]
+    if named is None and len(others) == 2:
+        (_, low), (_, high) = others
+        return (low + high) / 2, np.abs(high - low) / 2
+    if named is not None and len(others) == 1:
+        word, size = others[0]
+        return named, size if "half" in word else size / 2
+    if named is not None and not others:
+        edge = _after(r"edge|size|side|width", text)
+        return named, np.full(3, edge if re.search(r"(?i)half", text) else edge / 2)
+    raise UserError(f"geometry {text!r}: the box needs a centre and a size, or two corners")
+
+
+def _after(word: str, text: str) -> float:
+    match = re.search(rf"(?i)(?:{word})s?\s*[:=]?\s*({_NUMBER})", text)
+    if not match:
+        raise UserError(f"geometry {text!r}: no number after {word!r}")
+    return float(match.group(1))
+
+
+def grid_body(body: Body) -> tuple[Array, Array, Array, Array]:
+    """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body.
+
+    A node has the share of the cell around it that lies inside; nodes reach two cells beyond the body.
+    """
+    step = 2 * body.half_size.max() / _CELLS_ACROSS
+    cells = np.ceil(body.half_size / step).astype(int) + 2
+    x, y, z = (c + step * np.arange(-n, n + 1) for c, n in zip(body.centre, cells, strict=True))
+    offsets = step * ((np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5)
+    share = np.zeros((z.size, y.size, x.size))
+    for dz in offsets:
+        for dy in offsets:
+            for dx in offsets:
+                share += body.inside(x[None, None] + dx, y[None, :, None] + dy, z[:, None, None] + dz)
+    return x, y, z, body.extinction * share / _SUBSAMPLES**3

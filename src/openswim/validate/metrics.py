@@ -1,0 +1,76 @@
+"""How far a model is from a reference, with the reference's own Monte Carlo noise taken out."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+LIT = 0.02  # mean solar-relative radiance above which a block of pixels counts
+BLOCK = 4  # pixels on a side
+
+Array = NDArray[np.float64]
+
+
+class Score(NamedTuple):
+    """Errors relative to the mean of the reference; `n` values took part."""
+
+    relative_rmse: float
+    bias: float
+    correlation: float
+    n: int
+
+
+def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
+    """Compare values of one quantity, any shape; values the reference leaves out (NaN) are not compared.
+
+    relative_rmse = sqrt(max(0, mean((m - r)^2) - mean(sigma^2))) / |mean(r)|: the reference's noise, with a
+    standard deviation `sigma` per value, adds its variance to the mean square difference and is taken off.
+    bias = mean(m - r) / |mean(r)|. correlation is Pearson's, NaN where one side does not vary.
+    A NaN of the model is a failure of the model: it makes the score NaN.
+    """
+    r = np.asarray(reference, np.float64)
+    m, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, sigma))
+    known = np.isfinite(r) & np.isfinite(s)
+    m, r, s = m[known], r[known], s[known]
+    scale = abs(r.mean()) if r.size else 0.0
+    if scale == 0:
+        return Score(np.nan, np.nan, np.nan, int(r.size))
+    excess = np.mean((m - r) ** 2) - np.mean(s**2)
+    rmse = np.sqrt(np.maximum(excess, 0.0))
+    return Score(float(rmse / scale), float((m - r).mean() / scale), _correlation(m, r), int(r.size))
+
+
+def image_score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
+    """Compare two images (ni, nj) by their 4x4-pixel means, where that of the reference exceeds L' = 0.02."""
+    r = np.asarray(reference, np.float64)
+    m, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, sigma))
+    known = np.isfinite(r)
+    if np.isnan(m[known]).any():
+        return Score(np.nan, np.nan, np.nan, int(known.sum()))
+    reference_means, counts = block_means(r)
+    model_means, _ = block_means(np.where(known, m, np.nan))
+    variance_means, _ = block_means(np.where(known, s**2, np.nan))
+    lit = reference_means > LIT
+    sigma_of_mean = np.sqrt(variance_means[lit] / counts[lit])
+    return score(model_means[lit], reference_means[lit], sigma_of_mean)
+
+
+def block_means(image: Array) -> tuple[Array, Array]:
+    """Means over 4x4 pixels (an incomplete last row or column is left out) and how many pixels each has.
+
+    Pixels that are NaN are left out; a block with fewer than half its pixels is NaN.
+    """
+    ni, nj = (n // BLOCK for n in image.shape)
+    blocks = image[: ni * BLOCK, : nj * BLOCK].reshape(ni, BLOCK, nj, BLOCK)
+    known = np.isfinite(blocks)
+    counts = known.sum(axis=(1, 3)).astype(np.float64)
+    sums = np.where(known, blocks, 0.0).sum(axis=(1, 3))
+    means = np.full((ni, nj), np.nan)
+    np.divide(sums, counts, out=means, where=counts >= BLOCK * BLOCK / 2)
+    return means, counts
+
+
+def _correlation(a: Array, b: Array) -> float:
+    if a.size < 2 or not (np.ptp(a) > 0 and np.ptp(b) > 0):
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])

@@ -1,0 +1,129 @@
+"""Reference files as labelled tables, and the rows that a comparison yields."""
+
+import csv
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.validate.metrics import Score
+
+
+class Solver(Protocol):
+    """What is validated: `openswim.Solver`, or anything else that solves a scene."""
+
+    name: str
+
+    def solve(self, scene: Any, sun_direction: Any, wavelengths_nm: Any) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: how far one quantity of one case is from its reference."""
+
+    case: str
+    solver: str
+    quantity: str
+    relative_rmse: float
+    bias: float
+    correlation: float
+    n: int
+    cpu_seconds: float
+
+
+@dataclass
+class Stopwatch:
+    """CPU seconds (all threads) spent inside its `running()` blocks since the last `lap()`."""
+
+    seconds: float = 0.0
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        start = time.process_time()
+        try:
+            yield
+        finally:
+            self.seconds += time.process_time() - start
+
+    def lap(self) -> float:
+        lap, self.seconds = self.seconds, 0.0
+        return lap
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference file: netCDF as it is, CSV as columns along `row`; `about` is the JSON beside it."""
+
+    path: Path
+    data: xr.Dataset
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+    def has(self, *names: str) -> bool:
+        return all(name in self.data.variables for name in names)
+
+    @property
+    def is_table(self) -> bool:
+        return set(self.data.dims) == {"row"}
+
+    def column(self, name: str, default: float | None = None) -> NDArray[Any]:
+        """A column of a table; absent ones are `default` throughout."""
+        if name in self.data:
+            return np.asarray(self.data[name].values)
+        if default is None:
+            raise UserError(f"{self.path.name}: column {name!r} is missing")
+        return np.full(self.data.sizes["row"], default)
+
+    def row(self, solver: str, quantity: str, score: Score, cpu_seconds: float) -> Row:
+        return Row(self.name, solver, quantity, *score, cpu_seconds)
+
+
+def read_reference(path: Path) -> Reference:
+    """Read a .nc or .csv file whole; what cannot be read raises UserError."""
+    try:
+        if path.suffix == ".csv":
+            data = _read_csv(path)
+        else:
+            with xr.open_dataset(path) as opened:
+                data = opened.load()
+        beside = path.with_suffix(".json")
+        about = json.loads(beside.read_text()) if beside.exists() else {}
+    except (OSError, ValueError, KeyError, csv.Error, RuntimeError) as error:
+        raise UserError(f"{path.name}: cannot be read: {str(error).splitlines()[0]}") from error
+    return Reference(path, data, about if isinstance(about, dict) else {})
+
+
+def _read_csv(path: Path) -> xr.Dataset:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        header, *rows = list(csv.reader(file)) or [[]]
+    if not header or not rows:
+        raise ValueError("no header or no rows")
+    if any(len(row) != len(header) for row in rows):
+        raise ValueError("rows differ in length")
+    columns = zip(header, zip(*rows, strict=True), strict=True)
+    return xr.Dataset({name.strip(): ("row", _numbers_or_text(values)) for name, values in columns})
+
+
+def _numbers_or_text(values: tuple[str, ...]) -> NDArray[Any]:
+    try:
+        return np.array([float(v) if v.strip() else np.nan for v in values])
+    except ValueError:
+        return np.array(values)
+
+
+def groups(*columns: NDArray[Any]) -> Iterator[tuple[tuple[Any, ...], NDArray[np.intp]]]:
+    """Unique combinations of the columns' values, in order, with the indices of their rows."""
+    keys = list(zip(*(column.tolist() for column in columns), strict=True))
+    for key in sorted(set(keys)):
+        yield key, np.array([i for i, k in enumerate(keys) if k == key])

