@@ -189,6 +189,27 @@ def test_debug_shows_the_traceback(world, monkeypatch, capsys: pytest.CaptureFix
         assert "Traceback" in capsys.readouterr().err
 
 
+def test_the_demo_writes_four_pictures(
+    world, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from openswim.scene import procedural
+
+    monkeypatch.setattr(
+        procedural, "demo_scene", lambda: SimpleNamespace(place=(47.7, 11.2), source="made up")
+    )
+    assert run(["demo", "-o", str(tmp_path / "new" / "folder")]) == 0
+    names = sorted(p.name for p in (tmp_path / "new" / "folder").iterdir())
+    assert names == [f"demo_{view}.png" for view in ("airborne", "allsky", "panorama", "space")]
+    said = capsys.readouterr().out
+    assert "irradiance: global 100.0" in said
+    assert all((camera.lat, camera.lon) == (47.7, 11.2) for camera in world.cameras)
+    assert len({camera.height_m for camera in world.cameras}) == 3  # ground (twice), air, space
+
+    (tmp_path / "file").write_text("in the way")
+    assert run(["demo", "-o", str(tmp_path / "file")]) == 2
+    assert "cannot be made" in capsys.readouterr().err
+
+
 def test_a_file_that_is_none(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for command in (["info"], ["render", *ARGUMENTS, "-o", str(tmp_path / "x.png")]):
         assert run([command[0], str(tmp_path / "none.nc"), *command[1:]]) == 2

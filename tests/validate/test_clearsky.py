@@ -61,7 +61,7 @@ def test_the_sky_from_the_ground_and_the_air() -> None:
     rows = list(clearsky.compare_sky_file(reference, solver, NO_TABLES))
     assert len(rows) == 2 * 2 * 2
     assert max(row.relative_rmse for row in rows) < 1e-9
-    assert "radiance from 10km, sza 70, 615 nm" in {row.quantity for row in rows}
+    assert "radiance from 10km, 615 nm, sza 70" in {row.quantity for row in rows}
     heights = [_radii(origin) - RADIUS_M for origin, _ in solver.rays]
     assert heights[0] == pytest.approx(1.0, abs=1e-3)
     assert heights[1] == pytest.approx(10_000.0, abs=1e-3)
@@ -78,9 +78,18 @@ def test_a_table_of_low_suns_and_a_zenith_only_one() -> None:
     rows = list(clearsky.compare_sky_table(reference, FakeSolver(_forward), NO_TABLES))
     assert [row.n for row in rows] == [2, 1]
     assert max(row.relative_rmse for row in rows) < 1e-9
-    overhead = _table(**angles, obs_alt_m=0.0, Lp=2 + np.cos(np.radians(88.0)))
-    rows = list(clearsky.compare_sky_table(overhead, FakeSolver(_forward), NO_TABLES))
-    assert max(row.relative_rmse for row in rows) < 1e-9
+
+
+def test_a_table_of_zeniths_leaves_out_what_is_noise() -> None:
+    truth = 2 + np.cos(np.radians([88.0, 88.0, 101.0]))
+    noise = np.array([0.01, 0.09, 0.11]) * truth
+    overhead = _table(
+        sza=[88.0, 88.0, 101.0], aod550=0.0, albedo=0.1, wl=[450.0, 546.0, 450.0], Lp=truth, Lp_stderr=noise
+    )
+    (row,) = clearsky.compare_sky_table(overhead, FakeSolver(_forward), NO_TABLES)
+    assert row.quantity == "radiance from 0 km, zenith, sza 88"
+    assert row.relative_rmse == 0
+    assert row.n == 2
 
 
 def test_views_from_space_meet_the_place_and_the_tangent_height() -> None:

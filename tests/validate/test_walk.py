@@ -11,7 +11,7 @@ from openswim.validate import validate
 from openswim.validate.reference import Row
 from openswim.validate.report import as_table, write_json
 
-TABLE = "sza,aod550,albedo,wl,Lp\n60,0.0,0.1,450,2.5\n60,0.0,0.1,615,2.0\n"
+TABLE = "sza,aod550,albedo,wl,vza,Lp\n60,0.0,0.1,450,0,2.5\n60,0.0,0.1,615,0,2.0\n"
 
 
 def _radiance(scene, sun, origin, direction):

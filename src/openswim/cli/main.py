@@ -51,6 +51,8 @@ def cli() -> None:
     type=click.Path(path_type=Path),
     default=Path("openswim-demo"),
     show_default=True,
+    envvar="OPENSWIM_DEMO_DIR",
+    help="Folder for the pictures; made where it is missing.",
 )
 @_debug
 def demo(folder: Path) -> None:

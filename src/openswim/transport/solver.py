@@ -111,9 +111,8 @@ class Field:
         """Radiance along rays; memory is bounded by tiling over them."""
         started = time.perf_counter()
         shells = self._shells_for(rays)
-        eye, parallel = _eye_of(rays)
         if self._light is not None:
-            self._light.aim(self.volume, eye, parallel)
+            self._light.aim(self.volume, *_eye_of(rays))
         n, nw = len(rays), len(self.wavelengths_nm)
         out = View(
             np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
@@ -354,23 +353,25 @@ def _volume(
     fields = np.zeros((nz, ny, nx, ns + len(rows) + nw + 1), np.float32)
     for s in range(ns):
         fields[..., s] = medium.extinction[s]
-    depth = np.empty((nz, ny, nx), np.float32)
+    spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
+    height = medium.levels_m[:, None, None]
+    occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
+    free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
+    fields[..., -1] = free
+    # where light is scattered or meets the ground, the way to the sun is followed exactly
+    exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     cell = np.array(medium.cell_m, float)
     depths: dict[int, F32] = {}
     for n, row in enumerate(rows):
         total = np.tensordot(row, medium.extinction, axes=1).astype(np.float32)
+        depth = np.zeros((nz, ny, nx), np.float32)
         if total.any():
             sun_sweep(
-                total, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m, medium.periodic, depth
-            )
-        else:
-            depth[:] = 0
+                total, exact, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m,
+                medium.periodic, depth,
+            )  # fmt: skip
         fields[..., ns + n] = depth
-        depths[ns + n] = depth.copy()
-    occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
-    spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
-    occupied |= medium.levels_m[:, None, None] < medium.terrain_m + 1.5 * spacing[:, None, None]
-    fields[..., -1] = _free_cells(occupied, medium.periodic)
+        depths[ns + n] = depth
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
         np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, fields, scaled, forward,

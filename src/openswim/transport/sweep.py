@@ -41,55 +41,76 @@ def _plane_value(plane, x, y, periodic):
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
-def _depth_to_level(extinction, depth, k, i, j, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m, radius_m,
-                    periodic):
-    """Optical depth from node (k, j, i) to the sun: to the next level up in steps of a cell, then what is known there."""
+def _depth_to_sun(extinction, depth, k, i, j, sun, last_level, levels_m, level_origin_m, level_per_m, level_table, cell_m,
+                  radius_m, periodic):
+    """Optical depth from node (k, j, i) toward the sun up to ``last_level``, then what is known there.
+
+    Samples where the ray meets a level and, between levels, once a cell.
+    """
     nz, ny, nx = extinction.shape
     mu = sun[2]
-    rise = levels_m[k + 1] - levels_m[k]
     bend = (1.0 - mu * mu) / (2.0 * radius_m)
-    root = math.sqrt(mu * mu + 4.0 * bend * rise)
-    length = 2.0 * rise / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
     vx, vy = sun[0] / cell_m[0], sun[1] / cell_m[1]
-    cells = max(abs(vx), abs(vy)) * length
-    longest = 4.0 * (nx + ny)
-    count = int(min(cells, longest)) + 1
-    ds = length / count if cells <= longest else longest / max(abs(vx), abs(vy)) / count
+    fastest = max(abs(vx), abs(vy))
+    longest = 4.0 * (nx + ny) / max(fastest, 1e-12)
     below = extinction[k, j, i]
     total = 0.0
-    for n in range(1, count + 1):
-        s = n * ds
-        x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-        if not periodic and (x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0):
-            # half a step to the edge on average; beyond it there is nothing
-            return total + 0.5 * below * ds
-        if n == count and cells <= longest:
-            here = _plane_value(extinction[k + 1], x, y, periodic)
-            return total + 0.5 * (below + here) * ds + _plane_value(depth[k + 1], x, y, periodic)
-        fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
-        m = min(int(fk), nz - 2)
-        c = np.float32(fk - m)
-        here = _plane_value(extinction[m], x, y, periodic) * (_ONE - c) + _plane_value(extinction[m + 1], x, y, periodic) * c
-        total += 0.5 * (below + here) * ds
-        below = here
-    return total
+    s = 0.0
+    for level in range(k + 1, last_level + 1):
+        rise = levels_m[level] - levels_m[k]
+        root = math.sqrt(mu * mu + 4.0 * bend * rise)
+        end = 2.0 * rise / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
+        if end > longest:
+            end = longest
+        count = int(fastest * (end - s)) + 1
+        ds = (end - s) / count
+        for n in range(1, count + 1):
+            s += ds
+            x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
+            if not periodic and (x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0):
+                # half a step to the edge on average; beyond it there is nothing
+                return total + 0.5 * below * ds
+            if n == count and end < longest:
+                here = _plane_value(extinction[level], x, y, periodic)
+            else:
+                fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
+                m = min(int(fk), nz - 2)
+                c = np.float32(fk - m)
+                here = (
+                    _plane_value(extinction[m], x, y, periodic) * (_ONE - c)
+                    + _plane_value(extinction[m + 1], x, y, periodic) * c
+                )
+            total += 0.5 * (below + here) * ds
+            below = here
+        if end >= longest:
+            return total
+    x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
+    return total + _plane_value(depth[last_level], x, y, periodic)
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def sun_sweep(extinction, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m, radius_m, periodic, depth):
+def sun_sweep(extinction, exact, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m, radius_m, periodic, depth):
     """Optical depth (nz, ny, nx) from every node to the sun; ``sun`` (ny, nx, 3) in each column's own axes.
 
-    Handles any sun, also one below the horizon of a node on the curved Earth: the way up then starts downward.
+    Nodes marked ``exact`` follow their ray to the top of the cloud; the others go one level up and interpolate there,
+    which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the horizon of a node on the
+    curved Earth: the way up then starts downward.
     """
     nz, ny, nx = extinction.shape
-    depth[nz - 1] = 0.0
-    for step in range(nz - 1):
+    top = 0
+    for k in range(nz):
+        if extinction[k].max() > 0.0:
+            top = k
+    for k in range(min(top + 1, nz - 1), nz):
+        depth[k] = 0.0
+    for step in range(nz - 1 - min(top + 1, nz - 1), nz - 1):
         k = nz - 2 - step
         for j in prange(ny):
             for i in range(nx):
-                depth[k, j, i] = _depth_to_level(
-                    extinction, depth, k, i, j, sun[j, i], levels_m, level_origin_m, level_per_m, level_table, cell_m,
-                    radius_m, periodic,
+                last = min(top + 1, nz - 1) if exact[k, j, i] else k + 1
+                depth[k, j, i] = _depth_to_sun(
+                    extinction, depth, k, i, j, sun[j, i], last, levels_m, level_origin_m, level_per_m, level_table,
+                    cell_m, radius_m, periodic,
                 )
 
 
@@ -164,7 +185,7 @@ def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells
 def lit_fraction(height_m, shadow_m, distance_m, softness_m):
     """Share of the sun seen above a ridge: penumbra of the disc, at least ``softness_m`` wide."""
     width = max(softness_m, 2.0 * SUN_RADIUS_RAD * distance_m)
-    return min(1.0, max(0.0, 0.5 + (height_m - shadow_m) / width))
+    return min(1.0, max(0.0, 1.0 - (shadow_m - height_m) / width))
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _LAT, _LON, _SUN_AZIMUTH_DEG = 40.0, 10.0, 150.0
 _SPACE_M = 800_000.0
 _EYE_M = 1.0  # an observer on the ground
+_NOISIEST = 0.1  # standard deviation over value beyond which a Monte Carlo value tells nothing
 
 
 class ClearSky:
@@ -101,7 +102,7 @@ def compare_sky_file(reference: Reference, solver: Solver, phases: PhaseTables) 
         for name, images in model.items():
             truth = data[f"Lp_{name}"].transpose("case", "wavelength", f"vza_{name}", "raa").values[cases]
             for k, wavelength in enumerate(wavelengths):
-                quantity = f"radiance from {name}, sza {sza:g}, {wavelength:g} nm"
+                quantity = f"radiance from {name}, {wavelength:g} nm, sza {sza:g}"
                 yield reference.row(solver.name, quantity, score(np.stack(images)[:, k], truth[:, k]), cpu)
 
 
@@ -125,7 +126,8 @@ def is_sky_table(reference: Reference) -> bool:
 
 
 def compare_sky_table(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
-    """Rows per observer height, sun and wavelength. Without columns vza and raa the zenith is meant."""
+    """Rows per observer height, sun and wavelength; without columns vza and raa the zenith is meant, and the
+    wavelengths share a row."""
     height = reference.column("obs_alt_m", 0.0)
     zenith, azimuth = reference.column("vza", 0.0), reference.column("raa", 0.0)
     sigma = reference.column("Lp_stderr", 0.0)
@@ -133,7 +135,10 @@ def compare_sky_table(reference: Reference, solver: Solver, phases: PhaseTables)
     def view(sky: ClearSky, rows: NDArray[np.intp]) -> Array:
         return sky.from_inside(height[rows], zenith[rows], azimuth[rows])
 
-    labels = np.array([f"radiance from {h / 1000:g} km" for h in height])
+    bands = [f"{w:g} nm" if "vza" in reference.data else "zenith" for w in reference.column("wl")]
+    labels = np.array(
+        [f"radiance from {h / 1000:g} km, {band}" for h, band in zip(height, bands, strict=True)]
+    )
     yield from _compare_table(reference, solver, labels, sigma, view)
 
 
@@ -153,14 +158,19 @@ def compare_space_table(reference: Reference, solver: Solver, phases: PhaseTable
         seen[limb] = sky.limb(1000.0 * zenith_or_km[rows][limb], azimuth[rows][limb])
         return seen
 
-    labels = np.array([f"{k} radiance from space" for k in kind])
+    labels = np.array(
+        [f"{k} radiance from space, {w:g} nm" for k, w in zip(kind, reference.column("wl"), strict=True)]
+    )
     yield from _compare_table(reference, solver, labels, np.zeros(len(kind)), view)
 
 
 def _compare_table(
     reference: Reference, solver: Solver, labels: NDArray[Any], sigma: Array, view: Any
 ) -> Iterator[Row]:
-    """Solve once per sun, aerosol and ground; one row per label, sun and wavelength."""
+    """Solve once per sun, aerosol and ground; one row per label and sun.
+
+    Values whose own noise exceeds 10 % (deep twilight) are left out.
+    """
     watch = Stopwatch()
     sza, aod, albedo, wl = (reference.column(name) for name in ("sza", "aod550", "albedo", "wl"))
     wavelengths = np.unique(wl)
@@ -172,7 +182,10 @@ def _compare_table(
         model[rows] = seen[np.arange(rows.size), np.searchsorted(wavelengths, wl[rows])]
         cpu[sun] = cpu.get(sun, 0.0) + watch.lap()
     truth = reference.column("Lp")
-    for (label, sun, wavelength), rows in groups(labels, sza, wl):
-        found = score(model[rows], truth[rows], sigma[rows])
-        share = cpu[sun] * rows.size / np.count_nonzero(sza == sun)
-        yield reference.row(solver.name, f"{label}, sza {sun:g}, {wavelength:g} nm", found, share)
+    telling = sigma <= _NOISIEST * truth
+    for (label, sun), group in groups(labels, sza):
+        rows = group[telling[group]]
+        share = cpu[sun] * group.size / np.count_nonzero(sza == sun)
+        if rows.size:
+            found = score(model[rows], truth[rows], sigma[rows])
+            yield reference.row(solver.name, f"{label}, sza {sun:g}", found, share)

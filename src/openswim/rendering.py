@@ -1,0 +1,271 @@
+"""`render`: from a scene and a camera to an image of calibrated spectral radiance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+import openswim
+from openswim.cameras import Camera, Rays
+from openswim.errors import UserError
+from openswim.irradiance import broadband, quadrature_directions, spectral_irradiance
+from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
+from openswim.scene import Scene
+from openswim.scene.frame import scene_frame
+from openswim.transport import Field, Solver
+
+F64 = NDArray[np.float64]
+
+WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
+_SPACE_M = 1e5
+_QUADRATURE = 8
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """The sun over a scene: ``direction`` (3,) in the scene frame, distance (au) and angular radius (degrees)."""
+
+    direction: F64
+    distance_au: float = 1.0
+    angular_radius_deg: float = 0.2666
+
+
+@dataclass(frozen=True)
+class LitScene:
+    """A scene with its field of light solved: render it from as many cameras as you like."""
+
+    scene: Scene
+    field: Field
+    daylight: Daylight
+    time: np.datetime64 | None
+
+
+def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:
+    """The sun at a time (UTC; the scene's own by default), or at ``sun`` = (azimuth, altitude) degrees.
+
+    Its direction is raised by atmospheric refraction at the centre of the scene, so that it sets when it should;
+    rays themselves are straight.
+    """
+    frame = scene_frame(scene)
+    if sun is not None:
+        return Daylight(frame.direction(*sun, frame.lat, frame.lon))
+    when = scene.time if time is None else time
+    if when is None:
+        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees")
+    if not frame.curved:
+        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees")
+    place = sun_position(when, frame.lat, frame.lon)
+    direction = frame.enu(*subsolar_point(when))[2]
+    lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
+    if lift > 0:
+        up = np.array([0.0, 0.0, 1.0])
+        tangent = up - direction * direction[2]
+        direction = direction * np.cos(lift) + tangent / max(np.linalg.norm(tangent), 1e-9) * np.sin(lift)
+    return Daylight(direction, place.distance_au, place.angular_radius_deg)
+
+
+def light(
+    scene: Scene,
+    solver: str | Solver = "fast",
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
+    time: Any = None,
+    sun: tuple[float, float] | None = None,
+) -> LitScene:
+    """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
+    day = daylight(scene, time, sun)
+    chosen = solver if isinstance(solver, Solver) else Solver(solver)
+    when = scene.time if time is None else np.datetime64(time, "ms")
+    return LitScene(scene, chosen.solve(scene, day.direction, wavelengths_nm), day, None if sun is not None else when)
+
+
+def render(
+    scene: Scene | LitScene,
+    camera: Camera,
+    solver: str | Solver = "fast",
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
+    time: Any = None,
+    sun: tuple[float, float] | None = None,
+) -> xr.Dataset:
+    """Image of a scene: what a calibrated camera would measure.
+
+    Parameters: a scene (or the result of `light`, then the other options are taken from it); a camera; "fast" or
+    "swim" or a `Solver`; wavelengths (nm, any number); time (UTC, default the scene's); sun = (azimuth, altitude) in
+    degrees instead of a time.
+
+    Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
+    al. 2020, Eq. 2); on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the ray ends on
+    the ground; attributes with place, time, sun, solver and the irradiance at the observer.
+    """
+    lit = scene if isinstance(scene, LitScene) else light(scene, solver, wavelengths_nm, time, sun)
+    field, frame = lit.field, lit.field.frame
+    ground_m = _ground_below(lit, camera)
+    pixels = camera.pixels()
+    rays = camera.rays(frame, ground_m, pixels)
+    view = field.view(rays)
+    sun_azimuth, sun_altitude = _sun_at(lit, camera)
+    relative = view.radiance.astype(np.float32)
+    _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
+    attrs = _attributes(lit, camera, sun_azimuth, sun_altitude)
+    height = camera.height_above_sea_m(ground_m)
+    if height < _SPACE_M:
+        attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
+    return _dataset(lit, pixels, relative, view, attrs)
+
+
+def _ground_below(lit: LitScene, camera: Camera) -> float:
+    """Height of the ground under the camera (m); complains where the observer is outside the domain or buried."""
+    grid, medium, frame = lit.scene.grid, lit.field.medium, lit.field.frame
+    height = camera.height_m
+    if not np.isfinite(height) or height < 0:
+        raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
+    if grid is None or medium is None:
+        return lit.field.lighting.ground_m
+    if height >= _SPACE_M or camera.above == "sea level":
+        return 0.0
+    if frame.curved:
+        ix, iy = (float(v) for v in grid.index(camera.lon, camera.lat))
+    else:
+        ix, iy = (camera.x_m - grid.x[0]) / grid.step[0], (camera.y_m - grid.y[0]) / grid.step[1]
+    _, ny, nx = grid.shape
+    if not grid.periodic and not (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1):
+        raise UserError(f"the observer is outside the domain: {_extent(lit.scene)}")
+    if grid.periodic:
+        return 0.0
+    i, j = min(int(ix), nx - 2), min(int(iy), ny - 2)
+    a, b = ix - i, iy - j
+    t = medium.terrain_m.astype(float)
+    return float((t[j, i] * (1 - a) + t[j, i + 1] * a) * (1 - b) + (t[j + 1, i] * (1 - a) + t[j + 1, i + 1] * a) * b)
+
+
+def _extent(scene: Scene) -> str:
+    """What the domain covers, for an error message."""
+    grid = scene.grid
+    assert grid is not None
+    if not grid.curved:
+        return f"choose x in {grid.x[0]:g} to {grid.x[-1]:g} m and y in {grid.y[0]:g} to {grid.y[-1]:g} m"
+    _, ny, nx = grid.shape
+    edge = np.arange(max(nx, ny))
+    i = np.concatenate([np.clip(edge, 0, nx - 1), np.clip(edge, 0, nx - 1), 0 * edge, 0 * edge + nx - 1])
+    j = np.concatenate([0 * edge, 0 * edge + ny - 1, np.clip(edge, 0, ny - 1), np.clip(edge, 0, ny - 1)])
+    lon, lat = grid.lonlat(i, j)
+    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+
+
+def _sun_at(lit: LitScene, camera: Camera) -> tuple[float, float]:
+    """Azimuth and altitude (degrees) of the sun at the camera."""
+    frame = lit.field.frame
+    axes = frame.enu(camera.lat, camera.lon) if frame.curved else np.eye(3)
+    east, north, up = axes @ lit.daylight.direction
+    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+
+
+def _add_disc(relative: NDArray, view: Any, lit: LitScene, distance_deg: F64, pixels: Any) -> None:
+    """The sun's disc, limb-darkened and anti-aliased, dimmed by the full optical depth in front of it."""
+    inside = np.asarray(pixels.inside).ravel()
+    distance = distance_deg[inside] if distance_deg.size == inside.size else distance_deg
+    half = np.broadcast_to(np.asarray(pixels.half_width_deg), pixels.inside.shape).ravel()[inside]
+    radius = lit.daylight.angular_radius_deg
+    near = np.flatnonzero((distance < radius + 3 * half + 0.05) & ~view.hit)
+    if near.size:
+        disc = disc_coverage(distance[near], half[near], radius, lit.field.wavelengths_nm)
+        relative[near] += (disc * view.transmittance[near]).astype(np.float32)
+
+
+def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
+    """Spectral and broadband irradiance on the horizontal at the observer."""
+    field, frame = lit.field, lit.field.frame
+    quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
+    axes = frame.enu(camera.lat, camera.lon) if frame.curved else np.eye(3)
+    az, alt = np.radians(quadrature.azimuth_deg), np.radians(quadrature.altitude_deg)
+    local = np.stack([np.cos(alt) * np.sin(az), np.cos(alt) * np.cos(az), np.sin(alt)], axis=-1)
+    view = field.view(Rays(origin, np.concatenate([local @ axes, lit.daylight.direction[None]])))
+    direct = view.transmittance[-1] * (not view.hit[-1])
+    wl = field.wavelengths_nm
+    spectral = spectral_irradiance(
+        view.radiance[:-1], quadrature, direct, altitude, wl, lit.daylight.distance_au
+    )
+    wide = broadband(
+        direct, spectral["relative_diffuse_horizontal"].values, wl, altitude, lit.daylight.distance_au
+    )
+    out: dict[str, Any] = {
+        "global_horizontal_irradiance_w_m2": wide.global_horizontal,
+        "direct_normal_irradiance_w_m2": wide.direct_normal,
+        "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
+        "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
+    }
+    out = {name: round(float(value), 2) for name, value in out.items()}
+    for part in ("global", "direct", "diffuse"):
+        out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = [
+            float(v) for v in spectral[f"{part}_horizontal"].values
+        ]
+    return out
+
+
+def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
+    attrs: dict[str, Any] = {
+        "Conventions": "CF-1.11",
+        "title": f"OpenSWIm {camera.view} image",
+        "history": f"openswim {openswim.__version__}",
+        "view": camera.view,
+        "source": lit.scene.source,
+        "solver": lit.field.solver.name,
+        "sun_altitude_deg": round(altitude, 4),
+        "sun_azimuth_deg": round(azimuth, 4),
+        "sun_distance_au": lit.daylight.distance_au,
+        "height_m": float(camera.height_m),
+        "height_above": camera.above,
+    }
+    if lit.field.frame.curved:
+        attrs |= {"latitude": float(camera.lat), "longitude": float(camera.lon)}
+    else:
+        attrs |= {"x_m": float(camera.x_m), "y_m": float(camera.y_m)}
+    if lit.time is not None:
+        attrs["time"] = f"{np.datetime_as_string(np.datetime64(lit.time), 's')}Z"
+    return attrs
+
+
+def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: dict[str, Any]) -> xr.Dataset:
+    wl = lit.field.wavelengths_nm
+    toa = solar_irradiance(wl) / lit.daylight.distance_au**2
+    spectral = relative * (toa / (4 * np.pi)).astype(np.float32)
+    dims = ("y", "x", "wavelength")
+    image = xr.Dataset(
+        {
+            "radiance": (
+                dims, pixels.image(spectral),
+                {"long_name": "spectral radiance", "units": "W m-2 sr-1 nm-1",
+                 "standard_name": "downwelling_radiance_per_unit_wavelength_in_air"},
+            ),
+            "solar_relative_radiance": (
+                dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
+            ),
+            "azimuth": (
+                ("y", "x"), pixels.azimuth_deg.astype(np.float32),
+                {"long_name": "viewing azimuth, clockwise from north", "units": "degree"},
+            ),
+            "altitude": (
+                ("y", "x"), pixels.altitude_deg.astype(np.float32),
+                {"long_name": "viewing altitude above the horizon", "units": "degree"},
+            ),
+            "solar_irradiance": (
+                ("wavelength",), toa,
+                {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},
+            ),
+        },
+        coords={"wavelength": ("wavelength", wl, {"standard_name": "radiation_wavelength", "units": "nm"})},
+        attrs=attrs,
+    )  # fmt: skip
+    if lit.field.frame.curved:
+        lat, lon, _ = lit.field.frame.latlon(view.position)
+        for name, value in (("latitude", lat), ("longitude", lon)):
+            image[name] = (
+                ("y", "x"), pixels.image(value.astype(np.float32)),
+                {"standard_name": name, "units": f"degrees_{'north' if name == 'latitude' else 'east'}",
+                 "long_name": f"{name} of the ground that the pixel shows"},
+            )  # fmt: skip
+    return image
