@@ -124,7 +124,7 @@ def _ground_below(lit: LitScene, camera: Camera) -> float:
     if not np.isfinite(height) or height < 0:
         raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
     if grid is None or medium is None:
-        return lit.field.lighting.ground_m
+        return lit.field.ground_m
     if height >= _SPACE_M or camera.above == "sea level":
         return 0.0
     if frame.curved:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,13 +83,12 @@ class Sweeper:
                 radiance = self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux)
         return new
 
-    def solve(self, moments: F32, tolerance: float, most: int, tick: Callable[[], None] = lambda: None) -> tuple[F32, int]:
+    def solve(self, moments: F32, tolerance: float, most: int) -> tuple[F32, int]:
         """Fixed point by Anderson acceleration over the last three sweeps; inner products over l < 2."""
         sources: list[F32] = []
         images: list[F32] = []
         for n in range(1, most + 1):
             image = self.sweep(moments)
-            tick()
             residual = (image[:4] - moments[:4]).ravel()
             scale = float(np.linalg.norm(image[:4]))
             if scale == 0 or float(np.linalg.norm(residual)) < tolerance * scale:

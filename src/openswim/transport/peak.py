@@ -61,5 +61,5 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
 
 
 def peak_tables(phases: Sequence[Sequence[PhaseFunction]], degree: int) -> NDArray[np.float32]:
-    """Stacked tables (scatterer, wavelength, angle, depth) for the kernels."""
-    return np.stack([np.stack([peak_table(p, degree) for p in row]) for row in phases])
+    """Stacked tables (scatterer, angle, depth, wavelength) for the kernels."""
+    return np.stack([np.stack([peak_table(p, degree) for p in row], axis=-1) for row in phases])

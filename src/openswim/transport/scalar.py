@@ -12,9 +12,25 @@ import numpy as np
 from numba import njit
 
 _F1 = np.float32(1.0)
+_MOST_DEGREE = 12
 
 
-@njit(cache=True, error_model="numpy", fastmath=True, inline="always")
+def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients of the normalised Legendre recurrences, [l, m] and [m]: roots are too dear for a kernel."""
+    a = np.zeros((_MOST_DEGREE, _MOST_DEGREE))
+    b = np.zeros((_MOST_DEGREE, _MOST_DEGREE))
+    for m in range(_MOST_DEGREE):
+        for ell in range(m + 1, _MOST_DEGREE):
+            a[ell, m] = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
+            b[ell, m] = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
+    m = np.arange(_MOST_DEGREE)
+    return a, b, -np.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+
+
+_UP, _BACK, _ALONG = _recurrence()
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def transmission(optical_depth):
     """exp(-optical_depth) for any depth >= 0, absolute error below 2e-5; vectorises, unlike exp.
 
@@ -31,7 +47,7 @@ def transmission(optical_depth):
     return t * t
 
 
-@njit(cache=True, error_model="numpy", fastmath=True, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def step_emission(depth, trans, step_m, source_near, source_far, extinction_near, extinction_far):
     """Light that one step adds at its near end, extinction and source linear along it.
 
@@ -51,14 +67,14 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
 def height_m(x, y, z, radius_m):
     """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
     q = x * x + y * y + z * (2.0 * radius_m + z)
     return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
 def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     """Share of the sun's disc above the horizon (0..1), mu and mu_horizon being cosines of zenith angles."""
     x = (mu - mu_horizon) / sun_radius_rad
@@ -69,7 +85,7 @@ def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
 def table_index(value, origin, per_unit, table):
     """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
     t = (value - origin) * per_unit
@@ -83,13 +99,7 @@ def table_index(value, origin, per_unit, table):
     return table[i] * (1.0 - f) + table[i + 1] * f
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def forward_depth_coordinate(forward_depth):
-    """Position in 0..1 on the axis of the forward-peak tables: phi/(1 + phi)."""
-    return forward_depth / (1.0 + forward_depth)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
 def smoothstep(x):
     """0 below 0, 1 above 1, smooth between."""
     if x <= 0.0:
@@ -99,7 +109,7 @@ def smoothstep(x):
     return x * x * (3.0 - 2.0 * x)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def harmonics(x, y, z, degree, out):
     """Real orthonormal spherical harmonics Y_lm(x, y, z), l < degree, into out[l*l + l + m]."""
     # P_mm and the upward recurrence in l, without the factor sin(theta)^m, which (x + iy)^m carries
@@ -111,9 +121,7 @@ def harmonics(x, y, z, degree, out):
         p1 = pmm
         for ell in range(m, degree):
             if ell > m:
-                a = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
-                b = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
-                p2 = a * (z * p1 - b * p0)
+                p2 = _UP[ell, m] * (z * p1 - _BACK[ell, m] * p0)
                 p0 = p1
                 p1 = p2
             if m == 0:
@@ -121,11 +129,11 @@ def harmonics(x, y, z, degree, out):
             else:
                 out[ell * ell + ell + m] = 1.4142135623730951 * p1 * c
                 out[ell * ell + ell - m] = 1.4142135623730951 * p1 * s
-        pmm = -pmm * math.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+        pmm *= _ALONG[m]
         c, s = c * x - s * y, s * x + c * y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=False)
 def harmonics_symmetric(mu, cos_azimuth, degree, out):
     """The harmonics even in azimuth (m >= 0) of a direction, into out[l*(l+1)/2 + m].
 
@@ -144,11 +152,9 @@ def harmonics_symmetric(mu, cos_azimuth, degree, out):
         norm = 1.0 if m == 0 else 1.4142135623730951
         for ell in range(m, degree):
             if ell > m:
-                a = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
-                b = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
-                p2 = a * (mu * p1 - b * p0)
+                p2 = _UP[ell, m] * (mu * p1 - _BACK[ell, m] * p0)
                 p0 = p1
                 p1 = p2
             out[ell * (ell + 1) // 2 + m] = norm * p1 * c
-        pmm = -pmm * math.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+        pmm *= _ALONG[m]
         c, s = c * x - s * y, s * x + c * y

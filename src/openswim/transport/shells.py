@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics import Background
-from openswim.transport.march import SHELL_TABLE_PER_M, Shells, Volume, gather_kernel
+from openswim.transport.march import PACK, SHELL_TABLE_PER_M, Shells, Volume, gather_kernel
 from openswim.transport.ordinates import hemisphere_product
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ _CONVERGED = 1e-3
 _MOST_ITERATIONS = 12
 
 
-def no_volume(wavelengths: int) -> Volume:
+def no_volume() -> Volume:
     """The absence of a grid, in the shape the kernels take."""
     f32 = np.float32
     return Volume(
@@ -51,11 +51,12 @@ def no_volume(wavelengths: int) -> Volume:
         spacing_m=np.full(1, 1e9, f32),
         periodic=False,
         species=0,
-        fields=np.zeros((1, 1, 1, 1), f32),
-        scaled=np.zeros((1, wavelengths), f32),
-        forward=np.zeros((1, wavelengths), f32),
-        depth_channel=np.zeros(wavelengths, np.int64),
-        forward_channel=np.zeros(wavelengths, np.int64),
+        free_channel=0,
+        fields=np.zeros((1, 1, 1, PACK), f32),
+        scaled=np.zeros((1, PACK), f32),
+        forward=np.zeros((1, PACK), f32),
+        depth_channel=np.zeros(PACK, np.int64),
+        forward_channel=np.zeros(PACK, np.int64),
         terrain_m=np.zeros((1, 1), f32),
         clear_cells=8,
     )
@@ -105,15 +106,14 @@ def build_shells(
     ground_m: float,
     ground_albedo: ArrayLike,
     degree: int,
-    wavelengths: int,
     top_m: float,
     scale: float = 1.0,
 ) -> Shells:
-    """Shells with their diffuse field, for suns between two zenith angles (degrees).
+    """Shells with their diffuse field, at PACK wavelengths, for suns between two zenith angles (degrees).
 
     ``background``: optical profile on `shell_levels`, or None for vacuum. ``degree``: the truncation order M.
     """
-    nw = wavelengths
+    nw = PACK
     f32 = np.float32
     albedo = np.broadcast_to(np.asarray(ground_albedo, float), (nw,)).astype(f32)
     suns = _SUNS_DEG[
@@ -132,7 +132,7 @@ def build_shells(
         flux = np.repeat(np.maximum(sun_mu, 0)[:, None], nw, 1)
         return Shells(
             radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)), zeros, zeros,
-            np.zeros((2, nw, degree), f32), np.zeros((2, 2, nw), f32), np.zeros((2, 2, nw), f32),
+            np.zeros((2, degree, nw), f32), np.zeros((2, 2, nw), f32), np.zeros((2, 2, nw), f32),
             np.zeros(2), sun_table, np.zeros((0, len(suns), degree * (degree + 1) // 2, nw), f32),
             flux.astype(f32), albedo,
         )  # fmt: skip
@@ -147,7 +147,7 @@ def build_shells(
     forward = aerosol * omega * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
     scattering = (
-        rayleigh[:, :, None] * chi_r + (aerosol * omega)[:, :, None] * (chi[:, :degree] - f[:, None])[None]
+        rayleigh[:, None] * chi_r[:, None] + (aerosol * omega)[:, None] * (chi[:, :degree] - f[:, None]).T
     )
     sun_depth = slant_depths(extinction, levels, radius_m, ground_m)
     grid_100m = np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M)
@@ -180,12 +180,11 @@ def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
 
 def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
     """Orders of scattering until the moments settle."""
-    nw = shells.extinction.shape[1]
     mu, azimuth, weight = hemisphere_product(8, 10)
-    volume = no_volume(nw)
-    table = np.zeros((1, nw, 2, 2), np.float32)
+    volume = no_volume()
+    table = np.zeros((1, 2, 2, PACK), np.float32)
     moments = np.zeros(shells.moments.shape, np.float32)
-    downward = np.zeros((len(_MOMENT_LEVELS_M), len(sun_mu), nw), np.float32)
+    downward = np.zeros((len(_MOMENT_LEVELS_M), len(sun_mu), PACK), np.float32)
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(np.float32))
     for _ in range(_MOST_ITERATIONS):

@@ -6,7 +6,6 @@ One solve serves every camera; only the view pass repeats.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
+from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
-from openswim.transport.march import Shells, Volume, ground_radiance_rows, view_kernel
+from openswim.transport.march import PACK, Shells, Volume, ground_radiance_rows, view_kernel
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.ordinates import harmonic_matrix, lebedev
 from openswim.transport.peak import peak_tables
@@ -48,6 +48,7 @@ class Solver:
     tolerance: float = 1e-2
     step: float = 1.0
     most_sweeps: int = 60
+    fine_sweeps: int = 3
 
     def __post_init__(self) -> None:
         if self.name == "reference":
@@ -59,8 +60,7 @@ class Solver:
         self,
         scene: Scene,
         sun_direction: ArrayLike,
-        wavelengths_nm: Sequence[float] = (615.0, 546.0, 450.0),
-        progress: Callable[[str, int, int], None] | None = None,
+        wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
     ) -> Field:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame)."""
         sun = np.asarray(sun_direction, float)
@@ -68,10 +68,9 @@ class Solver:
         wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
-        tell = progress or (lambda stage, done, total: None)
-        if scene.grid is None:
-            return _clear_field(self, scene, sun, wl)
-        return _grid_field(self, scene, sun, wl, tell)
+        parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
+        solve = _clear_field if scene.grid is None else _grid_field
+        return Field([solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts])
 
 
 @dataclass
@@ -90,13 +89,71 @@ class View:
 
 @dataclass
 class Field:
-    """The solved light of a scene; `view` turns it into radiance along rays."""
+    """The solved light of a scene; `view` turns it into radiance along rays. Wavelengths are held in packs."""
+
+    packs: list[PackField]
+
+    @property
+    def _first(self) -> PackField:
+        return self.packs[0]
+
+    @property
+    def solver(self) -> Solver:
+        return self._first.solver
+
+    @property
+    def frame(self) -> Frame:
+        return self._first.frame
+
+    @property
+    def medium(self) -> Medium | None:
+        return self._first.medium
+
+    @property
+    def ground_m(self) -> float:
+        """Height of the ground outside the grid."""
+        return self._first.lighting.ground_m
+
+    @property
+    def wavelengths_nm(self) -> F64:
+        return np.concatenate([p.wavelengths_nm[: p.count] for p in self.packs])
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds of each stage, summed over packs: air, sun, diffuse, view (the last one)."""
+        out: dict[str, float] = {}
+        for pack in self.packs:
+            for name, seconds in pack.timings.items():
+                out[name] = out.get(name, 0.0) + seconds
+        return out
+
+    def view(self, rays: Rays) -> View:
+        """Radiance along rays; memory is bounded by tiling over them."""
+        views = [pack.view(rays) for pack in self.packs]
+        first = views[0]
+        return replace(
+            first,
+            radiance=np.concatenate([v.radiance for v in views], axis=1),
+            transmittance=np.concatenate([v.transmittance for v in views], axis=1),
+            samples=sum(v.samples for v in views),
+        )
+
+    def fluxes(self) -> dict[str, F64]:
+        """Domain means for E_TOA = 1: up_top, down_bottom (diffuse), direct_bottom, up_bottom, each (nw,)."""
+        parts = [{k: v[: p.count] for k, v in p.lighting.mean_fluxes().items()} for p in self.packs]
+        return {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
+
+
+@dataclass
+class PackField:
+    """`Field` at up to PACK wavelengths (``count`` of them asked for, the rest padding)."""
 
     solver: Solver
     scene: Scene
     frame: Frame
     sun: F64
     wavelengths_nm: F64
+    count: int
     shells: Shells
     volume: Volume
     table: F32
@@ -104,31 +161,32 @@ class Field:
     medium: Medium | None = None
     timings: dict[str, float] = field(default_factory=dict)
     sweeps: dict[str, list[int]] = field(default_factory=dict)
-    _light: GridLight | None = None
-    _space_shells: Shells | None = None
+    light: GridLight | None = None
+    space_shells: Shells | None = None
 
-    def view(self, rays: Rays, tick: Callable[[int], None] = lambda n: None) -> View:
-        """Radiance along rays; memory is bounded by tiling over them."""
+    def view(self, rays: Rays) -> View:
+        """See `Field.view`."""
         started = time.perf_counter()
         shells = self._shells_for(rays)
-        if self._light is not None:
-            self._light.aim(self.volume, *_eye_of(rays))
-        n, nw = len(rays), len(self.wavelengths_nm)
+        if self.light is not None:
+            self.light.aim(self.volume, *_eye_of(rays))
+        n = len(rays)
         out = View(
-            np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
+            np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
             np.zeros(n), np.zeros((n, max(self.volume.species, 1)), np.float32), 0,
         )  # fmt: skip
-        for a in range(0, n, _TILE_RAYS):
-            part = slice(a, min(n, a + _TILE_RAYS))
-            out.samples += self._view_tile(rays[part], part, shells, out)
-            tick(part.stop - a)
+        with job("view", n) as meter:
+            for a in range(0, n, _TILE_RAYS):
+                part = slice(a, min(n, a + _TILE_RAYS))
+                out.samples += self._view_tile(rays[part], part, shells, out)
+                meter.advance(part.stop - a)
         self.timings["view"] = time.perf_counter() - started
-        return out
+        return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
     def _view_tile(self, rays: Rays, part: slice, shells: Shells, out: View) -> int:
         origin = np.ascontiguousarray(rays.origins(), float)
         direction = np.ascontiguousarray(rays.directions(), float)
-        n, nw = len(rays), len(self.wavelengths_nm)
+        n, nw = len(rays), PACK
         scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
         samples = np.zeros(n, np.int64)
         swim_mode = self.solver.name == "swim" and self.medium is not None
@@ -153,8 +211,8 @@ class Field:
 
     def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
         """Radiance of the clear atmosphere alone along rays (Eq. 3 and all higher orders)."""
-        n, nw = len(direction), len(self.wavelengths_nm)
-        volume = no_volume(nw)
+        n, nw = len(direction), PACK
+        volume = no_volume()
         empty = [np.zeros((n, nw), np.float32) for _ in range(4)]
         view_kernel(
             origin, direction, self.sun, self.table[-1:], shells, volume, 1e30, self.solver.step, *empty[:3],
@@ -164,7 +222,7 @@ class Field:
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
-        n, nw = len(place), len(self.wavelengths_nm)
+        n, nw = len(place), PACK
         work = [np.zeros((n, nw), np.float32) for _ in range(4)]
         distance = np.zeros(n)
         dark = np.zeros_like(self.table)
@@ -175,22 +233,18 @@ class Field:
         )  # fmt: skip
         return work[1] * (distance < 0)[:, None]
 
-    def fluxes(self) -> dict[str, F64]:
-        """Domain means for E_TOA = 1: up_top, down_bottom (diffuse), direct_bottom, up_bottom, each (nw,)."""
-        return self.lighting.mean_fluxes()
-
     def _shells_for(self, rays: Rays) -> Shells:
         """Local shells near the ground; for eyes in space, the diffuse field of every sun on the disc."""
         height = self.frame.latlon(rays.origin_m)[2]
         if self.scene.atmosphere is None or np.max(height) < _SPACE_M:
             return self.shells
-        if self._space_shells is None:
+        if self.space_shells is None:
             s = self.shells
-            self._space_shells = build_shells(
+            self.space_shells = build_shells(
                 air_of(self.scene, self.wavelengths_nm, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m,
-                s.ground_albedo, _TRUNCATION, len(self.wavelengths_nm), s.top_m, scale=1.5,
+                s.ground_albedo, _TRUNCATION, s.top_m, scale=1.5,
             )  # fmt: skip
-        return self._space_shells
+        return self.space_shells
 
 
 def _eye_of(rays: Rays) -> tuple[F64, bool]:
@@ -211,20 +265,20 @@ def _sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:
     return max(0.0, zenith - reach_deg), min(110.0, zenith + reach_deg)
 
 
-def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64) -> Field:
+def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> PackField:
     """Field of a scene without a grid: the shells are all."""
     started = time.perf_counter()
     frame = scene_frame(scene)
     lighting = Lighting.of_clear_scene(scene, frame, wl)
     air = air_of(scene, wl, lighting.ground_m)
     shells = build_shells(
-        air, _sun_range(sun, 12.0), frame.radius_m, lighting.ground_m, lighting.mean_albedo, _TRUNCATION, len(wl),
+        air, _sun_range(sun, 12.0), frame.radius_m, lighting.ground_m, lighting.mean_albedo, _TRUNCATION,
         lighting.ground_m + 1e5,
     )  # fmt: skip
-    table = peak_tables([air.aerosol_phase], _TRUNCATION) if air else np.zeros((1, len(wl), 2, 2), np.float32)
+    table = peak_tables([air.aerosol_phase], _TRUNCATION) if air else np.zeros((1, 2, 2, PACK), np.float32)
     lighting.light_clear(shells, sun)
-    return Field(
-        solver, scene, frame, sun, wl, shells, no_volume(len(wl)), table, lighting,
+    return PackField(
+        solver, scene, frame, sun, wl, count, shells, no_volume(), table, lighting,
         timings={"sun": 0.0, "diffuse": time.perf_counter() - started},
     )  # fmt: skip
 
@@ -239,6 +293,7 @@ class GridLight:
     coefficients: list[diffuse.Coefficients]
     sun_harmonics: F32
     first_source: int
+    count: int
     shadow_m: F64
     ridge_m: F64
     _aimed: tuple[bytes, bool] | None = None
@@ -250,6 +305,9 @@ class GridLight:
             return
         m = self.medium
         for w, c in enumerate(self.coefficients):
+            if w >= self.count:
+                volume.fields[..., self.first_source + w] = volume.fields[..., self.first_source + w - 1]
+                continue
             view_source(
                 m.extinction, c.scattering, c.air_scattering, self.beams[w], self.sun_harmonics, self.moments[w], m.axes,
                 m.place, m.levels_m, np.asarray(eye, float), parallel, self.first_source + w, volume.fields,
@@ -257,46 +315,48 @@ class GridLight:
         self._aimed = key
 
 
-def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, tell: Callable[[str, int, int], None]) -> Field:
+def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> PackField:
     """Field of a scene with a grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
     started = time.perf_counter()
     fast = solver.name == "fast"
     medium = build_medium(scene, wl, refine=fast)
-    nw = len(wl)
     frame = medium.frame
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
     reach = 12.0 + np.degrees(np.abs(medium.place[..., :2]).max() / frame.radius_m)
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
     shells = build_shells(
-        medium.air, _sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, _TRUNCATION, nw, top
+        medium.air, _sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, _TRUNCATION, top
     )
     timings = {"air": time.perf_counter() - started}
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
-    coefficients = [_coefficients(medium, shells, w, fast) for w in range(nw)]
+    coefficients = [_coefficients(medium, shells, w, fast) for w in range(PACK)]
     volume, depths = _volume(medium, coefficients, local_sun, fast)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
-    light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, sun, tell)
-    result = Field(solver, scene, frame, sun, wl, shells, volume, _tables(medium, fast, nw), lighting, medium, timings)
-    result._light = light
+    light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, count)
+    result = PackField(solver, scene, frame, sun, wl, count, shells, volume, _tables(medium, fast), lighting, medium, timings)
+    result.light = light
     if fast:
-        result.sweeps = _diffuse(solver, light, lighting, shells, sun, tell)
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
     return result
 
 
-def _tables(medium: Medium, fast: bool, nw: int) -> F32:
+def _tables(medium: Medium, fast: bool) -> F32:
     """Forward-peak tables of the species, then of the background aerosol; `swim` reads none in clouds."""
     rows = [s.phase for s in medium.species]
-    air = medium.air.aerosol_phase if medium.air is not None else None
-    shape = peak_tables([air], _TRUNCATION).shape[2:] if air else peak_tables(rows, _TRUNCATION).shape[2:] if rows else (2, 2)
-    clouds = peak_tables(rows, _TRUNCATION) if rows and fast else np.zeros((len(rows), nw, *shape), np.float32)
-    last = peak_tables([air], _TRUNCATION) if air else np.zeros((1, nw, *shape), np.float32)
-    return np.concatenate([clouds, last])
+    if medium.air is not None:
+        last = peak_tables([medium.air.aerosol_phase], _TRUNCATION)
+        clouds = peak_tables(rows, _TRUNCATION) if rows and fast else np.zeros((len(rows), *last.shape[1:]), np.float32)
+        return np.concatenate([clouds, last])
+    if not rows or not fast:
+        return np.zeros((len(rows) + 1, 2, 2, PACK), np.float32)
+    clouds = peak_tables(rows, _TRUNCATION)
+    return np.concatenate([clouds, np.zeros_like(clouds[:1])])
 
 
 def _coefficients(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse.Coefficients:
@@ -314,7 +374,7 @@ def _coefficients(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse
     else:
         z = medium.air.height_m - shells.ground_m
         air_e = np.interp(above, z, shells.extinction[:, w])
-        air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, w].T], axis=-1)
+        air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
     f32 = np.float32
     return diffuse.Coefficients(
         np.array(scaled, f32), np.array(scattering, f32).reshape(-1, _TRUNCATION), air_e.astype(f32), air_s.astype(f32)
@@ -350,14 +410,16 @@ def _volume(
             channel[name].append(ns + (same[0] if same else len(rows) - 1))
     nz, ny, nx = medium.shape
     origin, per_m, lookup = medium.level_lookup
-    fields = np.zeros((nz, ny, nx, ns + len(rows) + nw + 1), np.float32)
+    free_channel = ns + len(rows)
+    channels = -(-(free_channel + 1) // PACK) * PACK + PACK
+    fields = np.zeros((nz, ny, nx, channels), np.float32)
     for s in range(ns):
         fields[..., s] = medium.extinction[s]
     spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
     free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
-    fields[..., -1] = free
+    fields[..., free_channel] = free
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     cell = np.array(medium.cell_m, float)
@@ -374,7 +436,7 @@ def _volume(
         depths[ns + n] = depth
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
-        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, fields, scaled, forward,
+        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled, forward,
         np.array(channel["scaled"]), np.array(channel["second"]), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return volume, depths
@@ -403,7 +465,7 @@ def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
 
 def _light(
     solver: Solver, medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: dict[int, F32],
-    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, tell: Callable[[str, int, int], None],
+    coefficients: list[diffuse.Coefficients], local_sun: F64, count: int,
 ) -> GridLight:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape
@@ -413,7 +475,11 @@ def _light(
     )
     beams = []
     surface = np.zeros((ny, nx), np.float32)
-    for w in range(len(coefficients)):
+    for w in range(PACK):
+        if w >= count:  # padding
+            beams.append(beams[-1])
+            lighting.direct[w] = lighting.direct[w - 1]
+            continue
         beam = np.empty((nz, ny, nx), np.float32)
         direct_beam(
             depths[int(volume.depth_channel[w])], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells,
@@ -427,8 +493,8 @@ def _light(
         for channel in depths:
             volume.fields[..., channel] += np.where(medium.levels_m[:, None, None] > medium.terrain_m, hidden, 0)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), _TRUNCATION).T.reshape(-1, ny, nx).astype(np.float32)
-    first = volume.fields.shape[-1] - 1 - len(coefficients)
-    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), first, shadow, ridge)
+    first = volume.fields.shape[-1] - PACK
+    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), first, count, shadow, ridge)
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:
@@ -439,11 +505,11 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:
     direction = np.repeat(q @ axes, nz, axis=0)
     height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(q))
     origin = np.stack([0 * height, 0 * height, height], axis=-1)
-    n, nw = len(direction), shells.extinction.shape[1]
+    n, nw = len(direction), PACK
     work = [np.zeros((n, nw), np.float32) for _ in range(4)]
     distance = np.zeros(n)
     view_kernel(
-        origin, direction, sun, np.zeros((1, nw, 2, 2), np.float32), shells, no_volume(nw), 1e30, 1.0, work[0], work[1],
+        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), 1e30, 1.0, work[0], work[1],
         work[2], np.zeros((n, 1), np.float32), work[3], distance, np.zeros(n, np.int64),
     )  # fmt: skip
     hit = np.flatnonzero(distance >= 0)
@@ -452,12 +518,11 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:
 
 
 def _diffuse(
-    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, tell: Callable[[str, int, int], None]
+    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int
 ) -> dict[str, list[int]]:
     """Coarse-to-fine sweeps of every wavelength; each starts from the field of the one before."""
     medium = light.medium
     nz, ny, nx = medium.shape
-    nw = len(light.coefficients)
     inflow = _inflow(medium, shells, sun, _ORDINATES)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
@@ -472,29 +537,36 @@ def _diffuse(
         coarse_node = np.ascontiguousarray(ground_node[::2, ::2])
     cell = np.array(medium.cell_m, float)
     start = moments
-    for w, c in enumerate(light.coefficients):
-        albedo = lighting.albedo[w]
-        direct = lighting.direct_horizontal(w)
-        fine = diffuse.Sweeper(
-            medium.extinction, c, light.beams[w], light.sun_harmonics, medium.levels_m, cell, medium.periodic,
-            np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, _ORDINATES, _TRUNCATION,
-        )  # fmt: skip
-        if coarse_first:
-            coarse = replace(
-                fine, extinction=coarse_extinction, beam=diffuse.coarsen(light.beams[w]), sun_harmonics=coarse_sun,
-                cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
-                direct_flux=diffuse.coarsen(direct),
+    with job("diffuse light", count) as meter:
+        for w in range(PACK):
+            if w >= count:
+                light.moments.append(light.moments[-1])
+                lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
+                continue
+            albedo, direct = lighting.albedo[w], lighting.direct_horizontal(w)
+            fine = diffuse.Sweeper(
+                medium.extinction, light.coefficients[w], light.beams[w], light.sun_harmonics, medium.levels_m, cell,
+                medium.periodic, np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, _ORDINATES,
+                _TRUNCATION,
             )  # fmt: skip
-            start, n = coarse.solve(start, solver.tolerance, solver.most_sweeps, lambda: tell("diffuse", 0, 0))
-            counts["coarse"].append(n)
-            moments, n = fine.solve(diffuse.prolong(start, (ny, nx)), solver.tolerance, 2)
-            moments, n = fine.sweep(moments), n + 1
-        else:
-            moments, n = fine.solve(moments, 0.02 * solver.tolerance, 4 * solver.most_sweeps)
-        counts["fine"].append(n)
-        tell("diffuse", w + 1, nw)
-        light.moments.append(moments)
-        lighting.diffuse[w] = fine.down_flux
-        lighting.up_top[w] = fine.up_flux
+            if coarse_first:
+                coarse = replace(
+                    fine, extinction=coarse_extinction, beam=diffuse.coarsen(light.beams[w]), sun_harmonics=coarse_sun,
+                    cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
+                    direct_flux=diffuse.coarsen(direct),
+                )  # fmt: skip
+                start, n = coarse.solve(start, solver.tolerance, solver.most_sweeps)
+                counts["coarse"].append(n)
+                moments = diffuse.prolong(start, (ny, nx))
+                for _ in range(solver.fine_sweeps):
+                    moments = fine.sweep(moments)
+                counts["fine"].append(solver.fine_sweeps)
+            else:
+                moments, n = fine.solve(moments, 0.02 * solver.tolerance, 4 * solver.most_sweeps)
+                counts["fine"].append(n)
+            light.moments.append(moments)
+            lighting.diffuse[w] = fine.down_flux
+            lighting.up_top[w] = fine.up_flux
+            meter.advance()
     lighting.correct_quadrature(inflow, shells, sun)
     return counts

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport.march import Shells, view_kernel
+from openswim.transport.march import PACK, Shells, view_kernel
 from openswim.transport.medium import Medium
 from openswim.transport.ordinates import lebedev
 from openswim.transport.shells import beam_transmission, no_volume
 
 if TYPE_CHECKING:
-    from openswim.transport.solver import Field
+    from openswim.transport.solver import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -120,7 +120,7 @@ def ground_flux(shells: Shells, mu_sun: F64) -> F64:
 
 def clear_sky_table(shells: Shells, sun: F64) -> F32:
     """Radiance (mu, azimuth from the sun, nw) of the clear sky above the origin, for water to mirror."""
-    nw = shells.extinction.shape[1]
+    nw = PACK
     azimuth = np.linspace(0, np.pi, _SKY_AZIMUTHS)
     mu, phi = np.meshgrid(_SKY_MU, azimuth, indexing="ij")
     horizontal = np.array([sun[0], sun[1], 0.0])
@@ -135,7 +135,7 @@ def clear_sky_table(shells: Shells, sun: F64) -> F32:
     work = [np.zeros((n, nw), np.float32) for _ in range(4)]
     origin = np.tile([0.0, 0.0, shells.ground_m + 2.0], (n, 1))
     view_kernel(
-        origin, direction, sun, np.zeros((1, nw, 2, 2), np.float32), shells, no_volume(nw), 1e30, 1.5, work[0], work[1],
+        origin, direction, sun, np.zeros((1, 2, 2, nw), np.float32), shells, no_volume(), 1e30, 1.5, work[0], work[1],
         work[2], np.zeros((n, 1), np.float32), work[3], np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
     return work[0].reshape(*mu.shape, nw)
@@ -154,7 +154,7 @@ def _bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     )
 
 
-def shade(light_field: Field, shells: Shells, place: F64, direction: F64) -> F32:
+def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) -> F32:
     """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3)."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm

@@ -196,7 +196,7 @@ def _arrive(upstream, source_up, extinction_up, source, extinction, ds):
     return upstream * trans + step_emission(tau, trans, ds, source, source_up, extinction, extinction_up)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _blend(out, row_a, row_c, wa, wb, wc, wd, shift):
     """Bilinear value at the upstream points of a row: corners straight and one node aside, in two finished rows."""
     nx = out.shape[0]
@@ -208,7 +208,7 @@ def _blend(out, row_a, row_c, wa, wb, wc, wd, shift):
         out[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _row(out, source, extinction, i_a, i_c, s_a, s_c, b_a, b_c, wa, wb, wc, wd, shift, ds, upstream):
     """One row of nodes whose upstream points lie between finished rows a and c; ``upstream`` (3, nx) is scratch."""
     nx = upstream.shape[1]
@@ -221,7 +221,7 @@ def _row(out, source, extinction, i_a, i_c, s_a, s_c, b_a, b_c, wa, wb, wc, wd, 
         o[i] = _arrive(up[i], su[i], bu[i], s[i], b[i], ds)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _blend_aside(out, row, row_b, row_c, row_d, wa, wb, wc, wd, shift):
     """As `_blend`, all four corners one node aside in four rows."""
     nx = out.shape[0]
@@ -231,7 +231,7 @@ def _blend_aside(out, row, row_b, row_c, row_d, wa, wb, wc, wd, shift):
         out[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _recurrent_row(out, source, extinction, i_b, i_c, i_d, s_b, s_c, s_d, b_b, b_c, b_d, wa, wb, wc, wd, shift, ds,
                    upstream):
     """One row of nodes swept along itself: one upstream corner is the neighbour in the same row.
@@ -316,7 +316,7 @@ def _sweep_plane(q, dz, cell_m, cur_i, old_i, cur_s, old_s, cur_b, old_b, inflow
             cur_i[j, i_first] = inflow
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _fill_ghosts(plane, periodic, outside, use_outside):
     """Ghost nodes: the other side where periodic, else ``outside`` or the edge itself."""
     ny, nx = plane.shape[0] - 2, plane.shape[1] - 2
@@ -336,81 +336,83 @@ def _fill_ghosts(plane, periodic, outside, use_outside):
             plane[0, i], plane[ny + 1, i] = plane[1, i], plane[ny, i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _add(out, c, row):
+    """out += c row."""
+    for i in range(out.shape[0]):
+        out[i] += c * row[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _add_five(out, c0, c1, c2, c3, c4, r0, r1, r2, r3, r4):
+    """out += sum of five rows: fewer passes over the row."""
+    for i in range(out.shape[0]):
+        out[i] += c0 * r0[i] + c1 * r1[i] + c2 * r2[i] + c3 * r3[i] + c4 * r4[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _term(out, sigma, moment, sun_harmonic, beam):
+    """sigma_l (I_lm + 4 pi Y_lm(sun) T')."""
+    for i in range(out.shape[0]):
+        out[i] = sigma[i] * (moment[i] + _FOUR_PI * sun_harmonic[i] * beam[i])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _source_row(k, j, lo, hi, species_extinction, scaled, scattering, air_extinction, air_scattering, beam, sun_harmonics,
                 moments, matrix, terms, source, extinction):
-    """Emission of the ordinates along one row, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T'), and extinction."""
+    """Emission of the ordinates along one row, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T'), and extinction.
+
+    Only nodes lo to hi scatter; rows are cut to them, so that every loop starts at zero and vectorises.
+    """
     ns = species_extinction.shape[0]
     degree = air_scattering.shape[1]
     nx = beam.shape[2]
-    row_b = extinction[j + 1]
-    for i in range(nx):
-        row_b[i + 1] = air_extinction[k]
+    row_b = extinction[j + 1, 1 : nx + 1]
+    row_b[:] = air_extinction[k]
     for s in range(ns):
-        row_e = species_extinction[s, k, j]
-        c = scaled[s]
-        for i in range(nx):
-            row_b[i + 1] += c * row_e[i]
-    row_t = beam[k, j]
-    for ell in range(degree):
-        sigma = terms[degree * degree]
-        air = air_scattering[k, ell]
-        for i in range(lo, hi):
-            sigma[i] = air
-        for s in range(ns):
-            row_e = species_extinction[s, k, j]
-            c = scattering[s, ell]
-            for i in range(lo, hi):
-                sigma[i] += c * row_e[i]
-        for index in range(ell * ell, (ell + 1) * (ell + 1)):
-            row_m = moments[index, k, j]
-            row_y = sun_harmonics[index, j]
-            row_q = terms[index]
-            for i in range(lo, hi):
-                row_q[i] = sigma[i] * (row_m[i] + _FOUR_PI * row_y[i] * row_t[i])
+        _add(row_b, scaled[s], species_extinction[s, k, j])
     count = degree * degree
+    sigma = terms[count, : hi - lo]
+    row_t = beam[k, j, lo:hi]
+    for ell in range(degree):
+        sigma[:] = air_scattering[k, ell]
+        for s in range(ns):
+            _add(sigma, scattering[s, ell], species_extinction[s, k, j, lo:hi])
+        for index in range(ell * ell, (ell + 1) * (ell + 1)):
+            _term(terms[index, : hi - lo], sigma, moments[index, k, j, lo:hi], sun_harmonics[index, j, lo:hi], row_t)
     for n in range(matrix.shape[0]):
-        row_s = source[n, j + 1]
-        for i in range(nx + 2):
-            row_s[i] = 0.0
+        source[n, j + 1, :] = _ZERO
+        row_s = source[n, j + 1, lo + 1 : hi + 1]
         index = 0
         while index + 5 <= count:
-            c0, c1, c2 = matrix[n, index], matrix[n, index + 1], matrix[n, index + 2]
-            c3, c4 = matrix[n, index + 3], matrix[n, index + 4]
-            q0, q1, q2, q3, q4 = terms[index], terms[index + 1], terms[index + 2], terms[index + 3], terms[index + 4]
-            for i in range(lo, hi):
-                row_s[i + 1] += c0 * q0[i] + c1 * q1[i] + c2 * q2[i] + c3 * q3[i] + c4 * q4[i]
+            _add_five(
+                row_s, matrix[n, index], matrix[n, index + 1], matrix[n, index + 2], matrix[n, index + 3],
+                matrix[n, index + 4], terms[index], terms[index + 1], terms[index + 2], terms[index + 3], terms[index + 4],
+            )
             index += 5
         while index < count:
-            c0 = matrix[n, index]
-            q0 = terms[index]
-            for i in range(lo, hi):
-                row_s[i + 1] += c0 * q0[i]
+            _add(row_s, matrix[n, index], terms[index])
             index += 1
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _collect_row(k, j, lo, hi, intensity, matrix, weight, moments):
-    """Add w_n Y_nlm I_n of one row to the moments."""
-    count = matrix.shape[1]
+    """Add w_n Y_nlm I_n of one row, nodes lo to hi, to the moments."""
     total = matrix.shape[0]
-    for index in range(count):
-        row_m = moments[index, k, j]
+    for index in range(matrix.shape[1]):
+        row_m = moments[index, k, j, lo:hi]
         n = 0
         while n + 5 <= total:
-            c0, c1 = matrix[n, index] * weight[n], matrix[n + 1, index] * weight[n + 1]
-            c2, c3 = matrix[n + 2, index] * weight[n + 2], matrix[n + 3, index] * weight[n + 3]
-            c4 = matrix[n + 4, index] * weight[n + 4]
-            r0, r1, r2 = intensity[n, j + 1], intensity[n + 1, j + 1], intensity[n + 2, j + 1]
-            r3, r4 = intensity[n + 3, j + 1], intensity[n + 4, j + 1]
-            for i in range(lo, hi):
-                row_m[i] += c0 * r0[i + 1] + c1 * r1[i + 1] + c2 * r2[i + 1] + c3 * r3[i + 1] + c4 * r4[i + 1]
+            _add_five(
+                row_m, matrix[n, index] * weight[n], matrix[n + 1, index] * weight[n + 1],
+                matrix[n + 2, index] * weight[n + 2], matrix[n + 3, index] * weight[n + 3],
+                matrix[n + 4, index] * weight[n + 4], intensity[n, j + 1, lo + 1 : hi + 1],
+                intensity[n + 1, j + 1, lo + 1 : hi + 1], intensity[n + 2, j + 1, lo + 1 : hi + 1],
+                intensity[n + 3, j + 1, lo + 1 : hi + 1], intensity[n + 4, j + 1, lo + 1 : hi + 1],
+            )
             n += 5
         while n < total:
-            c0 = matrix[n, index] * weight[n]
-            r0 = intensity[n, j + 1]
-            for i in range(lo, hi):
-                row_m[i] += c0 * r0[i + 1]
+            _add(row_m, matrix[n, index] * weight[n], intensity[n, j + 1, lo + 1 : hi + 1])
             n += 1
 
 

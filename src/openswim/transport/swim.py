@@ -17,7 +17,7 @@ from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
 from openswim.transport.sweep import direct_beam
 
 if TYPE_CHECKING:
-    from openswim.transport.solver import Field, GridLight
+    from openswim.transport.solver import GridLight, PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -97,7 +97,7 @@ def venus_phase(mu: F64) -> F64:
     return np.minimum(1.94 / 10 ** (0.4 * m) / np.maximum((1 - mu) / 2, 1e-3), 12.0)
 
 
-def merge(field: Field, direction: F64, origin: F64, radiance: F32, full: F32, species_depth: F32, front: F32, clear: F32) -> None:
+def merge(field: PackField, direction: F64, origin: F64, radiance: F32, full: F32, species_depth: F32, front: F32, clear: F32) -> None:
     """From the integral of Eq. 12 to what is seen: effective phase functions, then the clear sky (Eqs 13-23, 32-34).
 
     ``radiance`` (n, nw) holds the integral of E/E_TOA over the first two optical depths on entry, L' on return.
