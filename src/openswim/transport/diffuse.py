@@ -18,12 +18,13 @@ _DEPTH_OF_MEMORY = 3  # Anderson acceleration
 
 @dataclass
 class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on the levels."""
+    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on the levels (nz,), 1/m."""
 
     scaled: F32
     scattering: F32
     air_extinction: F32
-    air_scattering: F32
+    air_scattering: F32  # (nz, M)
+    air_forward: F32
 
 
 @dataclass

@@ -26,13 +26,19 @@ from openswim.transport.scalar import (
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 DARK = 3e-5  # transmission below which a ray has seen enough
 SUN_RADIUS_RAD = 0.00465
 PACK = 4  # wavelengths marched together: a constant, so that LLVM unrolls; more of them take more passes
 MOST_SAMPLES = 20_000
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+
+# A ray's scratch: one flat array of rows of PACK, so that LLVM sees that rows are apart and vectorises over them.
+N_EXT, N_FWD, N_SMOOTH, N_PEAK, N_AIR = 0, PACK, 2 * PACK, 3 * PACK, 4 * PACK  # at the near end of a step
+F_EXT, F_FWD, F_SMOOTH, F_PEAK, F_AIR = 5 * PACK, 6 * PACK, 7 * PACK, 8 * PACK, 9 * PACK  # at its far end
+BEAM, DEPTH, SINGLE, RADIANCE = 10 * PACK, 11 * PACK, 12 * PACK, 13 * PACK
+SCALED, FULL, FRONT, ROWS = 14 * PACK, 15 * PACK, 16 * PACK, 17 * PACK
 PEAK_INNER = math.cos(math.radians(30.0))  # forward peak read out fully within 30 degrees of the sun,
 PEAK_OUTER = 0.0  # not at all beyond 90 (transport.md section 2)
 
@@ -49,6 +55,7 @@ class Shells(NamedTuple):
     scattering: F32  # (nl, M, PACK) Legendre moments of the delta-scaled scattering coefficient, 1/m
     sun_depth: F32  # (nl, n_mu, PACK) delta-scaled slant optical depth to the sun; axis sqrt of cosine above horizon
     sun_forward: F32  # (nl, n_mu, PACK) slant depth of `forward`
+    horizon: F64  # (nl,) cosine of the zenith angle of the horizon
     moment_level_table: F64  # fractional index into the levels of `moments`, per 100 m
     moment_sun_table: F64  # fractional index into the suns of `moments`, by cosine from -1 to 1
     moments: F32  # (nlm, ns, M(M+1)/2, PACK) cosine harmonics of the diffuse radiance
@@ -59,7 +66,8 @@ class Shells(NamedTuple):
 class Volume(NamedTuple):
     """The gridded part: (nz, ny, nx) nodes with channels interleaved, and how to find one's place in it.
 
-    Channels: species extinctions; depths to the sun; cells free of cloud around; padding; sources (PACK) last.
+    Channels: delta-scaled depth to the sun, air included (PACK); smooth source with the haze's peak (PACK); species
+    extinctions; forward depths to the sun; cells free of cloud around; padding to a multiple of PACK.
     """
 
     chart_origin_m: float  # tangent-plane coordinate of chart[0, 0]
@@ -77,8 +85,8 @@ class Volume(NamedTuple):
     fields: F32  # (nz, ny, nx, channels), a multiple of PACK channels
     scaled: F32  # (species, PACK) delta-scaled extinction per reference extinction
     forward: F32  # (species, PACK) omega f times relative extinction
-    depth_channel: NDArray[np.int64]  # (PACK,) channel of the delta-scaled depth to the sun
     forward_channel: NDArray[np.int64]  # (PACK,) channel of the forward depth to the sun
+    air: F32  # (nz, 2, PACK) delta-scaled and forward extinction of the air on the levels, 1/m
     terrain_m: F32  # (ny, nx)
     clear_cells: int  # longest step in clear air of the grid, in cells
 
@@ -146,9 +154,12 @@ def sun_table_coordinate(mu, mu_horizon, count):
     return min(t, count - 1.000001)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath=_FLAGS)
-def _grid_nodes(ix, iy, h, volume, nodes):
-    """Trilinear interpolation of all channels into ``nodes``."""
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
+def _sample_grid(ix, iy, h, legendre, peak, volume, nodes, row):
+    """What a point of the grid does to light, into the far rows of the scratch (see `_sample_air`).
+
+    Returns (reference extinction of all species, cells free of cloud).
+    """
     nz, ny, nx, nc = volume.fields.shape
     fk = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
     k = min(int(fk), nz - 2)
@@ -180,150 +191,153 @@ def _grid_nodes(ix, iy, h, volume, nodes):
                 + v11 * f[k + 1, j1, i1, n]
             )
             nodes[n] = low + g * (high - low)
+    cloud = _ZERO
+    ns = volume.species
+    for s in range(ns):
+        cloud += nodes[2 * PACK + s]
+    for w in range(PACK):
+        low, high = volume.air[k, 0, w], volume.air[k + 1, 0, w]
+        row[F_EXT + w] = low + g * (high - low)
+        low, high = volume.air[k, 1, w], volume.air[k + 1, 1, w]
+        row[F_FWD + w] = low + g * (high - low)
+        row[F_SMOOTH + w] = nodes[PACK + w]
+        row[BEAM + w] = nodes[w]
+    for w in range(PACK):
+        row[F_AIR + w] = row[F_EXT + w]
+        row[F_PEAK + w] = _ZERO
+    if cloud > _ZERO:
+        # the forward peak: read out near the sun with its broadening, elsewhere as single scattering (TMS)
+        share = np.float32(legendre[legendre.shape[0] - 1])
+        n_depth = peak.shape[1] - 1
+        for w in range(PACK):
+            row[BEAM + w] = transmission(row[BEAM + w])
+        if share < _ONE:
+            for w in range(PACK):
+                single = _ZERO
+                for s in range(ns):
+                    single += nodes[2 * PACK + s] * volume.forward[s, w] * peak[s, 0, w]
+                row[SINGLE + w] = single
+            for w in range(PACK):
+                row[F_SMOOTH + w] += (_ONE - share) * row[SINGLE + w] * row[BEAM + w]
+        if share > _ZERO:
+            for w in range(PACK):
+                row[DEPTH + w] = nodes[volume.forward_channel[w]]
+            for w in range(PACK):
+                row[DEPTH + w] = row[DEPTH + w] / (_ONE + row[DEPTH + w]) * np.float32(n_depth)
+            for w in range(PACK):
+                p = row[DEPTH + w]
+                q = min(int(p), n_depth - 1)
+                p -= np.float32(q)
+                resolved = _ZERO
+                for s in range(ns):
+                    x = nodes[2 * PACK + s] * volume.forward[s, w]
+                    resolved += x * (peak[s, q, w] * (_ONE - p) + peak[s, q + 1, w] * p)
+                row[F_PEAK + w] = share * resolved * row[BEAM + w]
+        for s in range(ns):
+            x = nodes[2 * PACK + s]
+            for w in range(PACK):
+                row[F_EXT + w] += x * volume.scaled[s, w]
+                row[F_FWD + w] += x * volume.forward[s, w]
+    return cloud, nodes[volume.free_channel]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath=_FLAGS)
-def _sample(px, py, pz, h, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, nodes, basis, out, side):
-    """Extinction, forward part and sources at a point, into out[side] (6, PACK).
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
+def _sample_air(mu, mu_sun, cos_angle, h, legendre, peak, shells, haze, basis, row):
+    """What a point of the shells does to light, into the far rows of the scratch.
 
-    Rows: delta-scaled extinction; forward extinction; smooth source; source read with the full eye depth; reference
-    extinction of all species (entry 0); delta-scaled extinction of the air alone.
-    Returns (inside, cells free of cloud, ground height, ix, iy).
+    F_EXT delta-scaled extinction; F_FWD forward extinction; F_SMOOTH smooth source; F_PEAK source read with the full
+    eye depth; F_AIR delta-scaled extinction of the air alone. ``haze``: row of the aerosol in ``peak``.
     """
-    r = shells.radius_m + h
-    up_x, up_y, up_z = px / r, py / r, (shells.radius_m + pz) / r
-    mu_sun = up_x * sx + up_y * sy + up_z * sz
     above = max(h - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     k = min(int(level), shells.extinction.shape[0] - 2)
     c = np.float32(level - k)
-    ratio = (r - above) / r
-    mu_horizon = -math.sqrt(max(0.0, 1.0 - ratio * ratio))
+    mu_horizon = shells.horizon[k] + (level - k) * (shells.horizon[k + 1] - shells.horizon[k])
     lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
     t = sun_table_coordinate(mu_sun, mu_horizon, shells.sun_depth.shape[1])
     m = int(t)
     e = np.float32(t - m)
     w00, w01, w10, w11 = (_ONE - c) * (_ONE - e), (_ONE - c) * e, c * (_ONE - e), c * e
-
-    ix, iy = grid_index(px, py, pz, shells.radius_m, volume)
-    over = _inside(ix, iy, volume)
-    inside = over and h <= volume.top_m and volume.fields.shape[0] > 1
-    ground = _ground_m(ix, iy, shells.ground_m, volume)
-    free = 1.0e9
-    ns = volume.species
-    first = volume.fields.shape[3] - PACK
-    cloud = _ZERO
-    if inside:
-        _grid_nodes(ix, iy, h, volume, nodes)
-        free = nodes[volume.free_channel]
-        for s in range(ns):
-            cloud += nodes[s]
-
-    # the air
     d, f = shells.sun_depth, shells.sun_forward
     degree = shells.scattering.shape[1]
-    hazy = _ZERO
-    deepest = _ZERO
+    hazy = f.shape[1] > 2
     for w in range(PACK):
-        extinction = shells.extinction[k, w] + c * (shells.extinction[k + 1, w] - shells.extinction[k, w])
-        forward = shells.forward[k, w] + c * (shells.forward[k + 1, w] - shells.forward[k, w])
-        depth = w00 * d[k, m, w] + w01 * d[k, m + 1, w] + w10 * d[k + 1, m, w] + w11 * d[k + 1, m + 1, w]
-        peaked = w00 * f[k, m, w] + w01 * f[k, m + 1, w] + w10 * f[k + 1, m, w] + w11 * f[k + 1, m + 1, w]
-        out[side, 0, w] = extinction
-        out[side, 1, w] = forward
-        out[side, 3, w] = _ZERO
-        out[side, 4, w] = depth
-        out[side, 5, w] = peaked
-        hazy = max(hazy, forward)
-    if inside:
-        for w in range(PACK):
-            out[side, 4, w] += nodes[volume.depth_channel[w]]
-            out[side, 5, w] += nodes[volume.forward_channel[w]]
+        low, high = shells.extinction[k, w], shells.extinction[k + 1, w]
+        row[F_EXT + w] = low + c * (high - low)
+        row[BEAM + w] = w00 * d[k, m, w] + w01 * d[k, m + 1, w] + w10 * d[k + 1, m, w] + w11 * d[k + 1, m + 1, w]
     for w in range(PACK):
-        out[side, 4, w] = lit * transmission(out[side, 4, w])  # the beam
-    if inside:
+        row[BEAM + w] = lit * transmission(row[BEAM + w])
+        row[F_AIR + w] = row[F_EXT + w]
+        row[F_FWD + w] = _ZERO
+        row[F_PEAK + w] = _ZERO
+        row[F_SMOOTH + w] = _ZERO
+    for ell in range(degree):
+        p = np.float32(legendre[ell])
         for w in range(PACK):
-            out[side, 2, w] = nodes[first + w]
-    else:
-        for w in range(PACK):
-            out[side, 2, w] = _ZERO
-        for ell in range(degree):
-            p = np.float32(legendre[ell])
-            for w in range(PACK):
-                out[side, 2, w] += p * (
-                    shells.scattering[k, ell, w] + c * (shells.scattering[k + 1, ell, w] - shells.scattering[k, ell, w])
-                )
-        for w in range(PACK):
-            out[side, 2, w] *= out[side, 4, w]
-
-    # the forward peak, read out near the sun with its broadening, elsewhere as single scattering (TMS)
-    if hazy > _ZERO or cloud > _ZERO:
+            low, high = shells.scattering[k, ell, w], shells.scattering[k + 1, ell, w]
+            row[F_SMOOTH + w] += p * (low + c * (high - low))
+    for w in range(PACK):
+        row[F_SMOOTH + w] *= row[BEAM + w]
+    if hazy:
         share = np.float32(legendre[degree])
         n_depth = peak.shape[1] - 1
         for w in range(PACK):
-            deepest = out[side, 5, w]
-            p = deepest / (_ONE + deepest) * np.float32(n_depth)
-            q = min(int(p), n_depth - 1)
-            p -= np.float32(q)
-            single = out[side, 1, w] * peak[ns, 0, w]
-            resolved = out[side, 1, w] * (peak[ns, q, w] * (_ONE - p) + peak[ns, q + 1, w] * p)
-            for s in range(ns):
-                x = nodes[s] * volume.forward[s, w] if inside else _ZERO
-                single += x * peak[s, 0, w]
-                resolved += x * (peak[s, q, w] * (_ONE - p) + peak[s, q + 1, w] * p)
-            out[side, 2, w] += (_ONE - share) * single * out[side, 4, w]
-            out[side, 3, w] = share * resolved * out[side, 4, w]
-    for w in range(PACK):
-        out[side, 5, w] = out[side, 0, w]
-        out[side, 4, w] = cloud
-    if cloud > _ZERO:
-        for s in range(ns):
-            x = nodes[s]
+            low, high = shells.forward[k, w], shells.forward[k + 1, w]
+            row[F_FWD + w] = low + c * (high - low)
+            row[DEPTH + w] = w00 * f[k, m, w] + w01 * f[k, m + 1, w] + w10 * f[k + 1, m, w] + w11 * f[k + 1, m + 1, w]
+            row[SINGLE + w] = peak[haze, 0, w]
+        for w in range(PACK):
+            row[F_SMOOTH + w] += (_ONE - share) * row[F_FWD + w] * row[SINGLE + w] * row[BEAM + w]
+        if share > _ZERO:
             for w in range(PACK):
-                out[side, 0, w] += x * volume.scaled[s, w]
-                out[side, 1, w] += x * volume.forward[s, w]
+                row[DEPTH + w] = row[DEPTH + w] / (_ONE + row[DEPTH + w]) * np.float32(n_depth)
+            for w in range(PACK):
+                p = row[DEPTH + w]
+                q = min(int(p), n_depth - 1)
+                p -= np.float32(q)
+                row[SINGLE + w] = peak[haze, q, w] * (_ONE - p) + peak[haze, q + 1, w] * p
+            for w in range(PACK):
+                row[F_PEAK + w] = share * row[F_FWD + w] * row[SINGLE + w] * row[BEAM + w]
 
-    if not inside and shells.moments.shape[0] > 0:
-        mu = up_x * dx + up_y * dy + up_z * dz
+    mom = shells.moments
+    if mom.shape[0] > 0:
         sines = math.sqrt(max(0.0, (1.0 - mu * mu) * (1.0 - mu_sun * mu_sun)))
         cos_azimuth = 1.0
         if sines > 1e-9:
-            cos_azimuth = min(1.0, max(-1.0, (dx * sx + dy * sy + dz * sz - mu * mu_sun) / sines))
+            cos_azimuth = min(1.0, max(-1.0, (cos_angle - mu * mu_sun) / sines))
         harmonics_symmetric(mu, cos_azimuth, degree, basis)
         km = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.moment_level_table)
         ms = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
-        mom = shells.moments
         k0 = min(int(km), mom.shape[0] - 2)
         m0 = min(int(ms), mom.shape[1] - 2)
         c1 = np.float32(km - k0)
         e1 = np.float32(ms - m0)
         u00, u01, u10, u11 = (_ONE - c1) * (_ONE - e1), (_ONE - c1) * e1, c1 * (_ONE - e1), c1 * e1
         for ell in range(degree):
+            for w in range(PACK):
+                row[SINGLE + w] = _ZERO
             for index in range(ell * (ell + 1) // 2, (ell + 1) * (ell + 2) // 2):
                 y = np.float32(basis[index])
+                y00, y01, y10, y11 = y * u00, y * u01, y * u10, y * u11
                 for w in range(PACK):
-                    sigma = shells.scattering[k, ell, w] + c * (shells.scattering[k + 1, ell, w] - shells.scattering[k, ell, w])
-                    out[side, 2, w] += (
-                        y
-                        * sigma
-                        * (
-                            u00 * mom[k0, m0, index, w]
-                            + u01 * mom[k0, m0 + 1, index, w]
-                            + u10 * mom[k0 + 1, m0, index, w]
-                            + u11 * mom[k0 + 1, m0 + 1, index, w]
-                        )
+                    row[SINGLE + w] += (
+                        y00 * mom[k0, m0, index, w]
+                        + y01 * mom[k0, m0 + 1, index, w]
+                        + y10 * mom[k0 + 1, m0, index, w]
+                        + y11 * mom[k0 + 1, m0 + 1, index, w]
                     )
-    return inside, free, ground, ix, iy
+            for w in range(PACK):
+                low, high = shells.scattering[k, ell, w], shells.scattering[k + 1, ell, w]
+                row[F_SMOOTH + w] += row[SINGLE + w] * (low + c * (high - low))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
 def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
     """Length of the next step: a fraction of the scale of what is there, and never past the grid's edge."""
     above = max(h - shells.ground_m, 0.0)
     scale_m = scale * (500.0 + 0.11 * above)
-    slope = max(abs(mu), 0.02)
     vacuum = shells.extinction[0, 0] == 0.0
-    step = 1e30 if vacuum else min(scale_m / slope, math.sqrt(shells.radius_m * scale_m))
+    step = 1e30 if vacuum else scale_m / max(abs(mu), 0.015)  # level rays bend out of their layer in 50 km or so
     if extinction > 0.0:
         step = min(step, scale * 0.25 / extinction)
     if volume.fields.shape[0] <= 1:
@@ -332,8 +346,10 @@ def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
     k = int(fk)
     if mu < 0.0 and fk == k and k > 0:
         k -= 1
+    across, along = min(volume.cell_m[0], volume.cell_m[1]), volume.spacing_m[k]
+    # the step that crosses one cell: 1/max of the two rates, in one division
     sine = math.sqrt(max(0.0, 1.0 - mu * mu))
-    cell = min(min(volume.cell_m[0], volume.cell_m[1]) / max(sine, 1e-9), volume.spacing_m[k] / max(abs(mu), 1e-9))
+    cell = across * along / max(max(sine * along, abs(mu) * across), 1e-9)
     if inside:
         cells = max(free - 1.0, 1.0) if vacuum else min(max(free - 1.0, 1.0), volume.clear_cells * 1.0)
         step = scale * cells * cell if vacuum else min(step, scale * cells * cell)
@@ -355,21 +371,54 @@ def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
     return step
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
+def _advance(row, step_m, resolved, shining, fronting):
+    """Add the light of one step and dim what lies behind it; then the far end becomes the near end of the next.
+
+    Returns the largest delta-scaled transmission left. ``shining``, ``fronting``: 1 or 0.
+    """
+    ds = np.float32(step_m)
+    if resolved:
+        for w in range(PACK):
+            near = row[N_EXT + w] + row[N_FWD + w]
+            far = row[F_EXT + w] + row[F_FWD + w]
+            tau = _HALF * (near + far) * ds
+            gain = step_emission(tau, transmission(tau), ds, row[N_PEAK + w], row[F_PEAK + w], near, far)
+            row[RADIANCE + w] += shining * row[FULL + w] * gain
+    for w in range(PACK):
+        tau = _HALF * (row[N_EXT + w] + row[F_EXT + w]) * ds
+        trans = transmission(tau)
+        gain = step_emission(
+            tau, trans, ds, row[N_SMOOTH + w], row[F_SMOOTH + w], row[N_EXT + w], row[F_EXT + w]
+        )
+        row[RADIANCE + w] += shining * row[SCALED + w] * gain
+        row[SCALED + w] *= trans
+        row[FULL + w] *= trans * transmission(_HALF * (row[N_FWD + w] + row[F_FWD + w]) * ds)
+        row[FRONT + w] += fronting * _HALF * (row[N_AIR + w] + row[F_AIR + w]) * ds
+    for w in range(5 * PACK):
+        row[N_EXT + w] = row[F_EXT + w]
+    seen = _ZERO
+    for w in range(PACK):
+        seen = max(seen, row[SCALED + w])
+    return seen
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, depth_limit, scale, sides, nodes, basis,
-              radiance, scaled_trans, full_trans, species_depth, front_depth):
+def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, depth_limit, scale, row, nodes, basis,
+              species_depth):
     """Follow one eye ray to the ground, to space, or until nothing more is seen.
 
-    Fills radiance, scaled_trans (e^-tau', what the smooth field sees), full_trans (e^-tau) (PACK,), the optical depth
-    of each species, and the depth of air and haze in front of unit cloud depth. ``depth_limit``: cloud depth that ends
-    the source (Eq. 12). ``sides`` (2, 6, PACK), ``nodes``, ``basis``: scratch. Returns (distance_m or -1, samples).
+    Leaves in the scratch ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT,
+    the depth of air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species.
+    ``depth_limit``: cloud depth that ends the source (Eq. 12). ``nodes``, ``basis``: scratch.
+    Returns (distance_m or -1, samples).
     """
     ns = volume.species
     for w in range(PACK):
-        radiance[w] = _ZERO
-        scaled_trans[w] = _ONE
-        full_trans[w] = _ONE
-        front_depth[w] = _ZERO
+        row[RADIANCE + w] = _ZERO
+        row[SCALED + w] = _ONE
+        row[FULL + w] = _ONE
+        row[FRONT + w] = _ZERO
     for n in range(ns):
         species_depth[n] = _ZERO
     radius = shells.radius_m
@@ -386,34 +435,32 @@ def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume
         h = shells.top_m
     s = 0.0
     px, py, pz = ox, oy, oz
-    near, far = 0, 1
-    inside, free, ground, ix, iy = _sample(
-        px, py, pz, h, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, nodes, basis, sides, near
-    )
+    qx, qy, qz, hq = px, py, pz, h
     resolved = legendre[legendre.shape[0] - 1] > 0.0
-    samples = 1
+    samples = 0
+    step = 0.0
     hit = False
     cloud_depth = _ZERO
+    near_cloud = _ZERO
+    inside = False
+    gridded = volume.fields.shape[0] > 1
+    cos_angle = dx * sx + dy * sy + dz * sz
+    free, mu, ix, iy = 0.0, 0.0, 0.0, 0.0
     while samples < MOST_SAMPLES:
-        mu = (px * dx + py * dy + (radius + pz) * dz) / (radius + h)
-        most = _ZERO
-        for w in range(PACK):
-            most = max(most, sides[near, 5, w])
-        step = _step_m(h, mu, most, shells, volume, inside, free, ix, iy, scale)
-        if step > 1e20:  # nothing between here and the ground or space
-            if mu >= 0.0:
-                break
-            step = (shells.ground_m - h) / mu * 1.0000001
-        if inside and sides[near, 4, 0] > _ZERO:
-            for n in range(ns):
-                species_depth[n] += _HALF * np.float32(step) * nodes[n]
-        qx, qy, qz = px + step * dx, py + step * dy, pz + step * dz
+        # one place in the code samples, so that it is inlined once; the first pass has no step yet
+        if samples > 0:
+            most = _ZERO
+            for w in range(PACK):
+                most = max(most, row[N_AIR + w])
+            step = _step_m(h, mu, most, shells, volume, inside, free, ix, iy, scale)
+            if step > 1e20:  # nothing between here and the ground or space
+                if mu >= 0.0:
+                    break
+                step = (shells.ground_m - h) / mu * 1.0000001
+            qx, qy, qz = px + step * dx, py + step * dy, pz + step * dz
         hq = height_m(qx, qy, qz, radius)
-        inside, free, ground, ix, iy = _sample(
-            qx, qy, qz, hq, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, nodes, basis, sides, far
-        )
-        samples += 1
-        if hq < ground:
+        ix, iy = grid_index(qx, qy, qz, radius, volume)
+        if samples > 0 and hq < _ground_m(ix, iy, shells.ground_m, volume):
             hit = True
             low, high = 0.0, step
             for _ in range(24):
@@ -427,36 +474,33 @@ def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume
             step = max(low, 1e-3)
             qx, qy, qz = px + step * dx, py + step * dy, pz + step * dz
             hq = height_m(qx, qy, qz, radius)
-            inside, free, ground, ix, iy = _sample(
-                qx, qy, qz, hq, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, nodes, basis, sides, far
-            )
-        ds = np.float32(step)
-        if inside and sides[far, 4, 0] > _ZERO:
+            ix, iy = grid_index(qx, qy, qz, radius, volume)
+        if near_cloud > _ZERO:
             for n in range(ns):
-                species_depth[n] += _HALF * ds * nodes[n]
-        shining = cloud_depth < depth_limit
-        fronting = cloud_depth < _ONE
-        cloud_depth += _HALF * ds * (sides[near, 4, 0] + sides[far, 4, 0])
-        seen = _ZERO
-        if shining and resolved:
-            for w in range(PACK):
-                bn = sides[near, 0, w] + sides[near, 1, w]
-                bf = sides[far, 0, w] + sides[far, 1, w]
-                tau = _HALF * (bn + bf) * ds
-                radiance[w] += full_trans[w] * step_emission(
-                    tau, transmission(tau), ds, sides[near, 3, w], sides[far, 3, w], bn, bf
-                )
-        for w in range(PACK):
-            tau = _HALF * (sides[near, 0, w] + sides[far, 0, w]) * ds
-            trans = transmission(tau)
-            gain = step_emission(tau, trans, ds, sides[near, 2, w], sides[far, 2, w], sides[near, 0, w], sides[far, 0, w])
-            radiance[w] += scaled_trans[w] * gain if shining else _ZERO
-            full_trans[w] *= trans * transmission(_HALF * (sides[near, 1, w] + sides[far, 1, w]) * ds)
-            scaled_trans[w] *= trans
-            front_depth[w] += _HALF * (sides[near, 5, w] + sides[far, 5, w]) * ds if fronting else _ZERO
-            seen = max(seen, scaled_trans[w])
-        near = far
-        far = 1 - near
+                species_depth[n] += _HALF * np.float32(step) * nodes[2 * PACK + n]
+        inverse_r = 1.0 / (radius + hq)
+        mu = (qx * dx + qy * dy + (radius + qz) * dz) * inverse_r
+        inside = gridded and hq <= volume.top_m and _inside(ix, iy, volume)
+        cloud = _ZERO
+        if inside:
+            cloud, free = _sample_grid(ix, iy, hq, legendre, peak, volume, nodes, row)
+        else:
+            mu_sun = (qx * sx + qy * sy + (radius + qz) * sz) * inverse_r
+            _sample_air(mu, mu_sun, cos_angle, hq, legendre, peak, shells, ns, basis, row)
+        samples += 1
+        if samples == 1:
+            for w in range(5 * PACK):
+                row[N_EXT + w] = row[F_EXT + w]
+            near_cloud = cloud
+            continue
+        if cloud > _ZERO:
+            for n in range(ns):
+                species_depth[n] += _HALF * np.float32(step) * nodes[2 * PACK + n]
+        shining = _ONE if cloud_depth < depth_limit else _ZERO
+        fronting = _ONE if cloud_depth < _ONE else _ZERO
+        cloud_depth += _HALF * np.float32(step) * (near_cloud + cloud)
+        seen = _advance(row, step, resolved, shining, fronting)
+        near_cloud = cloud
         s += step
         px, py, pz, h = qx, qy, qz, hq
         if hit or seen < DARK or h >= shells.top_m:
@@ -493,7 +537,7 @@ def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scal
     degree = shells.scattering.shape[1]
     block = 64
     for tile in prange((count + block - 1) // block):
-        sides = np.zeros((2, 6, PACK), np.float32)
+        row = np.zeros(ROWS, np.float32)
         nodes = np.zeros(volume.fields.shape[3], np.float32)
         basis = np.zeros(degree * (degree + 1) // 2, np.float64)
         legendre = np.zeros(degree + 1, np.float64)
@@ -503,9 +547,13 @@ def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scal
             prepare_ray(dx * sun[0] + dy * sun[1] + dz * sun[2], table, legendre, peak)
             distance[n], samples[n] = march_ray(
                 origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, sun[0], sun[1], sun[2], legendre, peak, shells,
-                volume, depth_limit, scale, sides, nodes, basis, radiance[n], scaled_trans[n], full_trans[n],
-                species_depth[n], front_depth[n],
+                volume, depth_limit, scale, row, nodes, basis, species_depth[n],
             )
+            for w in range(PACK):
+                radiance[n, w] = row[RADIANCE + w]
+                scaled_trans[n, w] = row[SCALED + w]
+                full_trans[n, w] = row[FULL + w]
+                front_depth[n, w] = row[FRONT + w]
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
@@ -523,14 +571,12 @@ def gather_kernel(place_m, sun_mu, mu, azimuth, weight, table, shells, volume, s
         h = place_m[level]
         sx = math.sqrt(max(0.0, 1.0 - sun_mu[star] ** 2))
         sz = sun_mu[star]
-        sides = np.zeros((2, 6, PACK), np.float32)
+        row = np.zeros(ROWS, np.float32)
         nodes = np.zeros(volume.fields.shape[3], np.float32)
         basis = np.zeros(degree * (degree + 1) // 2, np.float64)
         legendre = np.zeros(degree + 1, np.float64)
         peak = np.zeros((table.shape[0], table.shape[2], PACK), np.float32)
         radiance = np.zeros(PACK, np.float32)
-        scaled = np.zeros(PACK, np.float32)
-        full = np.zeros(PACK, np.float32)
         front = np.zeros(PACK, np.float32)
         none = np.zeros(max(volume.species, 1), np.float32)
         total = np.zeros((basis.shape[0], PACK), np.float64)
@@ -540,13 +586,15 @@ def gather_kernel(place_m, sun_mu, mu, azimuth, weight, table, shells, volume, s
             dx, dy, dz = sine * math.cos(azimuth[n]), sine * math.sin(azimuth[n]), mu[n]
             prepare_ray(dx * sx + dz * sz, table, legendre, peak)
             length, _ = march_ray(
-                0.0, 0.0, h, dx, dy, dz, sx, 0.0, sz, legendre, peak, shells, volume, 1e30, scale, sides, nodes, basis,
-                radiance, scaled, full, none, front,
+                0.0, 0.0, h, dx, dy, dz, sx, 0.0, sz, legendre, peak, shells, volume, 1e30, scale, row, nodes, basis,
+                none,
             )
+            for w in range(PACK):
+                radiance[w] = row[RADIANCE + w]
             if length >= 0.0:
                 ground_radiance(dx * length, dy * length, h + dz * length, sx, 0.0, sz, shells, front)
                 for w in range(PACK):
-                    radiance[w] += scaled[w] * front[w]
+                    radiance[w] += row[SCALED + w] * front[w]
             harmonics_symmetric(mu[n], math.cos(azimuth[n]), degree, basis)
             for w in range(PACK):
                 for index in range(basis.shape[0]):

@@ -67,14 +67,14 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def height_m(x, y, z, radius_m):
     """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
     q = x * x + y * y + z * (2.0 * radius_m + z)
     return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     """Share of the sun's disc above the horizon (0..1), mu and mu_horizon being cosines of zenith angles."""
     x = (mu - mu_horizon) / sun_radius_rad
@@ -85,7 +85,7 @@ def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def table_index(value, origin, per_unit, table):
     """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
     t = (value - origin) * per_unit
@@ -99,7 +99,7 @@ def table_index(value, origin, per_unit, table):
     return table[i] * (1.0 - f) + table[i + 1] * f
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def smoothstep(x):
     """0 below 0, 1 above 1, smooth between."""
     if x <= 0.0:

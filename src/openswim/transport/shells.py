@@ -55,8 +55,8 @@ def no_volume() -> Volume:
         fields=np.zeros((1, 1, 1, PACK), f32),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),
-        depth_channel=np.zeros(PACK, np.int64),
         forward_channel=np.zeros(PACK, np.int64),
+        air=np.zeros((2, 2, PACK), f32),
         terrain_m=np.zeros((1, 1), f32),
         clear_cells=8,
     )
@@ -133,6 +133,7 @@ def build_shells(
         return Shells(
             radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)), zeros, zeros,
             np.zeros((2, degree, nw), f32), np.zeros((2, 2, nw), f32), np.zeros((2, 2, nw), f32),
+            _horizon(levels, radius_m, ground_m),
             np.zeros(2), sun_table, np.zeros((0, len(suns), degree * (degree + 1) // 2, nw), f32),
             flux.astype(f32), albedo,
         )  # fmt: skip
@@ -154,11 +155,24 @@ def build_shells(
     shells = Shells(
         radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m), extinction.astype(f32),
         forward.astype(f32), scattering.astype(f32), sun_depth.astype(f32),
-        slant_depths(forward, levels, radius_m, ground_m).astype(f32), fractional_index(_MOMENT_LEVELS_M, grid_100m),
+        _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m), fractional_index(_MOMENT_LEVELS_M, grid_100m),
         sun_table, np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
         np.zeros((len(suns), nw), f32), albedo,
     )  # fmt: skip
     return _solve(shells, sun_mu, scale)
+
+
+def _horizon(levels: Array, radius_m: float, ground_m: float) -> Array:
+    """Cosine of the zenith angle of the horizon at heights above the ground."""
+    r = radius_m + ground_m
+    return -np.sqrt(levels * (2 * r + levels)) / (r + levels)
+
+
+def _forward_depths(forward: Array, levels: Array, radius_m: float, ground_m: float) -> NDArray[np.float32]:
+    """Slant forward depths; two columns of zeros where there is no peaked aerosol, which tells the kernel so."""
+    if not forward.any():
+        return np.zeros((len(levels), 2, PACK), np.float32)
+    return slant_depths(forward, levels, radius_m, ground_m).astype(np.float32)
 
 
 def shell_levels() -> Array:

@@ -292,7 +292,8 @@ class GridLight:
     moments: list[F32] | None
     coefficients: list[diffuse.Coefficients]
     sun_harmonics: F32
-    first_source: int
+    sun: F64
+    haze: F32  # (1, angle, depth, PACK) forward peak of the background aerosol
     count: int
     shadow_m: F64
     ridge_m: F64
@@ -306,11 +307,12 @@ class GridLight:
         m = self.medium
         for w, c in enumerate(self.coefficients):
             if w >= self.count:
-                volume.fields[..., self.first_source + w] = volume.fields[..., self.first_source + w - 1]
+                volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
                 continue
             view_source(
-                m.extinction, c.scattering, c.air_scattering, self.beams[w], self.sun_harmonics, self.moments[w], m.axes,
-                m.place, m.levels_m, np.asarray(eye, float), parallel, self.first_source + w, volume.fields,
+                m.extinction, c.scattering, c.air_scattering, c.air_forward, self.beams[w], self.sun_harmonics,
+                self.moments[w], m.axes, m.place, m.levels_m, np.asarray(eye, float), parallel, self.sun, self.haze, w,
+                int(volume.forward_channel[w]), PACK + w, volume.fields,
             )  # fmt: skip
         self._aimed = key
 
@@ -335,8 +337,9 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     volume, depths = _volume(medium, coefficients, local_sun, fast)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
-    light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, count)
-    result = PackField(solver, scene, frame, sun, wl, count, shells, volume, _tables(medium, fast), lighting, medium, timings)
+    table = _tables(medium, fast)
+    light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, sun, table[-1:], count)
+    result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
     if fast:
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
@@ -370,14 +373,16 @@ def _coefficients(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse
         scattering.append(k * omega * (chi[:-1] - f))
     above = medium.levels_m - shells.ground_m
     if medium.air is None:
-        air_e, air_s = np.zeros(len(above)), np.zeros((len(above), _TRUNCATION))
+        air_e, air_f, air_s = np.zeros(len(above)), np.zeros(len(above)), np.zeros((len(above), _TRUNCATION))
     else:
         z = medium.air.height_m - shells.ground_m
         air_e = np.interp(above, z, shells.extinction[:, w])
+        air_f = np.interp(above, z, shells.forward[:, w])
         air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
     f32 = np.float32
     return diffuse.Coefficients(
-        np.array(scaled, f32), np.array(scattering, f32).reshape(-1, _TRUNCATION), air_e.astype(f32), air_s.astype(f32)
+        np.array(scaled, f32), np.array(scattering, f32).reshape(-1, _TRUNCATION), air_e.astype(f32), air_s.astype(f32),
+        air_f.astype(f32),
     )
 
 
@@ -393,28 +398,29 @@ def _forward(medium: Medium, nw: int) -> F32:
 
 def _volume(
     medium: Medium, coefficients: list[diffuse.Coefficients], local_sun: F64, fast: bool
-) -> tuple[Volume, dict[str, F32]]:
+) -> tuple[Volume, list[F32]]:
     """Sun sweeps, and the volume with all but its sources filled in."""
-    ns, nw = len(medium.species), len(coefficients)
+    ns, nw = len(medium.species), PACK
     scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
     forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
     second = forward if fast else swim.backscatter_weights(medium)
-    # wavelengths whose depths agree within 2 % share a sweep
+    nz, ny, nx = medium.shape
+    origin, per_m, lookup = medium.level_lookup
+    # coefficients that agree within 2 % share a sweep
     rows: list[F32] = []
-    channel: dict[str, list[int]] = {"scaled": [], "second": []}
+    index: dict[str, list[int]] = {"scaled": [], "second": []}
     for name, matrix in (("scaled", scaled), ("second", second)):
-        for w in range(nw):
+        for w in range(PACK):
             same = [n for n, r in enumerate(rows) if np.allclose(r, matrix[:, w], rtol=0.02, atol=1e-6)]
             if not same:
                 rows.append(matrix[:, w])
-            channel[name].append(ns + (same[0] if same else len(rows) - 1))
-    nz, ny, nx = medium.shape
-    origin, per_m, lookup = medium.level_lookup
-    free_channel = ns + len(rows)
-    channels = -(-(free_channel + 1) // PACK) * PACK + PACK
-    fields = np.zeros((nz, ny, nx, channels), np.float32)
+            index[name].append(same[0] if same else len(rows) - 1)
+    kept = sorted(set(index["second"]))
+    forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
+    free_channel = 2 * PACK + ns + len(kept)
+    fields = np.zeros((nz, ny, nx, -(-(free_channel + 1) // PACK) * PACK), np.float32)
     for s in range(ns):
-        fields[..., s] = medium.extinction[s]
+        fields[..., 2 * PACK + s] = medium.extinction[s]
     spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
@@ -423,7 +429,7 @@ def _volume(
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     cell = np.array(medium.cell_m, float)
-    depths: dict[int, F32] = {}
+    depths: list[F32] = []
     for n, row in enumerate(rows):
         total = np.tensordot(row, medium.extinction, axes=1).astype(np.float32)
         depth = np.zeros((nz, ny, nx), np.float32)
@@ -432,14 +438,16 @@ def _volume(
                 total, exact, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m,
                 medium.periodic, depth,
             )  # fmt: skip
-        fields[..., ns + n] = depth
-        depths[ns + n] = depth
+        if n in forward_channel:
+            fields[..., forward_channel[n]] = depth
+        depths.append(depth)
+    air = np.stack([[c.air_extinction for c in coefficients], [c.air_forward for c in coefficients]]).transpose(2, 0, 1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
         np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled, forward,
-        np.array(channel["scaled"]), np.array(channel["second"]), medium.terrain_m, _CLEAR_CELLS,
+        np.array([forward_channel[n] for n in index["second"]]), air.astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
-    return volume, depths
+    return volume, [depths[n] for n in index["scaled"]]
 
 
 def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
@@ -464,8 +472,8 @@ def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
 
 
 def _light(
-    solver: Solver, medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: dict[int, F32],
-    coefficients: list[diffuse.Coefficients], local_sun: F64, count: int,
+    solver: Solver, medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: list[F32],
+    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, haze: F32, count: int,
 ) -> GridLight:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape
@@ -479,22 +487,17 @@ def _light(
         if w >= count:  # padding
             beams.append(beams[-1])
             lighting.direct[w] = lighting.direct[w - 1]
+            volume.fields[..., w] = volume.fields[..., w - 1]
             continue
         beam = np.empty((nz, ny, nx), np.float32)
         direct_beam(
-            depths[int(volume.depth_channel[w])], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells,
-            beam, surface,
+            depths[w], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells, beam, surface,
+            volume.fields, w,
         )  # fmt: skip
         beams.append(beam)
         lighting.direct[w] = surface
-    # the sun's depth hides it behind ridges too, for what the eye ray reads from it
-    hidden = np.clip((shadow[None] - medium.levels_m[:, None, None]) / 100.0, 0, 1) * 12.0
-    if (hidden > 0).any():
-        for channel in depths:
-            volume.fields[..., channel] += np.where(medium.levels_m[:, None, None] > medium.terrain_m, hidden, 0)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), _TRUNCATION).T.reshape(-1, ny, nx).astype(np.float32)
-    first = volume.fields.shape[-1] - PACK
-    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), first, count, shadow, ridge)
+    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge)
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:

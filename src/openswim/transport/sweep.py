@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.march import SHELL_TABLE_PER_M, SUN_RADIUS_RAD, sun_table_coordinate
+from openswim.transport.march import SHELL_TABLE_PER_M, SUN_RADIUS_RAD, prepare_ray, sun_table_coordinate
 from openswim.transport.scalar import harmonics, shadow_fraction, step_emission, table_index, transmission
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
@@ -161,8 +161,8 @@ def shell_transmission(height_m, mu_sun, w, shells):
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells, beam, surface):
-    """Direct transmission at every node, beam (nz, ny, nx), and horizontal flux at the ground, surface (ny, nx)."""
+def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells, beam, surface, fields, channel):
+    """Direct transmission at every node, beam (nz, ny, nx), at the ground, surface (ny, nx), and its depth in fields."""
     nz, ny, nx = depth.shape
     for j in prange(ny):
         for i in range(nx):
@@ -171,7 +171,9 @@ def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells
             at_ground = -1.0
             for k in range(nz):
                 lit = lit_fraction(levels_m[k], shadow_m[j, i], distance_m[j, i], levels_m[min(k + 1, nz - 1)] - levels_m[max(k - 1, 0)])
-                beam[k, j, i] = lit * shell_transmission(levels_m[k], mu, w, shells) * math.exp(-depth[k, j, i])
+                air = lit * shell_transmission(levels_m[k], mu, w, shells)
+                beam[k, j, i] = air * math.exp(-depth[k, j, i])
+                fields[k, j, i, channel] = depth[k, j, i] - math.log(max(air, 1e-12))
                 if at_ground < 0.0 and levels_m[k] >= ground:
                     before = max(k - 1, 0)
                     span = levels_m[k] - levels_m[before]
@@ -498,18 +500,20 @@ def half_sweep(downward, species_extinction, scaled, scattering, air_extinction,
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def view_source(species_extinction, scattering, air_scattering, beam, sun_harmonics, moments, axes, place, levels_m, eye,
-                parallel_view, channel, fields):
-    """Smooth source toward one eye at every node, into fields[..., channel].
+def view_source(species_extinction, scattering, air_scattering, air_forward, beam, sun_harmonics, moments, axes, place,
+                levels_m, eye, parallel_view, sun, haze_table, w, forward_channel, channel, fields):
+    """Smooth source toward one eye at every node, and the haze's forward peak, into fields[..., channel].
 
     axes (ny, nx, 3, 3): the columns' own axes (rows) in the scene frame; place (ny, nx, 3): their sea-level points.
-    eye: the eye's position, or its viewing direction where ``parallel_view``.
+    eye: the eye's position, or its viewing direction where ``parallel_view``. haze_table (angle, depth, PACK).
     """
     nz, ny, nx = beam.shape
     ns = species_extinction.shape[0]
     degree = air_scattering.shape[1]
     for j in prange(ny):
         harmonic = np.zeros(degree * degree)
+        legendre = np.zeros(degree + 1)
+        peak = np.zeros((1, haze_table.shape[2], haze_table.shape[3]), np.float32)
         for k in range(nz):
             for i in range(nx):
                 a = axes[j, i]
@@ -520,8 +524,8 @@ def view_source(species_extinction, scattering, air_scattering, beam, sun_harmon
                     vx = place[j, i, 0] + h * a[2, 0] - eye[0]
                     vy = place[j, i, 1] + h * a[2, 1] - eye[1]
                     vz = place[j, i, 2] + h * a[2, 2] - eye[2]
-                    r = math.sqrt(vx * vx + vy * vy + vz * vz) + 1e-6
-                    vx, vy, vz = vx / r, vy / r, vz / r
+                    r = 1.0 / (math.sqrt(vx * vx + vy * vy + vz * vz) + 1e-6)
+                    vx, vy, vz = vx * r, vy * r, vz * r
                 lx = a[0, 0] * vx + a[0, 1] * vy + a[0, 2] * vz
                 ly = a[1, 0] * vx + a[1, 1] * vy + a[1, 2] * vz
                 lz = a[2, 0] * vx + a[2, 1] * vy + a[2, 2] * vz
@@ -539,4 +543,15 @@ def view_source(species_extinction, scattering, air_scattering, beam, sun_harmon
                             moments[index, k, j, i] + _FOUR_PI * sun_harmonics[index, j, i] * beam[k, j, i]
                         )
                     total += sigma * part
+                if air_forward[k] > 0.0:
+                    prepare_ray(vx * sun[0] + vy * sun[1] + vz * sun[2], haze_table, legendre, peak)
+                    phi = fields[k, j, i, forward_channel]
+                    p = phi / (1.0 + phi) * (peak.shape[1] - 1)
+                    q = min(int(p), peak.shape[1] - 2)
+                    p -= q
+                    share = legendre[degree]
+                    seen = (1.0 - share) * peak[0, 0, w]
+                    if share > 0.0:
+                        seen += share * (peak[0, q, w] * (1.0 - p) + peak[0, q + 1, w] * p)
+                    total += air_forward[k] * seen * beam[k, j, i]
                 fields[k, j, i, channel] = max(total, 0.0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.march import Shells, Volume
+from openswim.transport.march import PACK, Shells, Volume
 from openswim.transport.medium import Medium
 from openswim.transport.shells import beam_transmission
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
@@ -53,14 +53,14 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     for w in range(len(medium.wavelengths_nm)):
         direct_beam(
             np.zeros(medium.shape, np.float32), local_sun, medium.levels_m, medium.terrain_m, light.shadow_m, light.ridge_m,
-            w, shells, air, unused,
+            w, shells, air, unused, volume.fields, w,
         )  # fmt: skip
         # Eqs 4-6 (corrected): T = T1 with the slant depth, summed over species (b_i tau_i)
         transmittance = 1.0 / (1.0 + volume.fields[..., volume.forward_channel[w]])
         scattering = np.zeros(medium.shape, np.float32)
         for s, extinction in zip(medium.species, medium.extinction, strict=True):
             scattering += np.float32(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
-        volume.fields[..., light.first_source + w] = scattering * transmittance * air  # Eq. 8
+        volume.fields[..., PACK + w] = scattering * transmittance * air  # Eq. 8
         below = np.take_along_axis(transmittance, ground, 0)[0]
         total = unused * below * np.maximum(lighting.mu_sun, 0)
         lighting.diffuse[w] = np.maximum(total - lighting.direct_horizontal(w), 0) + clear_diffuse[:, w].reshape(shape) * below
