@@ -29,8 +29,8 @@ class Rays:
     def __len__(self) -> int:
         return len(self.origin_m) if self.origin_m.ndim == 2 else len(self.direction)
 
-    def __getitem__(self, part: slice) -> "Rays":
-        """A tile of the rays: `rays[i:j]`."""
+    def __getitem__(self, part: slice | np.ndarray) -> "Rays":
+        """Some of the rays: `rays[i:j]`, or those of an index array."""
         origin = self.origin_m[part] if self.origin_m.ndim == 2 else self.origin_m
         direction = self.direction[part] if self.direction.ndim == 2 else self.direction
         return Rays(origin, direction)

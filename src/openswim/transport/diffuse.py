@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.ordinates import harmonic_matrix, lebedev
+from openswim.transport.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.sweep import half_sweep
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-_DEPTH_OF_MEMORY = 3  # Anderson acceleration
 
 
 @dataclass
@@ -38,15 +36,15 @@ class Sweeper:
     levels_m: F64
     cell_m: F64
     periodic: bool
-    inflow: F32  # (ordinates, nz), in the order of `lebedev`
+    inflow: F32  # (ordinates, nz), in the order of `ordinates`
     ground_node: NDArray[np.int64]
     ground_albedo: F32
     direct_flux: F32
-    count: int
+    ordinates: Ordinates
     degree: int
 
     def __post_init__(self) -> None:
-        directions, weights = lebedev(self.count)
+        directions, weights = self.ordinates.direction, self.ordinates.weight
         down = directions[:, 2] >= 0
         _, ny, nx = self.beam.shape
         nz = len(self.levels_m)
@@ -84,8 +82,8 @@ class Sweeper:
                 radiance = self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux)
         return new
 
-    def solve(self, moments: F32, tolerance: float, most: int) -> tuple[F32, int]:
-        """Fixed point by Anderson acceleration over the last three sweeps; inner products over l < 2."""
+    def solve(self, moments: F32, tolerance: float, most: int, memory: int = 3) -> tuple[F32, int]:
+        """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2."""
         sources: list[F32] = []
         images: list[F32] = []
         for n in range(1, most + 1):
@@ -94,8 +92,8 @@ class Sweeper:
             scale = float(np.linalg.norm(image[:4]))
             if scale == 0 or float(np.linalg.norm(residual)) < tolerance * scale:
                 return image, n
-            sources = [*sources, moments][-_DEPTH_OF_MEMORY:]
-            images = [*images, image][-_DEPTH_OF_MEMORY:]
+            sources = [*sources, moments][-memory:]
+            images = [*images, image][-memory:]
             moments = _anderson(sources, images)
         return image, most
 
@@ -105,11 +103,11 @@ def _anderson(sources: list[F32], images: list[F32]) -> F32:
     if len(images) == 1:
         return images[0]
     residuals = [(i[:4] - s[:4]).ravel() for s, i in zip(sources, images, strict=True)]
-    differences = np.stack([r - residuals[-1] for r in residuals[:-1]])
-    gram = (differences @ differences.T).astype(float)
-    gram += 1e-8 * np.trace(gram) * np.eye(len(gram))
-    weights = np.linalg.solve(gram, -(differences @ residuals[-1]).astype(float))
-    weights = np.clip(weights, -2, 2)
+    last = residuals[-1].astype(float)
+    differences = np.stack([r - last for r in residuals[:-1]])
+    gram = differences @ differences.T
+    gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
+    weights = np.linalg.solve(gram, -(differences @ last))
     out = images[-1] * np.float32(1 - weights.sum())
     for w, image in zip(weights, images[:-1], strict=True):
         out += np.float32(w) * image

@@ -20,6 +20,7 @@ _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
 _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
+_WITHOUT_SIDES_M = 1e8
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
 
@@ -67,7 +68,7 @@ def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | N
     return background(scene.atmosphere, wavelengths_nm, shell_levels() + ground_m)
 
 
-def build_medium(scene: Scene, wavelengths_nm: F64, refine: bool = True) -> Medium:
+def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True) -> Medium:
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps."""
     grid = scene.grid
     if grid is None:
@@ -82,17 +83,22 @@ def build_medium(scene: Scene, wavelengths_nm: F64, refine: bool = True) -> Medi
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+    if grid.periodic and not terrain.any() and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species):
+        # plane-parallel: one column without sides, so that level light need not be chased around the period
+        dx = dy = _WITHOUT_SIDES_M
+        ny = nx = 1
     if refine:
-        levels = _refined(levels, heights, total, min(dx, dy), ny * nx)
+        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if nx == 1 else 1.0)
     extinction = np.zeros((len(species), len(levels), ny, nx), np.float32)
     for out, one in zip(extinction, species, strict=True):
-        _to_levels(one.extinction_per_m, heights, levels, frame.curved, out)
+        _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, out)
     if frame.curved:  # what lies under the terrain must not be seen by a step that ends there
         thickness = np.gradient(levels)
         buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
         extinction[:, buried] = 0
     axes, place = _columns(grid, frame)
     origin, per_m, chart = _chart(grid, frame)
+    terrain, axes, place = terrain[:ny, :nx], axes[:ny, :nx], place[:ny, :nx]
     ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
@@ -134,7 +140,9 @@ def _levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
     return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
 
 
-def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> F64:
+def _refined(
+    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, fineness: float
+) -> F64:
     """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2)."""
     if total is None:
         return levels
@@ -143,7 +151,7 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     flat = total.reshape(total.shape[0], -1)
     own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
     cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
-    depth = 0.28 * np.interp(0.5 * (levels[1:] + levels[:-1]), own, cloudy) * dz  # about 1 - f of droplets
+    depth = 0.4 / fineness * np.interp(0.5 * (levels[1:] + levels[:-1]), own, cloudy) * dz  # 1 - f is .3 to .55
     parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
     while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))

@@ -6,7 +6,9 @@ One solve serves every camera; only the view pass repeats.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +21,7 @@ from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
 from openswim.transport.march import PACK, Shells, Volume, ground_radiance_rows, view_kernel
 from openswim.transport.medium import Medium, air_of, build_medium
-from openswim.transport.ordinates import harmonic_matrix, lebedev
+from openswim.transport.ordinates import Ordinates, harmonic_matrix, ordinates_for
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, no_volume
 from openswim.transport.surface import Lighting, shade
@@ -30,7 +32,6 @@ F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast")
 _TRUNCATION = 5  # M: order of the smooth field (transport.md section 2)
-_ORDINATES = 50
 _SPACE_M = 120e3
 _TILE_RAYS = 400_000
 _CLEAR_CELLS = 8
@@ -168,22 +169,32 @@ class PackField:
         """See `Field.view`."""
         started = time.perf_counter()
         shells = self._shells_for(rays)
-        if self.light is not None:
-            self.light.aim(self.volume, *_eye_of(rays))
         n = len(rays)
         out = View(
             np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
             np.zeros(n), np.zeros((n, max(self.volume.species, 1)), np.float32), 0,
         )  # fmt: skip
         with job("view", n) as meter:
-            for a in range(0, n, _TILE_RAYS):
-                part = slice(a, min(n, a + _TILE_RAYS))
-                out.samples += self._view_tile(rays[part], part, shells, out)
-                meter.advance(part.stop - a)
+            for part in self._tiles(rays):
+                tile = rays[part]
+                if self.light is not None:
+                    self.light.aim(self.volume, *_eye_of(tile))
+                out.samples += self._view_tile(tile, part, shells, out)
+                meter.advance(len(tile))
         self.timings["view"] = time.perf_counter() - started
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
-    def _view_tile(self, rays: Rays, part: slice, shells: Shells, out: View) -> int:
+    def _tiles(self, rays: Rays) -> Iterator[Any]:
+        """Parts of the rays to march together; over plane-parallel ground, where a node is everywhere, one per direction."""
+        plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
+        if plane_parallel and self.light is not None:
+            _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
+            order = np.argsort(which.ravel(), kind="stable")
+            yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
+        else:
+            yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
+
+    def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
         origin = np.ascontiguousarray(rays.origins(), float)
         direction = np.ascontiguousarray(rays.directions(), float)
         n, nw = len(rays), PACK
@@ -191,22 +202,25 @@ class PackField:
         samples = np.zeros(n, np.int64)
         swim_mode = self.solver.name == "swim" and self.medium is not None
         depth_limit = 2.0 if swim_mode else 1e30
-        radiance, full, distance = out.radiance[part], out.transmittance[part], out.distance_m[part]
+        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
+        distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
         seen_shells = swim.cloud_only(shells) if swim_mode else shells
         view_kernel(
             origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance, scaled,
-            full, out.species_depth[part], front, distance, samples,
+            full, depth, front, distance, samples,
         )  # fmt: skip
+        np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
         if swim_mode:
             clear = self._clear_view(origin, direction, shells)
-            swim.merge(self, direction, origin, radiance, full, out.species_depth[part], front, clear)
-        out.hit[part] = distance >= 0
+            swim.merge(self, direction, origin, radiance, full, depth, front, clear)
         hit = np.flatnonzero(distance >= 0)
+        position = np.full((n, 3), np.nan)
         if hit.size:
-            place = origin[hit] + direction[hit] * distance[hit, None]
-            out.position[part][hit] = place
+            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
             through = full[hit] if swim_mode else scaled[hit]
-            radiance[hit] += through * shade(self, shells, place, direction[hit])
+            radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
+        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
+        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
         return int(samples.sum())
 
     def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
@@ -249,6 +263,8 @@ class PackField:
 
 def _eye_of(rays: Rays) -> tuple[F64, bool]:
     """Common point of the rays, or their common direction."""
+    if len(rays) == 1:
+        return rays.directions()[0], True
     if rays.origin_m.ndim == 1:
         return rays.origin_m, False
     if rays.direction.ndim == 1:
@@ -321,7 +337,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     """Field of a scene with a grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
     started = time.perf_counter()
     fast = solver.name == "fast"
-    medium = build_medium(scene, wl, refine=fast)
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast)
     frame = medium.frame
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
@@ -500,9 +516,9 @@ def _light(
     return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge)
 
 
-def _inflow(medium: Medium, shells: Shells, sun: F64, count: int) -> F32:
+def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
     """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level."""
-    q, _ = lebedev(count)
+    q = ordinates.direction
     nz, ny, nx = medium.shape
     axes = medium.axes[ny // 2, nx // 2].astype(float)
     direction = np.repeat(q @ axes, nz, axis=0)
@@ -526,7 +542,8 @@ def _diffuse(
     """Coarse-to-fine sweeps of every wavelength; each starts from the field of the one before."""
     medium = light.medium
     nz, ny, nx = medium.shape
-    inflow = _inflow(medium, shells, sun, _ORDINATES)
+    ordinates = ordinates_for(medium.cell_m, medium.levels_m)
+    inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     coarse_first = ny > 8 and nx > 8 and not medium.periodic
@@ -549,7 +566,7 @@ def _diffuse(
             albedo, direct = lighting.albedo[w], lighting.direct_horizontal(w)
             fine = diffuse.Sweeper(
                 medium.extinction, light.coefficients[w], light.beams[w], light.sun_harmonics, medium.levels_m, cell,
-                medium.periodic, np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, _ORDINATES,
+                medium.periodic, np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, ordinates,
                 _TRUNCATION,
             )  # fmt: skip
             if coarse_first:
@@ -565,11 +582,12 @@ def _diffuse(
                     moments = fine.sweep(moments)
                 counts["fine"].append(solver.fine_sweeps)
             else:
-                moments, n = fine.solve(moments, 0.02 * solver.tolerance, 4 * solver.most_sweeps)
+                plane_parallel = (ny, nx) == (1, 1)
+                moments, n = fine.solve(moments, (2e-4 if plane_parallel else 0.02) * solver.tolerance, 400, 12 if plane_parallel else 3)
                 counts["fine"].append(n)
             light.moments.append(moments)
             lighting.diffuse[w] = fine.down_flux
             lighting.up_top[w] = fine.up_flux
             meter.advance()
-    lighting.correct_quadrature(inflow, shells, sun)
+    lighting.correct_quadrature(ordinates, inflow, shells, sun)
     return counts

@@ -13,7 +13,7 @@ from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport.march import PACK, Shells, view_kernel
 from openswim.transport.medium import Medium
-from openswim.transport.ordinates import lebedev
+from openswim.transport.ordinates import Ordinates
 from openswim.transport.shells import beam_transmission, no_volume
 
 if TYPE_CHECKING:
@@ -62,8 +62,9 @@ class Lighting:
         wl = medium.wavelengths_nm
         albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T.reshape(-1, ny, nx)
         blank = np.zeros(albedo.shape, np.float32)
-        slope_y = np.gradient(medium.terrain_m.astype(float), medium.cell_m[1], axis=0)
-        slope_x = np.gradient(medium.terrain_m.astype(float), medium.cell_m[0], axis=1)
+        terrain = medium.terrain_m.astype(float)
+        slope_y = np.gradient(terrain, medium.cell_m[1], axis=0) if ny > 1 else np.zeros_like(terrain)
+        slope_x = np.gradient(terrain, medium.cell_m[0], axis=1) if nx > 1 else np.zeros_like(terrain)
         axes = medium.axes.astype(float)
         normal = axes[..., 2, :] - slope_x[..., None] * axes[..., 0, :] - slope_y[..., None] * axes[..., 1, :]
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -90,12 +91,12 @@ class Lighting:
         self.diffuse[:, 0, 0] = ground_flux(shells, mu)[0] - beam * max(sun[2], 0)
         self.clear_sky = clear_sky_table(shells, sun)
 
-    def correct_quadrature(self, inflow: F32, shells: Shells, sun: F64) -> None:
+    def correct_quadrature(self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64) -> None:
         """Scale the ordinates' diffuse flux by what they miss of the clear sky's, which is known better."""
         self.clear_sky = clear_sky_table(shells, sun)
         if not shells.moments.size:
             return
-        q, weight = lebedev(len(inflow))
+        q, weight = ordinates
         down = q[:, 2] > 0
         raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
         mu = np.array([sun[2]])
@@ -212,7 +213,7 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
         return grid.index(lon, lat)
     ix, iy = (place[:, 0] - grid.x[0]) / grid.step[0], (place[:, 1] - grid.y[0]) / grid.step[1]
     if medium.periodic:
-        _, ny, nx = grid.shape
+        _, ny, nx = medium.shape
         return np.clip(ix % nx, 0, nx - 1), np.clip(iy % ny, 0, ny - 1)
     return ix, iy
 

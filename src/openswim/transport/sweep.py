@@ -52,7 +52,7 @@ def _depth_to_sun(extinction, depth, k, i, j, sun, last_level, levels_m, level_o
     bend = (1.0 - mu * mu) / (2.0 * radius_m)
     vx, vy = sun[0] / cell_m[0], sun[1] / cell_m[1]
     fastest = max(abs(vx), abs(vy))
-    longest = 4.0 * (nx + ny) / max(fastest, 1e-12)
+    longest = 1e30 if periodic else 4.0 * (nx + ny) / max(fastest, 1e-12)  # the way out of an open domain
     below = extinction[k, j, i]
     total = 0.0
     s = 0.0
@@ -469,7 +469,7 @@ def half_sweep(downward, species_extinction, scaled, scattering, air_extinction,
             if not downward:
                 for j in range(ny):
                     for i in range(nx):
-                        if k < ground_node[j, i]:
+                        if k < ground_node[j, i] or k == 0:
                             cur_i[j + 1, i + 1] = ground_radiance[j, i]
             if periodic:
                 side = edges[n, k]
@@ -554,4 +554,4 @@ def view_source(species_extinction, scattering, air_scattering, air_forward, bea
                     if share > 0.0:
                         seen += share * (peak[0, q, w] * (1.0 - p) + peak[0, q + 1, w] * p)
                     total += air_forward[k] * seen * beam[k, j, i]
-                fields[k, j, i, channel] = max(total, 0.0)
+                fields[k, j, i, channel] = total
