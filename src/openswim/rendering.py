@@ -18,6 +18,7 @@ from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Field, Solver
+from openswim.transport.surface import bilinear
 
 F64 = NDArray[np.float64]
 
@@ -136,10 +137,7 @@ def _ground_below(lit: LitScene, camera: Camera) -> float:
         raise UserError(f"the observer is outside the domain: {_extent(lit.scene)}")
     if grid.periodic:
         return 0.0
-    i, j = min(int(ix), nx - 2), min(int(iy), ny - 2)
-    a, b = ix - i, iy - j
-    t = medium.terrain_m.astype(float)
-    return float((t[j, i] * (1 - a) + t[j, i + 1] * a) * (1 - b) + (t[j + 1, i] * (1 - a) + t[j + 1, i + 1] * a) * b)
+    return float(bilinear(medium.terrain_m, np.array([ix * medium.fineness]), np.array([iy * medium.fineness]))[0])
 
 
 def _extent(scene: Scene) -> str:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 DEFAULT_WIND_M_S = 5.0
+_WIND_CELLS = 30.0
 _EDGE_CELLS = 3.0  # width over which the domain's ground fades into the default Earth
 
 
@@ -49,7 +50,8 @@ def surface_properties(
       albedo, Lambertian, and nothing else; beyond its grid the nearest value holds (or the period repeats).
     - Otherwise the model's fields hold in its domain and the default Earth (`openswim.ground.earth`) outside
     and
-      for what the model lacks, with 5 m/s wind and no sea ice; they blend over the outermost three cells.
+      for what the model lacks, without sea ice, and with a wind that falls from the model's at its edge to 5 m/s
+      within some 30 cells; they blend over the outermost three cells.
     - A spectral `surface_albedo` (y, x, wavelength) is used as it is. A broadband one sets the visible level
       (`spectra.visible_from_broadband`); the default Earth and the model's snow give the colour.
     """
@@ -62,6 +64,7 @@ def surface_properties(
     if "surface_albedo" in data and "land_area_fraction" not in data:
         return _plain_at(data, ix, iy, wavelengths, lat_.size)
     outside = _default_earth(lat_, lon_, wavelengths)
+    outside.wind_speed[:] = _wind_around(data, ix, iy, grid)
     inside = _inside_weight(ix, iy, grid)
     hit = inside > 0
     if not hit.any():
@@ -154,6 +157,15 @@ def _wind(data: xr.Dataset, ix: FloatArray, iy: FloatArray) -> FloatArray:
         return np.full(ix.size, DEFAULT_WIND_M_S)
     speed = np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m"))
     return _bilinear(speed, ix, iy)
+
+
+def _wind_around(data: xr.Dataset, ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
+    """Wind (n,) of the nearest place of the domain, fading into the default away from it: no edge in the glint."""
+    _, ny, nx = grid.shape
+    x, y = np.nan_to_num(ix, nan=1e9, posinf=1e9, neginf=-1e9), np.nan_to_num(iy, nan=1e9, posinf=1e9, neginf=-1e9)
+    near_x, near_y = np.clip(x, 0, nx - 1), np.clip(y, 0, ny - 1)
+    away = np.hypot(x - near_x, y - near_y)
+    return DEFAULT_WIND_M_S + np.exp(-((away / _WIND_CELLS) ** 2)) * (_wind(data, near_x, near_y) - DEFAULT_WIND_M_S)
 
 
 def _surface(data: xr.Dataset, name: str) -> FloatArray:

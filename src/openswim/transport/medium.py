@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.scene.frame import Frame, scene_frame
+from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
 from openswim.transport.shells import shell_levels
 
@@ -20,6 +21,7 @@ _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
 _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
+_MOST_FINER_NODES = 3_000_000
 _WITHOUT_SIDES_M = 1e8
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
@@ -47,6 +49,7 @@ class Medium:
     chart: F64
     ground_m: float
     air: Background | None
+    fineness: int = 1  # nodes of the medium per node of the scene's grid, each way
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -89,21 +92,71 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
         ny = nx = 1
     if refine:
         levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if nx == 1 else 1.0)
-    extinction = np.zeros((len(species), len(levels), ny, nx), np.float32)
+    fineness = _fineness(len(levels), ny, nx, min(dx, dy)) if refine and frame.curved else 1
+    shape = (len(levels), fineness * (ny - 1) + 1, fineness * (nx - 1) + 1)
+    extinction = np.zeros((len(species), *shape), np.float32)
     for out, one in zip(extinction, species, strict=True):
-        _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, out)
+        own = np.zeros((len(levels), ny, nx), np.float32)
+        _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, own)
+        out[:] = own if fineness == 1 else finer_cloud(own, fineness)
+    if fineness > 1:
+        terrain = subdivided(terrain, fineness)
+        dx, dy = dx / fineness, dy / fineness
     if frame.curved:  # what lies under the terrain must not be seen by a step that ends there
         thickness = np.gradient(levels)
         buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
         extinction[:, buried] = 0
-    axes, place = _columns(grid, frame)
+    axes, place = _columns(grid, frame, fineness)
     origin, per_m, chart = _chart(grid, frame)
-    terrain, axes, place = terrain[:ny, :nx], axes[:ny, :nx], place[:ny, :nx]
+    chart = chart * fineness
+    if nx == 1:
+        terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
     ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
-        per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m),
+        per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness,
     )  # fmt: skip
+
+
+def _fineness(levels: int, ny: int, nx: int, cell_m: float) -> int:
+    """How often to halve cells wider than 1.5 km, within the budget of nodes."""
+    fineness = 1
+    while cell_m / fineness > 1500 and levels * (2 * fineness * ny) * (2 * fineness * nx) < _MOST_FINER_NODES:
+        fineness *= 2
+    return fineness
+
+
+def subdivided(field: F32, fineness: int) -> F32:
+    """Cubic B-spline subdivision of the last two axes, ``fineness`` (a power of two) nodes per node: smooth edges."""
+    while fineness > 1:
+        for axis in (-2, -1):
+            f = np.moveaxis(field, axis, -1)
+            out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), np.float32)
+            out[..., ::2] = f
+            out[..., 2:-1:2] = (f[..., :-2] + 6 * f[..., 1:-1] + f[..., 2:]) / 8
+            out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
+            field = np.moveaxis(out, -1, axis)
+        fineness //= 2
+    return np.ascontiguousarray(field)
+
+
+def finer_cloud(field: F32, fineness: int) -> F32:
+    """Extinction between the nodes of a coarse model, so that its cells do not show.
+
+    The fourth root is interpolated: between a clear node and a thick one the cloud then ends about midway and its
+    outline is smooth, where linear interpolation would draw the cells' own staircase. The mean of every cell is kept.
+    """
+    fine = subdivided(np.sqrt(np.sqrt(field)), fineness) ** 4
+    mean = fine
+    step = fineness
+    while step > 1:  # the mean around each node, with the weights of linear interpolation
+        for axis in (-2, -1):
+            m = np.moveaxis(mean, axis, -1)
+            padded = np.concatenate([m[..., 1:2], m, m[..., -2:-1]], axis=-1)
+            mean = np.moveaxis((padded[..., :-2:2] + 2 * padded[..., 1:-1:2] + padded[..., 2::2]) / 4, -1, axis)
+        step //= 2
+    ratio = np.where(mean > 0, np.clip(field / np.maximum(mean, 1e-12), 0, 6), 1).astype(np.float32)
+    return np.asarray(fine * subdivided(ratio, fineness), np.float32)
 
 
 def _outside_ground_m(terrain: F32) -> float:
@@ -179,16 +232,17 @@ def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32
         out[n] = np.where(z > h1, 0, f0 * (1 - c) + f1 * c)
 
 
-def _columns(grid: object, frame: Frame) -> tuple[F32, F64]:
+def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     """Axes and sea-level points of the columns."""
-    _, ny, nx = grid.shape  # type: ignore[attr-defined]
-    iy, ix = np.mgrid[0:ny, 0:nx].astype(float)
+    _, ny, nx = grid.shape
+    ny, nx = fineness * (ny - 1) + 1, fineness * (nx - 1) + 1
+    iy, ix = np.mgrid[0:ny, 0:nx] / fineness
     if not frame.curved:
-        place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)  # type: ignore[attr-defined]
+        place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)
         return np.broadcast_to(np.eye(3, dtype=np.float32), (ny, nx, 3, 3)).copy(), place
 
     def at(i: F64, j: F64) -> F64:
-        lon, lat = grid.lonlat(i, j)  # type: ignore[attr-defined]
+        lon, lat = grid.lonlat(i, j)
         return frame.position(lat, lon, 0.0)
 
     place = at(ix, iy)
@@ -200,20 +254,20 @@ def _columns(grid: object, frame: Frame) -> tuple[F32, F64]:
     return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
 
 
-def _chart(grid: object, frame: Frame) -> tuple[float, float, F64]:
+def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
     """Table of fractional grid indices on the tangent plane (gnomonic, so that rays are straight in it)."""
-    _, ny, nx = grid.shape  # type: ignore[attr-defined]
+    _, ny, nx = grid.shape
     if not frame.curved:
         # linear, so two nodes are exact; extent beyond the domain for distances to it
-        x0, y0 = grid.x[0], grid.y[0]  # type: ignore[attr-defined]
-        dx, dy = grid.step  # type: ignore[attr-defined]
+        x0, y0 = grid.x[0], grid.y[0]
+        dx, dy = grid.step
         half = 50.0 * max(nx * dx, ny * dy, abs(x0), abs(y0))
         u = np.array([-half, half])
         chart = np.stack(np.meshgrid((u - x0) / dx, (u - y0) / dy), axis=-1)
         return -half, 1 / (2 * half), chart
     corners = np.array([[0, 0], [nx - 1, 0], [0, ny - 1], [nx - 1, ny - 1], [0, ny / 2], [nx - 1, ny / 2], [nx / 2, 0],
                         [nx / 2, ny - 1]], float)  # fmt: skip
-    lon, lat = grid.lonlat(corners[:, 0], corners[:, 1])  # type: ignore[attr-defined]
+    lon, lat = grid.lonlat(corners[:, 0], corners[:, 1])
     p = frame.position(lat, lon, 0.0)
     if (p[:, 2] < -0.6 * frame.radius_m).any():
         raise UserError("the domain spans more than 130 degrees: global grids are not supported yet, cut a region out")
@@ -225,5 +279,5 @@ def _chart(grid: object, frame: Frame) -> tuple[float, float, F64]:
     q *= frame.radius_m / np.linalg.norm(q, axis=-1, keepdims=True)
     q[..., 2] -= frame.radius_m
     lat, lon, _ = frame.latlon(q)
-    chart = np.stack(grid.index(lon, lat), axis=-1)  # type: ignore[attr-defined]
+    chart = np.stack(grid.index(lon, lat), axis=-1)
     return -half, (_CHART_NODES - 1) / (2 * half), np.nan_to_num(chart, nan=-1e9, posinf=1e9, neginf=-1e9)

@@ -142,7 +142,7 @@ def clear_sky_table(shells: Shells, sun: F64) -> F32:
     return work[0].reshape(*mu.shape, nw)
 
 
-def _bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
+def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     """values (..., ny, nx) at fractional indices (n,), clamped to the edge: (n, ...)."""
     ny, nx = values.shape[-2:]
     x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
@@ -171,10 +171,10 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
         ix, iy = _indices(scene, medium, place, lat, lon)
         _, ny, nx = medium.shape
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
-        beam[inside] = _bilinear(lighting.direct, ix[inside], iy[inside])
-        diffuse[inside] = _bilinear(lighting.diffuse, ix[inside], iy[inside])
+        beam[inside] = bilinear(lighting.direct, ix[inside], iy[inside])
+        diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
         if lighting.normal is not None:
-            normal[inside] = _bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
+            normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
         gap = np.maximum.reduce([-ix, ix - (nx - 1), np.zeros_like(ix)]) * medium.cell_m[0]
         gap = np.maximum(gap, np.maximum.reduce([-iy, iy - (ny - 1), np.zeros_like(iy)]) * medium.cell_m[1])
         shaded = np.flatnonzero(~inside & (gap < medium.levels_m[-1] / np.maximum(mu_sun, 0.03)))
@@ -194,7 +194,7 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
     def sky(mu: F64, azimuth: F64) -> F64:
         table = lighting.clear_sky
         assert table is not None
-        radiance = _bilinear(
+        radiance = bilinear(
             np.moveaxis(table, -1, 0), np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1), np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU)))
         )
         return radiance * np.minimum(diffuse / clear, 4.0)
@@ -210,7 +210,8 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
     grid = scene.grid
     assert grid is not None
     if medium.frame.curved:
-        return grid.index(lon, lat)
+        ix, iy = grid.index(lon, lat)
+        return ix * medium.fineness, iy * medium.fineness
     ix, iy = (place[:, 0] - grid.x[0]) / grid.step[0], (place[:, 1] - grid.y[0]) / grid.step[1]
     if medium.periodic:
         _, ny, nx = medium.shape
