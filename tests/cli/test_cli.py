@@ -24,7 +24,7 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
         {"solar_relative_radiance": (dims, relative), "radiance": (dims, 0.1 * relative)},
         coords={"wavelength": [615.0, 546.0, 450.0]},
         attrs={"view": "allsky", "sun_altitude_deg": 40.0, "sun_azimuth_deg": 200.0}
-        | {f"{name}_horizontal_w_m2": 100.0 for name in ("global", "direct", "diffuse")},
+        | {f"{name}_horizontal_irradiance_w_m2": 100.0 for name in ("global", "direct", "diffuse")},
     )
     return image
 

@@ -148,7 +148,7 @@ def report(image: "xr.Dataset") -> None:
 def irradiance_line(image: "xr.Dataset") -> str:
     """Global, direct and diffuse horizontal irradiance, W/m2; empty where the image carries none."""
     names = ("global", "direct", "diffuse")
-    attributes = [f"{name}_horizontal_w_m2" for name in names]
+    attributes = [f"{name}_horizontal_irradiance_w_m2" for name in names]
     if not set(attributes) <= set(image.attrs):
         return ""
     values = [float(image.attrs[name]) for name in attributes]

@@ -50,8 +50,8 @@ def surface_properties(
       albedo, Lambertian, and nothing else; beyond its grid the nearest value holds (or the period repeats).
     - Otherwise the model's fields hold in its domain and the default Earth (`openswim.ground.earth`) outside
     and
-      for what the model lacks, without sea ice, and with a wind that falls from the model's at its edge to 5 m/s
-      within some 30 cells; they blend over the outermost three cells.
+      for what the model lacks, without sea ice, and with the model's mean wind, which becomes 5 m/s
+      some 30 cells away; they blend over the outermost three cells.
     - A spectral `surface_albedo` (y, x, wavelength) is used as it is. A broadband one sets the visible level
       (`spectra.visible_from_broadband`); the default Earth and the model's snow give the colour.
     """
@@ -160,12 +160,15 @@ def _wind(data: xr.Dataset, ix: FloatArray, iy: FloatArray) -> FloatArray:
 
 
 def _wind_around(data: xr.Dataset, ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
-    """Wind (n,) of the nearest place of the domain, fading into the default away from it: no edge in the glint."""
+    """Wind (n,) beyond the domain: its mean, fading into the default away from it, so that the glint has no edge."""
     _, ny, nx = grid.shape
-    x, y = np.nan_to_num(ix, nan=1e9, posinf=1e9, neginf=-1e9), np.nan_to_num(iy, nan=1e9, posinf=1e9, neginf=-1e9)
-    near_x, near_y = np.clip(x, 0, nx - 1), np.clip(y, 0, ny - 1)
-    away = np.hypot(x - near_x, y - near_y)
-    return DEFAULT_WIND_M_S + np.exp(-((away / _WIND_CELLS) ** 2)) * (_wind(data, near_x, near_y) - DEFAULT_WIND_M_S)
+    x, y = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
+    away = np.hypot(x - np.clip(x, 0, nx - 1), y - np.clip(y, 0, ny - 1))
+    if "wind_east_10m" in data and "wind_north_10m" in data:
+        mean = float(np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m")).mean())
+    else:
+        mean = DEFAULT_WIND_M_S
+    return DEFAULT_WIND_M_S + np.exp(-((away / _WIND_CELLS) ** 2)) * (mean - DEFAULT_WIND_M_S)
 
 
 def _surface(data: xr.Dataset, name: str) -> FloatArray:

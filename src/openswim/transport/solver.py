@@ -224,13 +224,13 @@ class PackField:
         return int(samples.sum())
 
     def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
-        """Radiance of the clear atmosphere alone along rays (Eq. 3 and all higher orders)."""
-        n, nw = len(direction), PACK
-        volume = no_volume()
-        empty = [np.zeros((n, nw), np.float32) for _ in range(4)]
+        """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
+        n = len(direction)
+        volume = self.volume._replace(fields=np.zeros((1, 1, 1, PACK), np.float32))
+        empty = [np.zeros((n, PACK), np.float32) for _ in range(4)]
         view_kernel(
-            origin, direction, self.sun, self.table[-1:], shells, volume, 1e30, self.solver.step, *empty[:3],
-            np.zeros((n, 1), np.float32), empty[3], np.zeros(n), np.zeros(n, np.int64),
+            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, *empty[:3],
+            np.zeros((n, max(1, volume.species)), np.float32), empty[3], np.zeros(n), np.zeros(n, np.int64),
         )  # fmt: skip
         return empty[0]
 
