@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from openswim.cameras import Camera
+    from openswim.scene import Scene
 
 DEFAULT_HEIGHT_M = 2.0
+SATELLITE_HEIGHT_M = 35_786_000.0
+FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
+DARK_SUN_DEG = -6.0
 
 
 @dataclass(frozen=True)
@@ -55,12 +59,25 @@ def run(request: RenderRequest) -> None:
     scene = openswim.open_scene(request.file, time=request.time)
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
+    if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
+        camera = framed(camera, scene)
     announce(scene, camera, request.solver)
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=request.solver)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def framed(camera: "Camera", scene: "Scene") -> "Camera":
+    """A satellite's camera with a field of view that shows the scene's domain, not the whole Earth around it."""
+    if scene.grid is None or not scene.grid.curved:
+        return camera
+    _, ny, nx = scene.grid.shape
+    dx, dy = scene.grid.spacing_m()
+    half = 0.5 * math.hypot((nx - 1) * dx, (ny - 1) * dy)
+    fov = 2 * math.degrees(math.atan2(0.85 * half, camera.height_m))
+    return replace(camera, fov_deg=min(fov, camera.fov_deg))
 
 
 def check_solver(name: str) -> None:
@@ -94,6 +111,8 @@ def camera_of(request: RenderRequest) -> "Camera":
         options["size"] = parse_size(request.size, square=request.view == "allsky")
     if request.height_m is not None:
         options["height_m"] = request.height_m
+    elif request.view == "satellite":
+        options["height_m"] = SATELLITE_HEIGHT_M
     if request.view == "allsky":
         options["centre"] = _centre(options.pop("altitude_deg", 90.0))
     return getattr(Camera, request.view)(**place, **options)
@@ -140,6 +159,8 @@ def report(image: "xr.Dataset") -> None:
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
             f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
         )
+        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
+            click.echo("note: it is night there; moon, stars and city lights are not simulated yet", err=True)
     line = irradiance_line(image)
     if line:
         click.echo(line)

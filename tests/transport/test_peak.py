@@ -1,0 +1,66 @@
+"""The broadened forward peak: its Legendre moments are known in closed form."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import legval
+
+from openswim.optics.phase import HenyeyGreenstein, Mixture, Rayleigh
+from openswim.transport.peak import peak_table, peak_tables
+
+M = 5
+G = 0.85
+ANGLE = np.pi * (np.arange(721) / 720) ** 2
+
+
+def depth_of(column: int) -> float:
+    u = column / 31
+    return u / (1 - u)
+
+
+def moment(values: np.ndarray, ell: int) -> float:
+    """Legendre moment of a function of the table's angles: mean of f P_l over the sphere."""
+    fine = np.linspace(0, np.pi, 200_001)
+    f = np.interp(fine, ANGLE, values) * legval(np.cos(fine), [0] * ell + [1])
+    return float(np.sum(f * np.sin(fine)) * (fine[1] - fine[0]) / 2)
+
+
+@pytest.mark.parametrize("column", [0, 3, 15, 28])
+@pytest.mark.parametrize("ell", [0, 1, 4, 6, 9])
+def test_moments_of_the_broadened_peak(column: int, ell: int) -> None:
+    p = 1.0 if ell < M else G ** (ell - M)
+    expected = p * np.exp(-depth_of(column) * (1 - p))
+    # linear interpolation of a peak between the table's angles
+    assert moment(peak_table(HenyeyGreenstein(G), M)[:, column].astype(float), ell) == pytest.approx(
+        expected, abs=4e-3
+    )
+
+
+def test_column_zero_restores_the_phase_function() -> None:
+    phase = HenyeyGreenstein(G)
+    f = G**M
+    low = legval(np.cos(ANGLE), [(2 * ell + 1) * (G**ell - f) for ell in range(M)])
+    exact = (1 - G**2) / (1 + G**2 - 2 * G * np.cos(ANGLE)) ** 1.5
+    table = peak_table(phase, M)[:, 0].astype(float)
+    np.testing.assert_allclose(low + f * table, exact, rtol=1e-5, atol=1e-5)
+
+
+def test_far_in_only_the_truncated_delta_is_left() -> None:
+    expected = legval(np.cos(ANGLE), [2 * ell + 1.0 for ell in range(M)])
+    np.testing.assert_allclose(peak_table(HenyeyGreenstein(G), M)[:, -1], expected, atol=1e-4)
+
+
+def test_the_peak_loses_height_with_depth() -> None:
+    forward = peak_table(HenyeyGreenstein(G), M)[0]
+    assert (np.diff(forward) < 0).all()
+
+
+def test_smooth_phase_functions_have_no_peak() -> None:
+    assert not peak_table(Rayleigh(), M).any()
+
+
+def test_tables_are_stacked_by_scatterer_and_wavelength() -> None:
+    a, b = HenyeyGreenstein(0.7), Mixture((0.5, 0.5), (HenyeyGreenstein(0.9), HenyeyGreenstein(0.1)))
+    tables = peak_tables([[a, b], [b, a]], M)
+    assert tables.shape == (2, 721, 32, 2)
+    np.testing.assert_array_equal(tables[0, ..., 1], tables[1, ..., 0])
+    np.testing.assert_array_equal(tables[0, ..., 0], peak_table(a, M))
