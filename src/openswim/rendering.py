@@ -128,16 +128,31 @@ def _ground_below(lit: LitScene, camera: Camera) -> float:
         return lit.field.ground_m
     if height >= _SPACE_M or camera.above == "sea level":
         return 0.0
+    x, y = _place(camera)
     if frame.curved:
-        ix, iy = (float(v) for v in grid.index(camera.lon, camera.lat))
+        ix, iy = (float(v) for v in grid.index(x, y))
     else:
-        ix, iy = (camera.x_m - grid.x[0]) / grid.step[0], (camera.y_m - grid.y[0]) / grid.step[1]
+        ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
     _, ny, nx = grid.shape
     if not grid.periodic and not (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1):
         raise UserError(f"the observer is outside the domain: {_extent(lit.scene)}")
     if grid.periodic:
         return 0.0
     return float(bilinear(medium.terrain_m, np.array([ix * medium.fineness]), np.array([iy * medium.fineness]))[0])
+
+
+def _place(camera: Camera) -> tuple[float, float]:
+    """Longitude and latitude (degrees) of a camera, or x and y (m) in a flat scene."""
+    x, y = (camera.lon, camera.lat) if camera.x_m is None else (camera.x_m, camera.y_m)
+    assert x is not None  # Camera has checked
+    assert y is not None
+    return x, y
+
+
+def _axes_at(lit: LitScene, camera: Camera) -> F64:
+    """Rows east, north, up at the camera, in the scene frame."""
+    lon, lat = _place(camera)
+    return lit.field.frame.enu(lat, lon)
 
 
 def _extent(scene: Scene) -> str:
@@ -156,9 +171,7 @@ def _extent(scene: Scene) -> str:
 
 def _sun_at(lit: LitScene, camera: Camera) -> tuple[float, float]:
     """Azimuth and altitude (degrees) of the sun at the camera."""
-    frame = lit.field.frame
-    axes = frame.enu(camera.lat, camera.lon) if frame.curved else np.eye(3)
-    east, north, up = axes @ lit.daylight.direction
+    east, north, up = _axes_at(lit, camera) @ lit.daylight.direction
     return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 
 
@@ -176,20 +189,16 @@ def _add_disc(relative: NDArray, view: Any, lit: LitScene, distance_deg: F64, pi
 
 def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
     """Spectral and broadband irradiance on the horizontal at the observer."""
-    field, frame = lit.field, lit.field.frame
+    field = lit.field
     quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
-    axes = frame.enu(camera.lat, camera.lon) if frame.curved else np.eye(3)
+    axes = _axes_at(lit, camera)
     az, alt = np.radians(quadrature.azimuth_deg), np.radians(quadrature.altitude_deg)
     local = np.stack([np.cos(alt) * np.sin(az), np.cos(alt) * np.cos(az), np.sin(alt)], axis=-1)
     view = field.view(Rays(origin, np.concatenate([local @ axes, lit.daylight.direction[None]])))
     direct = view.transmittance[-1] * (not view.hit[-1])
     wl = field.wavelengths_nm
-    spectral = spectral_irradiance(
-        view.radiance[:-1], quadrature, direct, altitude, wl, lit.daylight.distance_au
-    )
-    wide = broadband(
-        direct, spectral["relative_diffuse_horizontal"].values, wl, altitude, lit.daylight.distance_au
-    )
+    spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, lit.daylight.distance_au)
+    wide = broadband(direct, spectral["relative_diffuse_horizontal"].values, wl, altitude, lit.daylight.distance_au)
     out: dict[str, Any] = {
         "global_horizontal_irradiance_w_m2": wide.global_horizontal,
         "direct_normal_irradiance_w_m2": wide.direct_normal,
@@ -218,10 +227,8 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "height_m": float(camera.height_m),
         "height_above": camera.above,
     }
-    if lit.field.frame.curved:
-        attrs |= {"latitude": float(camera.lat), "longitude": float(camera.lon)}
-    else:
-        attrs |= {"x_m": float(camera.x_m), "y_m": float(camera.y_m)}
+    x, y = _place(camera)
+    attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
     if lit.time is not None:
         attrs["time"] = f"{np.datetime_as_string(np.datetime64(lit.time), 's')}Z"
     return attrs

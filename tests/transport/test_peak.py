@@ -45,7 +45,7 @@ def test_column_zero_restores_the_phase_function() -> None:
 
 
 def test_far_in_only_the_truncated_delta_is_left() -> None:
-    expected = legval(np.cos(ANGLE), [2 * ell + 1.0 for ell in range(M)])
+    expected = legval(np.cos(ANGLE), [2 * ell + 1.0 for ell in range(M + 1)])  # p_M = chi_M/f = 1 too
     np.testing.assert_allclose(peak_table(HenyeyGreenstein(G), M)[:, -1], expected, atol=1e-4)
 
 

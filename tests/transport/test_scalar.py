@@ -61,11 +61,11 @@ def test_emission_of_a_thick_step_is_the_source_function_at_its_near_end(near: f
     assert emission(depth, near, far) == pytest.approx(near / (depth / float(STEP_M)), rel=2e-3)
 
 
-@pytest.mark.parametrize("depth", [0.003, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("depth", [0.003, 0.1, 0.25, 0.5])
 @pytest.mark.parametrize(("near", "far", "skew"), [(1.0, 0.2, 0.0), (0.2, 1.0, 0.5), (1.0, 0.0, -0.5)])
 def test_emission_between_the_limits(depth: float, near: float, far: float, skew: float) -> None:
-    # third order in the depth of the step: measured .9 % at worst for depths that marching allows
-    assert emission(depth, near, far, skew) == pytest.approx(brute_force(depth, near, far, skew), rel=0.015)
+    # an error of second order in the depth; rays march in depths of .25, where it is below .5 %
+    assert emission(depth, near, far, skew) == pytest.approx(brute_force(depth, near, far, skew), rel=0.06 * depth**2 + 1e-4)
 
 
 @pytest.mark.parametrize("radius_m", [6.371e6, 1e12])

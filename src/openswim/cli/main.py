@@ -76,29 +76,22 @@ def info(file: Path) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--lat", type=float, help="Observer's latitude, degrees north.")
 @click.option("--lon", type=float, help="Observer's longitude, degrees east.")
+@click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
+@click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
 @click.option(
-    "--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat."
-)
-@click.option(
-    "--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat."
-)
-@click.option(
-    "--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).  [default: 2]"
+    "--height",
+    "height_m",
+    type=float,
+    help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
 @click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
-@click.option(
-    "--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north."
-)
-@click.option(
-    "--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon."
-)
+@click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
+@click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
 @click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
 @click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
-@click.option(
-    "--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]"
-)
+@click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
     help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
@@ -114,9 +107,7 @@ def render(file: Path, outputs: tuple[Path, ...], **options: Any) -> None:
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
-@click.option(
-    "--json", "json_path", type=click.Path(path_type=Path), help="Also write the rows to this file."
-)
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the rows to this file.")
 @_debug
 def validate(directory: Path, solver: str, json_path: Path | None) -> None:
     """Compare with every reference file below DIRECTORY; print a table, worst first."""

@@ -82,9 +82,7 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
 
 def check_solver(name: str) -> None:
     if name == "reference":
-        raise UserError(
-            "solver 'reference' is not available in this version; use --solver fast or --solver swim"
-        )
+        raise UserError("solver 'reference' is not available in this version; use --solver fast or --solver swim")
 
 
 def camera_of(request: RenderRequest) -> "Camera":
@@ -124,9 +122,7 @@ def _place(request: RenderRequest) -> dict[str, float]:
     geographic = request.lat is not None or request.lon is not None or request.view == "satellite"
     if request.x_m is not None and request.y_m is not None and not geographic:
         return {"x_m": request.x_m, "y_m": request.y_m}
-    raise UserError(
-        "observer missing: give --lat and --lon in degrees (in a flat scene --x and --y in metres)"
-    )
+    raise UserError("observer missing: give --lat and --lon in degrees (in a flat scene --x and --y in metres)")
 
 
 def _centre(altitude_deg: float) -> str:

@@ -40,9 +40,7 @@ class SurfaceSample:
     lambertian: bool = False
 
 
-def surface_properties(
-    scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike
-) -> SurfaceSample:
+def surface_properties(scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike) -> SurfaceSample:
     """The ground at places (n,), in degrees; in flat scenes `lat` and `lon` are y and x in metres.
 
     - A scene that is flat, has no grid, or gives `surface_albedo` without `land_area_fraction` has exactly
@@ -73,9 +71,7 @@ def surface_properties(
     return _blended(outside, model, hit, inside[hit])
 
 
-def _plain(
-    data: xr.Dataset, grid: Grid | None, y: FloatArray, x: FloatArray, wavelengths: FloatArray
-) -> SurfaceSample:
+def _plain(data: xr.Dataset, grid: Grid | None, y: FloatArray, x: FloatArray, wavelengths: FloatArray) -> SurfaceSample:
     if grid is None:
         return _plain_at(data, x, y, wavelengths, y.size)
     ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
@@ -184,9 +180,7 @@ def _spectral(field: xr.DataArray, wavelengths: FloatArray) -> FloatArray:
     return spectra.at_wavelengths(known, np.asarray(field.values, float), wavelengths)
 
 
-def _bilinear(
-    values: FloatArray, ix: FloatArray, iy: FloatArray, valid: NDArray[np.bool_] | None = None
-) -> FloatArray:
+def _bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: NDArray[np.bool_] | None = None) -> FloatArray:
     """(ny, nx[, k]) at fractional indices, the edge holding beyond; only among `valid` nodes where there are
     any."""
     ny, nx = values.shape[:2]
@@ -222,9 +216,7 @@ def _subset(sample: SurfaceSample, where: NDArray[np.bool_]) -> SurfaceSample:
     )
 
 
-def _blended(
-    outside: SurfaceSample, model: SurfaceSample, hit: NDArray[np.bool_], share: FloatArray
-) -> SurfaceSample:
+def _blended(outside: SurfaceSample, model: SurfaceSample, hit: NDArray[np.bool_], share: FloatArray) -> SurfaceSample:
     for name in ("albedo", "water", "snow", "sea_ice", "wind_speed"):
         target, own = getattr(outside, name), getattr(model, name)
         weight = share[:, None] if own.ndim == 2 else share

@@ -70,8 +70,10 @@ class Frame:
         q = p + np.array([0.0, 0.0, self.radius_m])
         r = np.linalg.norm(q, axis=-1)
         e = (q / r[..., None]) @ self._axes
-        return np.degrees(np.arcsin(np.clip(e[..., 2], -1, 1))), np.degrees(np.arctan2(e[..., 1], e[..., 0])), (
-            r - self.radius_m
+        return (
+            np.degrees(np.arcsin(np.clip(e[..., 2], -1, 1))),
+            np.degrees(np.arctan2(e[..., 1], e[..., 0])),
+            (r - self.radius_m),
         )
 
     def enu(self, lat: float, lon: float) -> Array:

@@ -86,7 +86,11 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-    if grid.periodic and not terrain.any() and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species):
+    if (
+        grid.periodic
+        and not terrain.any()
+        and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species)
+    ):
         # plane-parallel: one column without sides, so that level light need not be chased around the period
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
@@ -193,9 +197,7 @@ def _levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
     return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
 
 
-def _refined(
-    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, fineness: float
-) -> F64:
+def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, fineness: float) -> F64:
     """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2)."""
     if total is None:
         return levels
@@ -208,9 +210,7 @@ def _refined(
     parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
     while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
-    pieces = [
-        np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)
-    ]
+    pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]
     return np.concatenate([*pieces, levels[-1:]])
 
 

@@ -58,7 +58,9 @@ def lebedev(count: int) -> Ordinates:
     """The Lebedev rule of 26 or 50 points."""
     points, weights = [], []
     for generator, weight in _LEBEDEV[count]:
-        permutations = {(generator[i], generator[j], generator[3 - i - j]) for i in range(3) for j in range(3) if i != j}
+        permutations = {
+            (generator[i], generator[j], generator[3 - i - j]) for i in range(3) for j in range(3) if i != j
+        }
         orbit = {
             (sx * p[0] + 0.0, sy * p[1] + 0.0, sz * p[2] + 0.0)
             for p in permutations

@@ -147,15 +147,14 @@ def build_shells(
     rayleigh = background.rayleigh_per_m.T
     forward = aerosol * omega * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
-    scattering = (
-        rayleigh[:, None] * chi_r[:, None] + (aerosol * omega)[:, None] * (chi[:, :degree] - f[:, None]).T
-    )
+    scattering = rayleigh[:, None] * chi_r[:, None] + (aerosol * omega)[:, None] * (chi[:, :degree] - f[:, None]).T
     sun_depth = slant_depths(extinction, levels, radius_m, ground_m)
     grid_100m = np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M)
     shells = Shells(
         radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m), extinction.astype(f32),
         forward.astype(f32), scattering.astype(f32), sun_depth.astype(f32),
-        _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m), fractional_index(_MOMENT_LEVELS_M, grid_100m),
+        _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m),
+        fractional_index(_MOMENT_LEVELS_M, grid_100m),
         sun_table, np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
         np.zeros((len(suns), nw), f32), albedo,
     )  # fmt: skip
@@ -208,9 +207,7 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
         )  # fmt: skip
         mean = shells.moments[:, :, 0]
         change = np.abs(moments[:, :, 0] - mean).sum() / max(np.abs(moments[:, :, 0]).sum(), 1e-30)
-        shells = shells._replace(
-            moments=moments.copy(), ground_flux=(direct + downward[0]).astype(np.float32)
-        )
+        shells = shells._replace(moments=moments.copy(), ground_flux=(direct + downward[0]).astype(np.float32))
         if change < _CONVERGED:
             break
     return shells

@@ -71,7 +71,9 @@ class Solver:
             raise UserError("wavelengths must lie between 280 and 2500 nm")
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else _grid_field
-        return Field([solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts])
+        return Field(
+            [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
+        )
 
 
 @dataclass
@@ -171,8 +173,8 @@ class PackField:
         shells = self._shells_for(rays)
         n = len(rays)
         out = View(
-            np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool), np.full((n, 3), np.nan),
-            np.zeros(n), np.zeros((n, max(self.volume.species, 1)), np.float32), 0,
+            np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),
+            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(self.volume.species, 1)), np.float32), 0,
         )  # fmt: skip
         with job("view", n) as meter:
             for part in self._tiles(rays):
@@ -185,7 +187,7 @@ class PackField:
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
     def _tiles(self, rays: Rays) -> Iterator[Any]:
-        """Parts of the rays to march together; over plane-parallel ground, where a node is everywhere, one per direction."""
+        """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a direction."""
         plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
         if plane_parallel and self.light is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
@@ -206,7 +208,8 @@ class PackField:
         distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
         seen_shells = swim.cloud_only(shells) if swim_mode else shells
         view_kernel(
-            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance, scaled,
+            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance,
+            scaled,
             full, depth, front, distance, samples,
         )  # fmt: skip
         np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
@@ -397,7 +400,10 @@ def _coefficients(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse
         air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
     f32 = np.float32
     return diffuse.Coefficients(
-        np.array(scaled, f32), np.array(scattering, f32).reshape(-1, _TRUNCATION), air_e.astype(f32), air_s.astype(f32),
+        np.array(scaled, f32),
+        np.array(scattering, f32).reshape(-1, _TRUNCATION),
+        air_e.astype(f32),
+        air_s.astype(f32),
         air_f.astype(f32),
     )
 
@@ -460,7 +466,8 @@ def _volume(
     air = np.stack([[c.air_extinction for c in coefficients], [c.air_forward for c in coefficients]]).transpose(2, 0, 1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
-        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled, forward,
+        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled,
+        forward,
         np.array([forward_channel[n] for n in index["second"]]), air.astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return volume, [depths[n] for n in index["scaled"]]
@@ -495,7 +502,13 @@ def _light(
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     terrain_shadow(
-        medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic, shadow, ridge
+        medium.terrain_m,
+        local_sun,
+        np.array(medium.cell_m, float),
+        medium.frame.radius_m,
+        medium.periodic,
+        shadow,
+        ridge,
     )
     beams = []
     surface = np.zeros((ny, nx), np.float32)
@@ -513,7 +526,9 @@ def _light(
         beams.append(beam)
         lighting.direct[w] = surface
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), _TRUNCATION).T.reshape(-1, ny, nx).astype(np.float32)
-    return GridLight(medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge)
+    return GridLight(
+        medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge
+    )
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
@@ -583,7 +598,9 @@ def _diffuse(
                 counts["fine"].append(solver.fine_sweeps)
             else:
                 plane_parallel = (ny, nx) == (1, 1)
-                moments, n = fine.solve(moments, (2e-4 if plane_parallel else 0.02) * solver.tolerance, 400, 12 if plane_parallel else 3)
+                moments, n = fine.solve(
+                    moments, (2e-4 if plane_parallel else 0.02) * solver.tolerance, 400, 12 if plane_parallel else 3
+                )
                 counts["fine"].append(n)
             light.moments.append(moments)
             lighting.diffuse[w] = fine.down_flux

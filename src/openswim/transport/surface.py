@@ -151,7 +151,9 @@ def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     i1, j1 = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1)
     v = values
     return np.moveaxis(
-        (v[..., j, i] * (1 - a) + v[..., j, i1] * a) * (1 - b) + (v[..., j1, i] * (1 - a) + v[..., j1, i1] * a) * b, -1, 0
+        (v[..., j, i] * (1 - a) + v[..., j, i1] * a) * (1 - b) + (v[..., j1, i] * (1 - a) + v[..., j1, i1] * a) * b,
+        -1,
+        0,
     )
 
 
@@ -189,13 +191,17 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
-    clear = np.maximum(ground_flux(shells, mu_sun) - beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None], 1e-9)
+    clear = np.maximum(
+        ground_flux(shells, mu_sun) - beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None], 1e-9
+    )
 
     def sky(mu: F64, azimuth: F64) -> F64:
         table = lighting.clear_sky
         assert table is not None
         radiance = bilinear(
-            np.moveaxis(table, -1, 0), np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1), np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU)))
+            np.moveaxis(table, -1, 0),
+            np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1),
+            np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU))),
         )
         return radiance * np.minimum(diffuse / clear, 4.0)
 
@@ -217,4 +223,3 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
         _, ny, nx = medium.shape
         return np.clip(ix % nx, 0, nx - 1), np.clip(iy % ny, 0, ny - 1)
     return ix, iy
-

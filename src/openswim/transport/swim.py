@@ -52,7 +52,8 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     unused = np.empty(shape, np.float32)
     for w in range(len(medium.wavelengths_nm)):
         direct_beam(
-            np.zeros(medium.shape, np.float32), local_sun, medium.levels_m, medium.terrain_m, light.shadow_m, light.ridge_m,
+            np.zeros(medium.shape, np.float32), local_sun, medium.levels_m, medium.terrain_m, light.shadow_m,
+            light.ridge_m,
             w, shells, air, unused, volume.fields, w,
         )  # fmt: skip
         # Eqs 4-6 (corrected): T = T1 with the slant depth, summed over species (b_i tau_i)
@@ -63,7 +64,9 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         volume.fields[..., PACK + w] = scattering * transmittance * air  # Eq. 8
         below = np.take_along_axis(transmittance, ground, 0)[0]
         total = unused * below * np.maximum(lighting.mu_sun, 0)
-        lighting.diffuse[w] = np.maximum(total - lighting.direct_horizontal(w), 0) + clear_diffuse[:, w].reshape(shape) * below
+        lighting.diffuse[w] = (
+            np.maximum(total - lighting.direct_horizontal(w), 0) + clear_diffuse[:, w].reshape(shape) * below
+        )
 
 
 def henyey_greenstein(mu: F64, g: F64) -> F64:
@@ -97,7 +100,9 @@ def venus_phase(mu: F64) -> F64:
     return np.minimum(1.94 / 10 ** (0.4 * m) / np.maximum((1 - mu) / 2, 1e-3), 12.0)
 
 
-def merge(field: PackField, direction: F64, origin: F64, radiance: F32, full: F32, species_depth: F32, front: F32, clear: F32) -> None:
+def merge(
+    field: PackField, direction: F64, origin: F64, radiance: F32, full: F32, species_depth: F32, front: F32, clear: F32
+) -> None:
     """From the integral of Eq. 12 to what is seen: effective phase functions, then the clear sky (Eqs 13-23, 32-34).
 
     ``radiance`` (n, nw) holds the integral of E/E_TOA over the first two optical depths on entry, L' on return.
@@ -119,7 +124,9 @@ def merge(field: PackField, direction: F64, origin: F64, radiance: F32, full: F3
         irradiance = np.where(cloudy, radiance[:, w] / seen, 0.0)  # mean E/E_TOA of the cloud's near side
         thin = np.zeros_like(tau)
         for share, one in zip((depths / np.maximum(tau, 1e-30)[:, None]).T, medium.species, strict=True):
-            own = one.phase[w].value(mu_theta) if one.kind == "aerosol" else thin_phase(one.kind, mu_theta, s, wavelength)
+            own = (
+                one.phase[w].value(mu_theta) if one.kind == "aerosol" else thin_phase(one.kind, mu_theta, s, wavelength)
+            )
             thin += share * own
         c1 = np.exp(-((tau / 10) ** 2)) * np.minimum(irradiance, 1)  # Eq. 14
         c3 = c1  # Eq. 22

@@ -20,7 +20,8 @@ from openswim.validate.metrics import Score
 class Solver(Protocol):
     """What is validated: `openswim.Solver`, or anything else that solves a scene."""
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def solve(self, scene: Any, sun_direction: Any, wavelengths_nm: Any) -> Any: ...
 

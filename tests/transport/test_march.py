@@ -1,0 +1,160 @@
+"""Eye rays: how much they lose, where they end, and how far they see."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import (
+    LAT,
+    LON,
+    WAVELENGTH_NM,
+    box,
+    down_on,
+    grid_scene,
+    sky_directions,
+    slab,
+    sun_at_zenith_angle,
+    toward,
+)
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.transport import Field, Solver
+
+CELL = 50.0
+BETA = 0.004
+SHAPE = (21, 24, 26)
+INSIDE = (slice(6, 13), slice(8, 16), slice(7, 17))
+SUN = toward(120.0, 50.0)
+
+
+@pytest.fixture(scope="module")
+def boxed() -> Field:
+    """A homogeneous box in a vacuum, absorbing all it meets: tau across is about 1.6."""
+    scene = grid_scene(box(SHAPE, INSIDE, BETA), SHAPE, (CELL,) * 3, single_scattering_albedo=0.0)
+    return Solver().solve(scene, SUN, [WAVELENGTH_NM])
+
+
+def box_edges() -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the box with the half cell that linear interpolation adds on every side (m)."""
+    nz, ny, nx = SHAPE
+    offset = np.array([-CELL * (nx - 1) / 2, -CELL * (ny - 1) / 2, 0.0])
+    low = np.array([INSIDE[2].start, INSIDE[1].start, INSIDE[0].start]) - 0.5
+    high = np.array([INSIDE[2].stop, INSIDE[1].stop, INSIDE[0].stop]) - 0.5
+    return offset + CELL * low, offset + CELL * high
+
+
+def path_in_box(origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Length (m) of straight rays inside the box: the slab method."""
+    low, high = box_edges()
+    with np.errstate(divide="ignore"):
+        a, b = (low - origin) / direction, (high - origin) / direction
+    enter, leave = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+    return np.maximum(0.0, leave - np.maximum(enter, 0.0))
+
+
+# Rays that cross faces away from edges, where the half cell on each side is exact.
+@pytest.mark.parametrize(
+    "direction",
+    [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.2, 0.1, 1), (1, 0.1, 0.05), (-0.1, 1, -0.05), (0.6, 0.0, 0.8)],
+)
+def test_beer_lambert_through_a_box(boxed: Field, direction: tuple[float, float, float]) -> None:
+    d = np.array(direction) / np.linalg.norm(direction)
+    middle = np.mean(box_edges(), axis=0)
+    start = middle - 450.0 * d
+    view = boxed.view(Rays(start[None], d[None]))
+    tau = BETA * path_in_box(start, d)
+    assert tau > 0.8
+    # steps of a cell see the ramps of the edges by the trapezoidal rule: .02 in depth
+    assert -np.log(view.transmittance[0, 0]) == pytest.approx(tau, abs=0.03)
+    assert view.species_depth[0, 0] == pytest.approx(tau, abs=0.03)
+
+
+def test_rays_that_miss_the_box_lose_nothing(boxed: Field) -> None:
+    beside = box_edges()[1][0] + CELL
+    view = boxed.view(down_on([beside, -beside - CELL, 2000.0, 30_000.0], [0.0, 0.0, 0.0, 10.0], 1500.0))
+    np.testing.assert_array_equal(view.transmittance, 1.0)
+    assert view.hit.all()
+
+
+@pytest.mark.parametrize("zenith", [0.0, 40.0, 75.0])
+@pytest.mark.parametrize("tau", [0.3, 4.0])
+def test_beer_lambert_through_a_slab(zenith: float, tau: float) -> None:
+    field = Solver().solve(slab(tau, levels=21), sun_at_zenith_angle(30.0), [WAVELENGTH_NM])
+    view = field.view(Rays(np.array([0.0, 0.0, 0.0]), sun_at_zenith_angle(zenith)))
+    depth = tau / np.cos(np.radians(zenith))
+    if depth < 9:  # rays give up where less than 3e-5 is left
+        assert -np.log(view.transmittance[0, 0]) == pytest.approx(depth, rel=0.01)
+    else:
+        assert view.transmittance[0, 0] < 1e-3
+
+
+@pytest.mark.parametrize("altitude", [-90.0, -45.0, -10.0, -2.0])
+@pytest.mark.parametrize("azimuth", [0.0, 130.0])
+def test_level_ground_is_where_it_should_be(boxed: Field, azimuth: float, altitude: float) -> None:
+    height = 300.0
+    view = boxed.view(Rays(np.array([900.0, -900.0, height]), toward(azimuth, altitude)))
+    assert view.hit[0]
+    distance = height / np.sin(np.radians(-altitude))
+    assert view.distance_m[0] == pytest.approx(distance, abs=0.2)
+    end = np.array([900.0, -900.0, height]) + distance * toward(azimuth, altitude)
+    np.testing.assert_allclose(view.position[0], end, atol=0.2)
+
+
+def test_rays_that_leave_to_space_end_nowhere(boxed: Field) -> None:
+    view = boxed.view(Rays(np.array([900.0, -900.0, 300.0]), sky_directions([0.0, 60.0, 89.0], [0.0, 100.0])))
+    assert not view.hit.any()
+    assert np.isnan(view.position).all()
+    assert (view.distance_m < 0).all()
+
+
+@pytest.mark.parametrize("periodic", [False])
+@pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 0.0), (90.0, -20.0), (60.0, 5.0), (270.0, -30.0)])
+def test_rays_end_on_a_slope(periodic: bool, azimuth: float, altitude: float) -> None:
+    """Ground rising by 20 % toward the east: the ray's distance to a plane."""
+    shape, cell = (12, 21, 41), 100.0
+    x = cell * (np.arange(shape[2]) - 20)
+    terrain = np.broadcast_to(0.2 * (x + 2000.0), shape[1:])
+    scene = grid_scene({}, shape, (cell, cell, 100.0), terrain_m=terrain, periodic=periodic)
+    field = Solver().solve(scene, SUN, [WAVELENGTH_NM])
+    origin, d = np.array([0.0, 0.0, 600.0]), toward(azimuth, altitude)
+    distance = (0.2 * 2000.0 - 600.0) / (d[2] - 0.2 * d[0])
+    view = field.view(Rays(origin[None], d[None]))
+    assert view.hit[0]
+    # the search for the crossing stops at 5 cm
+    assert view.distance_m[0] == pytest.approx(distance, abs=0.3)
+
+
+@pytest.mark.parametrize("height_m", [50.0, 1000.0, 11_000.0])
+def test_horizon_dips_as_the_earth_curves(height_m: float) -> None:
+    field = Solver().solve(Scene.clear(LAT, LON, None), np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM])
+    dip = np.degrees(np.arccos(6_371_000.0 / (6_371_000.0 + height_m)))
+    frame = field.frame
+    for offset, hits in ((0.01, False), (-0.01, True)):
+        direction = frame.direction([0.0, 77.0, 200.0], -dip + offset, LAT, LON)
+        assert (field.view(Rays(frame.position(LAT, LON, height_m), direction)).hit == hits).all()
+
+
+@pytest.mark.parametrize("air", [False, True])
+def test_views_from_space_land_below_the_satellite(air: bool) -> None:
+    scene = Scene.clear(LAT, LON, "default" if air else None, terrain_m=500.0)
+    field = Solver().solve(scene, np.array([0.3, 0.0, 0.95]), [WAVELENGTH_NM])
+    frame = field.frame
+    there = frame.position(LAT + 1.0, LON - 2.0, 700_000.0)
+    straight_down = -frame.enu(LAT + 1.0, LON - 2.0)[2]
+    view = field.view(Rays(there[None], straight_down[None]))
+    lat, lon, height = frame.latlon(view.position[0])
+    assert float(lat) == pytest.approx(LAT + 1.0, abs=1e-5)
+    assert float(lon) == pytest.approx(LON - 2.0, abs=1e-5)
+    assert float(height) == pytest.approx(500.0, abs=1.0)
+
+
+def test_rays_past_the_limb_see_black_space() -> None:
+    field = Solver().solve(Scene.clear(LAT, LON), np.array([0.3, 0.0, 0.95]), [WAVELENGTH_NM])
+    frame = field.frame
+    eye = frame.position(LAT, LON, 700_000.0)
+    r = 6_371_000.0
+    for tangent_m, black in ((110_000.0, True), (20_000.0, False)):
+        dip = np.degrees(np.arccos((r + tangent_m) / (r + 700_000.0)))
+        view = field.view(Rays(eye, frame.direction(40.0, -dip, LAT, LON)))
+        assert not view.hit[0]
+        assert (view.radiance[0, 0] == 0.0) == black
+        assert (view.transmittance[0, 0] == 1.0) == black

@@ -1,0 +1,135 @@
+"""From a scene to levels, columns and a chart: nothing is lost or moved on the way."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import LAT, LON, grid_scene, slab
+
+from openswim.errors import UserError
+from openswim.scene import Scene
+from openswim.transport.medium import build_medium, finer_cloud, subdivided
+
+WL = np.array([615.0, 546.0, 450.0])
+SHAPE = (9, 7, 6)
+
+
+def columns_m(extinction: np.ndarray, height_m: np.ndarray) -> np.ndarray:
+    """Vertical optical depth of every column."""
+    return np.trapezoid(extinction.astype(float), height_m, axis=0)
+
+
+def lumps(seed: int = 0) -> np.ndarray:
+    field = np.random.default_rng(seed).random(SHAPE, np.float32) ** 3 * 0.05
+    field[[0, -1]] = 0
+    return field
+
+
+def test_levels_are_divided_without_changing_the_cloud() -> None:
+    scene = grid_scene(lumps(), SHAPE)
+    medium = build_medium(scene, WL, 0.8)
+    assert len(medium.levels_m) > SHAPE[0]  # five optical depths a cell are too many
+    assert set(np.round(scene.grid.height_m, 6)) <= set(np.round(medium.levels_m, 6))
+    ours = columns_m(medium.extinction[0], medium.levels_m)
+    np.testing.assert_allclose(ours, columns_m(lumps(), scene.grid.height_m), rtol=1e-5)
+
+
+def test_without_refinement_the_levels_are_the_scenes_own() -> None:
+    scene = grid_scene(lumps(), SHAPE)
+    medium = build_medium(scene, WL, 0.8, refine=False)
+    np.testing.assert_allclose(medium.levels_m, scene.grid.height_m)
+    np.testing.assert_array_equal(medium.extinction[0], lumps())
+
+
+def test_terrain_following_levels_keep_the_columns() -> None:
+    nz, ny, nx = 21, 7, 6
+    x = 1000.0 * np.arange(nx)
+    terrain = 200.0 + 60.0 * np.arange(nx) * np.ones((ny, 1))
+    heights = terrain + np.linspace(0, 6000, nz)[:, None, None] * (1 - terrain / 20_000)
+    cloud = 0.004 * np.exp(-(((heights - 2500) / 700) ** 2)).astype(np.float32)
+    scene = Scene.from_arrays({"cloud": cloud}, x, 1000.0 * np.arange(ny), heights, terrain_m=terrain)
+    medium = build_medium(scene, WL, 0.8)
+    assert (np.diff(medium.levels_m) > 0).all()
+    ours = columns_m(medium.extinction[0], medium.levels_m)
+    theirs = np.trapezoid(cloud.astype(float), heights, axis=0)
+    # resampling between levels that do not coincide: a few per mil of a smooth profile
+    np.testing.assert_allclose(ours, theirs, rtol=0.01)
+
+
+def test_plane_parallel_scenes_become_one_column() -> None:
+    medium = build_medium(slab(5.0), WL, 0.5)
+    assert medium.shape[1:] == (1, 1)
+    assert columns_m(medium.extinction[0], medium.levels_m)[0, 0] == pytest.approx(5.0, rel=1e-5)
+
+
+def test_columns_stand_where_the_map_puts_them() -> None:
+    scene = grid_scene({}, SHAPE, (4000.0, 5000.0, 500.0), curved=True)
+    medium = build_medium(scene, WL, 0.8, refine=False)
+    iy, ix = np.mgrid[0 : SHAPE[1], 0 : SHAPE[2]]
+    lon, lat = scene.grid.lonlat(ix, iy)
+    ours_lat, ours_lon, height = medium.frame.latlon(medium.place)
+    np.testing.assert_allclose(ours_lat, lat, atol=1e-9)
+    np.testing.assert_allclose(ours_lon, lon, atol=1e-9)
+    np.testing.assert_allclose(height, 0.0, atol=1e-3)
+    # right-handed orthonormal axes; the first points along the grid
+    axes = medium.axes.astype(float)
+    np.testing.assert_allclose(axes @ np.swapaxes(axes, -1, -2), np.broadcast_to(np.eye(3), axes.shape), atol=1e-6)
+    assert (np.linalg.det(axes) > 0.999).all()
+    along = medium.place[:, 1:] - medium.place[:, :-1]
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    assert ((along * axes[:, :-1, 0]).sum(-1) > 0.99999).all()
+
+
+def test_frame_of_a_curved_scene_stands_on_its_centre() -> None:
+    medium = build_medium(grid_scene({}, SHAPE, curved=True), WL, 0.8)
+    assert medium.frame.lat == pytest.approx(LAT, abs=1e-6)
+    assert medium.frame.lon == pytest.approx(LON, abs=1e-6)
+
+
+@pytest.mark.parametrize("fineness", [2, 4])
+def test_subdivision_keeps_planes(fineness: int) -> None:
+    y, x = np.mgrid[0:5, 0:6].astype(np.float32)
+    fine = subdivided(2 + 3 * x - y, fineness)
+    assert fine.shape == (4 * fineness + 1, 5 * fineness + 1)
+    yy, xx = np.mgrid[0 : fine.shape[0], 0 : fine.shape[1]] / fineness
+    np.testing.assert_allclose(fine, 2 + 3 * xx - yy, atol=1e-4)
+
+
+@pytest.mark.parametrize("fineness", [2, 4])
+def test_finer_clouds_hold_as_much_and_stay_where_they_are(fineness: int) -> None:
+    coarse = np.zeros((1, 12, 12), np.float32)
+    coarse[0, 4:8, 3:7] = [[1, 2, 3, 1], [2, 5, 4, 2], [1, 3, 6, 1], [1, 1, 2, 1]]
+    fine = finer_cloud(coarse, fineness)
+    assert fine.min() >= 0
+    total = fine.sum() / fineness**2
+    # the mean of a cell is kept up to the interpolation of the factor that keeps it
+    assert total == pytest.approx(coarse.sum(), rel=0.1)
+    far = np.ones(fine.shape, bool)
+    far[0, 3 * fineness : 8 * fineness + 1, 2 * fineness : 7 * fineness + 1] = False
+    assert fine[far].max() < 1e-5 * coarse.max()  # no cloud a cell beyond the last cloudy node
+
+
+def test_a_uniform_layer_stays_uniform_when_made_finer() -> None:
+    np.testing.assert_allclose(finer_cloud(np.full((2, 5, 6), 0.003, np.float32), 4), 0.003, rtol=1e-4)
+
+
+def test_cloud_under_the_terrain_is_gone() -> None:
+    terrain = np.full(SHAPE[1:], 450.0)
+    scene = grid_scene(np.full(SHAPE, 0.001, np.float32), SHAPE, curved=True, terrain_m=terrain)
+    medium = build_medium(scene, WL, 0.8, refine=False)
+    assert not medium.extinction[0, medium.levels_m < 250].any()
+    assert medium.extinction[0, medium.levels_m > 450].all()
+
+
+def test_a_scene_without_a_grid_has_no_medium() -> None:
+    with pytest.raises(UserError, match="no grid"):
+        build_medium(Scene.clear(LAT, LON), WL, 0.8)
+
+
+def test_global_grids_are_refused_with_a_remedy() -> None:
+    from pyproj import CRS
+
+    lonlat = CRS.from_proj4("+proj=longlat +R=6371000")
+    scene = Scene.from_arrays(
+        {}, np.arange(-180.0, 180.0, 10.0), np.arange(-80.0, 81.0, 10.0), np.arange(3) * 1000.0, crs=lonlat
+    )
+    with pytest.raises(UserError, match="cut a region"):
+        build_medium(scene, WL, 0.8)

@@ -1,0 +1,141 @@
+"""The lit ground: shadows of ridges, slopes, albedo, and light that goes to and fro."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import (
+    LAT,
+    LON,
+    WAVELENGTH_NM,
+    box,
+    down_on,
+    grid_scene,
+    slab,
+    sun_at_zenith_angle,
+    toward,
+)
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.transport import Field, Solver
+
+ALTITUDE = 30.0
+RIDGE_M, CELL = 500.0, 50.0
+
+
+def ground(field: Field, x_m, y_m, height_m: float = 3000.0) -> np.ndarray:
+    """L' of the ground seen from straight above."""
+    return field.view(down_on(x_m, y_m, height_m)).radiance[:, 0]
+
+
+@pytest.fixture(scope="module", params=[90.0, 270.0, 0.0], ids=["sun east", "sun west", "sun north"])
+def ridge(request) -> tuple[Field, float]:
+    """A wall 500 m high and two cells thick across the sun, white ground, no air."""
+    azimuth = request.param
+    n = 81
+    terrain = np.zeros((n, n))
+    middle = slice(n // 2 - 1, n // 2 + 2)
+    if azimuth == 0.0:
+        terrain[middle] = RIDGE_M
+    else:
+        terrain[:, middle] = RIDGE_M
+    scene = grid_scene({}, (13, n, n), (CELL,) * 3, terrain_m=terrain, surface_albedo=1.0)
+    return Solver().solve(scene, toward(azimuth, ALTITUDE), [WAVELENGTH_NM]), azimuth
+
+
+def test_a_ridge_shades_its_far_side(ridge) -> None:
+    field, azimuth = ridge
+    away = -toward(azimuth, 0.0)
+    sunny = 4 * np.sin(np.radians(ALTITUDE))  # L' of white ground (Eq. 2): 4 mu0
+    length = RIDGE_M / np.tan(np.radians(ALTITUDE))  # 866 m, from the ridge's edge one cell off the middle
+    behind = np.array([150.0, 400.0, 700.0])[:, None] * away
+    # penumbra and the terrain's nodes blur the end by about a cell
+    beyond = (CELL + length + np.array([100.0, 300.0]))[:, None] * away
+    before = np.array([150.0, 400.0, 1200.0])[:, None] * -away
+    assert ground(field, *behind.T[:2]).max() < 0.02 * sunny
+    np.testing.assert_allclose(ground(field, *beyond.T[:2]), sunny, rtol=0.01)
+    np.testing.assert_allclose(ground(field, *before.T[:2]), sunny, rtol=0.01)
+
+
+def test_the_shadow_ends_where_the_sun_looks_over_the_ridge(ridge) -> None:
+    field, azimuth = ridge
+    way = np.arange(300.0, 1500.0, 5.0)
+    seen = ground(field, *(way[:, None] * -toward(azimuth, 0.0)).T[:2])
+    half = way[np.argmax(seen > 2 * np.sin(np.radians(ALTITUDE)))]
+    expected = CELL + RIDGE_M / np.tan(np.radians(ALTITUDE))
+    assert half == pytest.approx(expected, abs=1.5 * CELL)
+
+
+@pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 40.0), (270.0, 40.0), (0.0, 40.0), (250.0, 60.0)])
+def test_slopes_are_lit_by_the_cosine_of_their_normal(azimuth: float, altitude: float) -> None:
+    shape = (12, 21, 31)
+    terrain = np.broadcast_to(20.0 * np.arange(31), shape[1:])  # rising by 20 % toward the east
+    scene = grid_scene({}, shape, (100.0,) * 3, terrain_m=terrain, surface_albedo=0.5)
+    sun = toward(azimuth, altitude)
+    field = Solver().solve(scene, sun, [WAVELENGTH_NM])
+    normal = np.array([-0.2, 0.0, 1.0]) / np.hypot(0.2, 1.0)
+    np.testing.assert_allclose(ground(field, [-500.0, 0.0, 500.0], 30.0), 2.0 * normal @ sun, rtol=0.01)
+
+
+@pytest.mark.parametrize("zenith", [0.0, 60.0, 80.0])
+def test_white_ground_under_no_air(zenith: float) -> None:
+    """L' = 4 a mu0 (Albers et al. 2020, Eqs 2 and 35), in the grid and around it."""
+    scene = grid_scene({}, (5, 6, 7), surface_albedo=0.4)
+    field = Solver().solve(scene, sun_at_zenith_angle(zenith), [WAVELENGTH_NM])
+    expected = 4 * 0.4 * np.cos(np.radians(zenith))
+    np.testing.assert_allclose(ground(field, [0.0, 120.0, 5000.0], [0.0, -80.0, 0.0]), expected, rtol=2e-3)
+
+
+def test_albedo_is_seen_where_it_is() -> None:
+    albedo = np.zeros((9, 11), np.float32)
+    albedo[2, 7] = 1.0
+    field = Solver().solve(grid_scene({}, (5, 9, 11), surface_albedo=albedo), sun_at_zenith_angle(20.0), [546.0])
+    x, y = np.meshgrid(100.0 * (np.arange(11) - 5), 100.0 * (np.arange(9) - 4))
+    seen = ground(field, x, y).reshape(9, 11)
+    assert np.unravel_index(seen.argmax(), seen.shape) == (2, 7)
+    assert seen[2, 7] == pytest.approx(4 * np.cos(np.radians(20.0)), rel=0.01)
+    assert seen[5:].max() == 0.0
+
+
+def test_shadow_of_a_cloud_lies_opposite_the_sun() -> None:
+    shape, cell = (16, 31, 31), 100.0
+    cloud = box(shape, (slice(9, 12), slice(13, 18), slice(13, 18)), 0.03)
+    scene = grid_scene(cloud, shape, (cell,) * 3, surface_albedo=0.2, single_scattering_albedo=0.5)
+    for azimuth in (90.0, 180.0, 315.0):
+        sun = toward(azimuth, 55.0)
+        field = Solver().solve(scene, sun, [WAVELENGTH_NM])
+        x, y = np.meshgrid(*2 * [cell * (np.arange(31) - 15)])
+        # from under the cloud, so that the cloud itself is not in the way
+        dark = 4 * 0.2 * sun[2] - ground(field, x, y, 700.0).reshape(31, 31)
+        dark = np.maximum(dark - 0.3 * dark.max(), 0)
+        centre = np.array([(x * dark).sum(), (y * dark).sum()]) / dark.sum()
+        np.testing.assert_allclose(centre, -1000.0 / sun[2] * sun[:2], atol=0.5 * cell)
+
+
+def test_ground_under_air_reflects_what_reaches_it() -> None:
+    albedo = 0.3
+    field = Solver().solve(
+        Scene.clear(LAT, LON, surface_albedo=albedo), sun_at_zenith_angle(45.0), [615.0, 546.0, 450.0]
+    )
+    seen = field.view(Rays(np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, -1.0]]))).radiance[0]
+    fluxes = field.fluxes()
+    expected = 4 * albedo * (fluxes["down_bottom"] + fluxes["direct_bottom"])
+    np.testing.assert_allclose(seen, expected, rtol=2e-3)  # two metres of air
+    np.testing.assert_allclose(fluxes["up_bottom"], expected / 4, rtol=1e-5)
+
+
+@pytest.mark.parametrize("tau", [1.0, 10.0])
+def test_white_ground_under_a_white_cloud_gives_all_light_back(tau: float) -> None:
+    """Nothing absorbs: what enters leaves through the top, after any number of reflections."""
+    field = Solver().solve(slab(tau, albedo=1.0), sun_at_zenith_angle(60.0), [WAVELENGTH_NM])
+    assert field.fluxes()["up_top"][0] == pytest.approx(0.5, rel=5e-3)
+
+
+def test_a_brighter_ground_brightens_the_sky() -> None:
+    fluxes = [
+        Solver().solve(slab(5.0, albedo=a), sun_at_zenith_angle(40.0), [WAVELENGTH_NM]).fluxes() for a in (0, 0.8)
+    ]
+    dark, bright = (f["down_bottom"][0] + f["direct_bottom"][0] for f in fluxes)
+    # multiple reflection: E = E_0/(1 - a R), R the cloud's reflectance from below, found by its own light
+    reflectance = (bright - dark) / (0.8 * bright)
+    # a conservative cloud with tau (1 - g) = .75: spherical albedo .75 x .75/(1 + .75 x .75) = .36
+    assert reflectance == pytest.approx(0.36, abs=0.04)

@@ -1,0 +1,109 @@
+"""Optical depth to the sun, node by node, against geometry."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import toward
+
+from openswim.transport.sweep import sun_sweep
+
+FLAT_M = 1e12
+
+
+def depth_to_sun(
+    extinction: np.ndarray,
+    sun: np.ndarray,
+    cell_m: tuple[float, float, float],
+    periodic: bool,
+    exact: bool,
+    radius_m: float = FLAT_M,
+) -> np.ndarray:
+    """sun_sweep on evenly spaced levels (nz, ny, nx)."""
+    nz, ny, nx = extinction.shape
+    levels = cell_m[2] * np.arange(nz)
+    lookup = np.linspace(0.0, nz - 1.0, 8 * (nz - 1) + 1)
+    depth = np.zeros((nz, ny, nx), np.float32)
+    sun_sweep(
+        extinction.astype(np.float32),
+        np.full((nz, ny, nx), exact),
+        np.broadcast_to(sun, (ny, nx, 3)).copy(),
+        levels,
+        0.0,
+        8.0 / cell_m[2],
+        lookup,
+        np.array(cell_m[:2]),
+        radius_m,
+        periodic,
+        depth,
+    )
+    return depth
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (90, 60), (200, 30), (45, 45), (301, 10), (180, 3)])
+def test_depth_under_a_slab_is_exact(azimuth: float, altitude: float, exact: bool) -> None:
+    """beta (z_top - z)/mu0, whatever the sun, for nodes that march and nodes that interpolate."""
+    nz, beta = 11, 0.002
+    depth = depth_to_sun(
+        np.full((nz, 5, 6), beta), toward(azimuth, altitude), (50.0, 70.0, 100.0), True, exact
+    )
+    above = 100.0 * (nz - 1 - np.arange(nz))
+    expected = beta * above / np.sin(np.radians(altitude))
+    np.testing.assert_allclose(depth, np.broadcast_to(expected[:, None, None], depth.shape), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(("azimuth", "altitude"), [(0, 60), (90, 45), (180, 40), (270, 50), (130, 45)])
+def test_shadow_of_a_box_falls_away_from_the_sun(azimuth: float, altitude: float) -> None:
+    """Mass and centroid of the shadow on the ground: straight lines through a trilinear box keep both."""
+    nz, ny, nx, cell, beta = 13, 41, 41, 50.0, 0.01
+    field = np.zeros((nz, ny, nx))
+    field[7:11, 18:23, 17:22] = beta
+    sun = toward(azimuth, altitude)
+    ground = depth_to_sun(field, sun, (cell, cell, cell), False, True)[0].astype(float)
+    y, x = np.mgrid[0:ny, 0:nx] * cell
+    rise = 8.5 * cell  # height of the box's centre
+    shift = -rise / sun[2] * sun[:2]
+    centre = [(x * ground).sum() / ground.sum(), (y * ground).sum() / ground.sum()]
+    # the marching steps are a cell long: a tenth of a cell is what sampling the edges costs
+    np.testing.assert_allclose(centre, [19 * cell + shift[0], 20 * cell + shift[1]], atol=0.15 * cell)
+    mass = beta * 4 * 5 * 5 / sun[2] * cell
+    assert ground.sum() == pytest.approx(mass, rel=0.02)
+    # two cells beyond the outline there is nothing
+    inside = (np.abs(x - centre[0]) < 6.5 * cell) & (np.abs(y - centre[1]) < 6.5 * cell)
+    assert ground[~inside].max() == 0.0
+
+
+def test_interpolating_nodes_agree_with_marching_ones_about_the_shadow() -> None:
+    field = np.zeros((13, 31, 31))
+    field[7:11, 13:18, 12:17] = 0.01
+    sun = toward(90, 50)
+    sharp, soft = (depth_to_sun(field, sun, (50.0,) * 3, False, exact)[0].astype(float) for exact in (True, False))
+    assert soft.sum() == pytest.approx(sharp.sum(), rel=0.03)
+    x = np.arange(31)
+    assert (x * soft).sum() / soft.sum() == pytest.approx((x * sharp).sum() / sharp.sum(), abs=0.3)
+    assert soft.max() <= sharp.max() * 1.01
+
+
+def test_open_sides_are_vacuum_and_periodic_ones_repeat() -> None:
+    field = np.full((11, 9, 9), 0.001)
+    sun = toward(90, 45)
+    opened = depth_to_sun(field, sun, (100.0,) * 3, False, True)
+    repeated = depth_to_sun(field, sun, (100.0,) * 3, True, True)
+    # from the ground, column i: the ray leaves through x = 8 cells; half a step may be missed at the edge
+    way = np.minimum(10.0, 8.0 - np.arange(9)) * 100.0 * np.sqrt(2)
+    np.testing.assert_allclose(opened[0, 4], 0.001 * way, atol=0.001 * 75.0)
+    np.testing.assert_allclose(repeated[0], 0.001 * 1000.0 * np.sqrt(2), rtol=1e-4)
+
+
+def test_round_earth_shortens_the_way_to_a_low_sun() -> None:
+    """Level ray from the ground: it leaves a layer of height h after sqrt(2 R h) (and would never, were it flat)."""
+    radius, beta = 100_000.0, 1e-4
+    nz, dz = 21, 50.0
+    field = np.full((nz, 3, 3), beta)
+    depth = depth_to_sun(field, np.array([1.0, 0.0, 0.0]), (500.0, 500.0, dz), True, True, radius)
+    height = dz * (nz - 1)
+    # level marching is parabolic: s = sqrt(2 R h)
+    assert depth[0, 1, 1] == pytest.approx(beta * np.sqrt(2 * radius * height), rel=1e-3)
+
+
+def test_no_cloud_no_depth() -> None:
+    assert not depth_to_sun(np.zeros((5, 4, 4)), toward(10, 20), (100.0,) * 3, False, True).any()
