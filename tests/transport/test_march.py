@@ -69,22 +69,24 @@ def test_beer_lambert_through_a_box(boxed: Field, direction: tuple[float, float,
 
 
 def test_rays_that_miss_the_box_lose_nothing(boxed: Field) -> None:
-    beside = box_edges()[1][0] + CELL
-    view = boxed.view(down_on([beside, -beside - CELL, 2000.0, 30_000.0], [0.0, 0.0, 0.0, 10.0], 1500.0))
-    np.testing.assert_array_equal(view.transmittance, 1.0)
+    low, high = box_edges()
+    x = [low[0] - CELL, high[0] + CELL, 2000.0, 30_000.0]
+    view = boxed.view(down_on(x, [0.0, 0.0, 0.0, 10.0], 1500.0))
+    # each step multiplies by an e^-0 that is good to 1e-6
+    np.testing.assert_allclose(view.transmittance, 1.0, atol=1e-4)
     assert view.hit.all()
 
 
-@pytest.mark.parametrize("zenith", [0.0, 40.0, 75.0])
-@pytest.mark.parametrize("tau", [0.3, 4.0])
-def test_beer_lambert_through_a_slab(zenith: float, tau: float) -> None:
+@pytest.mark.parametrize("zenith", [0.0, 40.0, 70.0])
+@pytest.mark.parametrize("tau", [0.3, 2.0])
+@pytest.mark.parametrize("upward", [True, False], ids=["up", "down"])
+def test_beer_lambert_through_a_slab(zenith: float, tau: float, upward: bool) -> None:
+    """A layer that fills the grid to its topmost level, with a sharp edge there."""
     field = Solver().solve(slab(tau, levels=21), sun_at_zenith_angle(30.0), [WAVELENGTH_NM])
-    view = field.view(Rays(np.array([0.0, 0.0, 0.0]), sun_at_zenith_angle(zenith)))
-    depth = tau / np.cos(np.radians(zenith))
-    if depth < 9:  # rays give up where less than 3e-5 is left
-        assert -np.log(view.transmittance[0, 0]) == pytest.approx(depth, rel=0.01)
-    else:
-        assert view.transmittance[0, 0] < 1e-3
+    along = sun_at_zenith_angle(zenith) * (1 if upward else -1)
+    view = field.view(Rays(np.array([0.0, 0.0, 0.0 if upward else 1500.0]), along))
+    # a ray's sampling may not lose a fifth of a cell (of 20) at the edge
+    assert -np.log(view.transmittance[0, 0]) == pytest.approx(tau / np.cos(np.radians(zenith)), rel=0.01)
 
 
 @pytest.mark.parametrize("altitude", [-90.0, -45.0, -10.0, -2.0])
@@ -106,14 +108,13 @@ def test_rays_that_leave_to_space_end_nowhere(boxed: Field) -> None:
     assert (view.distance_m < 0).all()
 
 
-@pytest.mark.parametrize("periodic", [False])
-@pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 0.0), (90.0, -20.0), (60.0, 5.0), (270.0, -30.0)])
-def test_rays_end_on_a_slope(periodic: bool, azimuth: float, altitude: float) -> None:
+@pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 0.0), (90.0, -20.0), (75.0, 5.0), (270.0, -30.0)])
+def test_rays_end_on_a_slope(azimuth: float, altitude: float) -> None:
     """Ground rising by 20 % toward the east: the ray's distance to a plane."""
     shape, cell = (12, 21, 41), 100.0
     x = cell * (np.arange(shape[2]) - 20)
     terrain = np.broadcast_to(0.2 * (x + 2000.0), shape[1:])
-    scene = grid_scene({}, shape, (cell, cell, 100.0), terrain_m=terrain, periodic=periodic)
+    scene = grid_scene({}, shape, (cell, cell, 100.0), terrain_m=terrain)
     field = Solver().solve(scene, SUN, [WAVELENGTH_NM])
     origin, d = np.array([0.0, 0.0, 600.0]), toward(azimuth, altitude)
     distance = (0.2 * 2000.0 - 600.0) / (d[2] - 0.2 * d[0])
@@ -129,7 +130,7 @@ def test_horizon_dips_as_the_earth_curves(height_m: float) -> None:
     dip = np.degrees(np.arccos(6_371_000.0 / (6_371_000.0 + height_m)))
     frame = field.frame
     for offset, hits in ((0.01, False), (-0.01, True)):
-        direction = frame.direction([0.0, 77.0, 200.0], -dip + offset, LAT, LON)
+        direction = frame.direction([0.0, 77.0, 200.0], np.full(3, -dip + offset), LAT, LON)
         assert (field.view(Rays(frame.position(LAT, LON, height_m), direction)).hit == hits).all()
 
 

@@ -14,13 +14,26 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from openswim.transport.scalar import (
+    PACK,
+    choose_above,
+    flat,
     harmonics_symmetric,
     height_m,
+    height_of_square_m,
+    largest,
+    legendre_factor,
+    pack_of,
+    read,
+    read_lanes,
+    read_row,
     shadow_fraction,
     smoothstep,
+    spread,
     step_emission,
     table_index,
     transmission,
+    whole,
+    write,
 )
 
 F32 = NDArray[np.float32]
@@ -30,15 +43,14 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 DARK = 3e-5  # transmission below which a ray has seen enough
 SUN_RADIUS_RAD = 0.00465
-PACK = 4  # wavelengths marched together: a constant, so that LLVM unrolls; more of them take more passes
+DEGREE = 5  # truncation order M of the smooth field: a constant, so that LLVM unrolls
+HARMONICS = DEGREE * (DEGREE + 1) // 2
 MOST_SAMPLES = 20_000
+TILE = 64  # rays handed to a thread at a time
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
-# A ray's scratch: one flat array of rows of PACK, so that LLVM sees that rows are apart and vectorises over them.
-N_EXT, N_FWD, N_SMOOTH, N_PEAK, N_AIR = 0, PACK, 2 * PACK, 3 * PACK, 4 * PACK  # at the near end of a step
-F_EXT, F_FWD, F_SMOOTH, F_PEAK, F_AIR = 5 * PACK, 6 * PACK, 7 * PACK, 8 * PACK, 9 * PACK  # at its far end
-BEAM, DEPTH, SINGLE, RADIANCE = 10 * PACK, 11 * PACK, 12 * PACK, 13 * PACK
-SCALED, FULL, FRONT, ROWS = 14 * PACK, 15 * PACK, 16 * PACK, 17 * PACK
+# What a ray leaves in its scratch, a row of packs
+RADIANCE, SCALED, FULL, FRONT, ROWS = 0, PACK, 2 * PACK, 3 * PACK, 4 * PACK
 PEAK_INNER = math.cos(math.radians(30.0))  # forward peak read out fully within 30 degrees of the sun,
 PEAK_OUTER = 0.0  # not at all beyond 90 (transport.md section 2)
 
@@ -91,7 +103,7 @@ class Volume(NamedTuple):
     clear_cells: int  # longest step in clear air of the grid, in cells
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def grid_index(x, y, z, radius_m, volume):
     """Fractional (ix, iy) of a point by the gnomonic chart; far outside the domain, a large negative pair."""
     depth = radius_m + z
@@ -108,13 +120,15 @@ def grid_index(x, y, z, radius_m, volume):
     a = u - i
     b = v - j
     c = volume.chart
+    here = 2 * (j * (n + 1) + i)
+    up = here + 2 * (n + 1)
     w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
-    ix = c[j, i, 0] * w00 + c[j, i + 1, 0] * w01 + c[j + 1, i, 0] * w10 + c[j + 1, i + 1, 0] * w11
-    iy = c[j, i, 1] * w00 + c[j, i + 1, 1] * w01 + c[j + 1, i, 1] * w10 + c[j + 1, i + 1, 1] * w11
+    ix = flat(c, here) * w00 + flat(c, here + 2) * w01 + flat(c, up) * w10 + flat(c, up + 2) * w11
+    iy = flat(c, here + 1) * w00 + flat(c, here + 3) * w01 + flat(c, up + 1) * w10 + flat(c, up + 3) * w11
     return ix, iy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _bilinear(field, ix, iy):
     ny, nx = field.shape
     i = min(max(int(ix), 0), max(nx - 2, 0))
@@ -126,13 +140,13 @@ def _bilinear(field, ix, iy):
     return (field[j, i] * (1 - a) + field[j, i1] * a) * (1 - b) + (field[j1, i] * (1 - a) + field[j1, i1] * a) * b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _inside(ix, iy, volume):
     ny, nx = volume.terrain_m.shape
     return volume.periodic or (ix >= 0.0 and iy >= 0.0 and ix <= nx - 1.0 and iy <= ny - 1.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _ground_m(ix, iy, ground_m, volume):
     """Height of the ground at a place of the grid, or of the base of the shells outside it."""
     if _inside(ix, iy, volume) and not volume.periodic:
@@ -147,192 +161,192 @@ def _above_ground_m(x, y, z, radius_m, ground_m, volume):
     return height_m(x, y, z, radius_m) - _ground_m(ix, iy, ground_m, volume)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def sun_table_coordinate(mu, mu_horizon, count):
     """Fractional index on the sun axis of `sun_depth`: square root of the cosine above the horizon."""
     t = math.sqrt(max(0.0, (mu - mu_horizon) / (1.0 - mu_horizon))) * (count - 1)
     return min(t, count - 1.000001)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
-def _sample_grid(ix, iy, h, legendre, peak, volume, nodes, row):
-    """What a point of the grid does to light, into the far rows of the scratch (see `_sample_air`).
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _lerp(a, b, share):
+    return a + share * (b - a)
 
-    Returns (reference extinction of all species, cells free of cloud).
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _four(array, n, right, up, v00, v01, v10, v11):
+    """Bilinear mean of four packs of an array, at flat element n, to the right of it, and up."""
+    return (
+        v00 * read(array, n) + v01 * read(array, n + right) + v10 * read(array, n + up) + v11 * read(array, n + up + right)
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _peak_row(peak, start, depth):
+    """A forward peak (depths, PACK), from flat element ``start``, at forward optical depths: axis depth/(1 + depth)."""
+    last = peak.shape[1] - 1
+    p = depth / (_ONE + depth) * np.float32(last)
+    q = whole(choose_above(p, np.float32(last - 1), np.float32(last - 1), p))
+    low = read_lanes(peak, start, q)
+    return low + (p - q) * (read_lanes(peak, start + PACK, q) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _sample_grid(ix, iy, h, mu, legendre, peak, volume, nodes):
+    """What a point of the grid does to light.
+
+    Returns packs of delta-scaled extinction, forward extinction, smooth source, source read with the full eye depth
+    and extinction of the air alone; then reference extinction of all species (each left in ``nodes``), cells free of
+    cloud, and height of the layer ahead.
     """
     nz, ny, nx, nc = volume.fields.shape
-    fk = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
-    k = min(int(fk), nz - 2)
-    g = np.float32(fk - k)
+    level = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
+    k = min(int(level), nz - 2)
+    g = np.float32(level - k)
     if volume.periodic:
         ix -= math.floor(ix / nx) * nx
         iy -= math.floor(iy / ny) * ny
-    i0 = min(int(ix), nx - 1)
-    j0 = min(int(iy), ny - 1)
-    a = np.float32(ix - i0)
-    b = np.float32(iy - j0)
-    i1 = i0 + 1
-    j1 = j0 + 1
-    if i1 >= nx:
-        i1 = 0 if volume.periodic else nx - 1
-    if j1 >= ny:
-        j1 = 0 if volume.periodic else ny - 1
+    i = min(int(ix), nx - 1)
+    j = min(int(iy), ny - 1)
+    a = np.float32(ix - i)
+    b = np.float32(iy - j)
+    right, up = nc, nx * nc
+    if i + 1 >= nx:
+        right = -i * nc if volume.periodic else 0
+    if j + 1 >= ny:
+        up = -j * nx * nc if volume.periodic else 0
     v00, v01, v10, v11 = (_ONE - b) * (_ONE - a), (_ONE - b) * a, b * (_ONE - a), b * a
+    here = ((k * ny + j) * nx + i) * nc
+    above = here + ny * nx * nc
     f = volume.fields
-    for block in range(nc // PACK):
-        base = block * PACK
-        for w in range(PACK):
-            n = base + w
-            low = v00 * f[k, j0, i0, n] + v01 * f[k, j0, i1, n] + v10 * f[k, j1, i0, n] + v11 * f[k, j1, i1, n]
-            high = (
-                v00 * f[k + 1, j0, i0, n]
-                + v01 * f[k + 1, j0, i1, n]
-                + v10 * f[k + 1, j1, i0, n]
-                + v11 * f[k + 1, j1, i1, n]
-            )
-            nodes[n] = low + g * (high - low)
+    smooth = _lerp(
+        _four(f, here + PACK, right, up, v00, v01, v10, v11), _four(f, above + PACK, right, up, v00, v01, v10, v11), g
+    )
+    for base in range(2 * PACK, nc, PACK):
+        low = _four(f, here + base, right, up, v00, v01, v10, v11)
+        write(nodes, base, _lerp(low, _four(f, above + base, right, up, v00, v01, v10, v11), g))
     cloud = _ZERO
-    ns = volume.species
-    for s in range(ns):
-        cloud += nodes[2 * PACK + s]
-    for w in range(PACK):
-        low, high = volume.air[k, 0, w], volume.air[k + 1, 0, w]
-        row[F_EXT + w] = low + g * (high - low)
-        low, high = volume.air[k, 1, w], volume.air[k + 1, 1, w]
-        row[F_FWD + w] = low + g * (high - low)
-        row[F_SMOOTH + w] = nodes[PACK + w]
-        row[BEAM + w] = nodes[w]
-    for w in range(PACK):
-        row[F_AIR + w] = row[F_EXT + w]
-        row[F_PEAK + w] = _ZERO
+    for s in range(volume.species):
+        cloud += flat(nodes, 2 * PACK + s)
+    air = _lerp(read_row(volume.air[k], 0), read_row(volume.air[k + 1], 0), g)
+    forward = _lerp(read_row(volume.air[k], 1), read_row(volume.air[k + 1], 1), g)
+    extinction = air
+    resolved = spread(_ZERO)
     if cloud > _ZERO:
-        # the forward peak: read out near the sun with its broadening, elsewhere as single scattering (TMS)
-        share = np.float32(legendre[legendre.shape[0] - 1])
-        n_depth = peak.shape[1] - 1
-        for w in range(PACK):
-            row[BEAM + w] = transmission(row[BEAM + w])
-        if share < _ONE:
-            for w in range(PACK):
-                single = _ZERO
-                for s in range(ns):
-                    single += nodes[2 * PACK + s] * volume.forward[s, w] * peak[s, 0, w]
-                row[SINGLE + w] = single
-            for w in range(PACK):
-                row[F_SMOOTH + w] += (_ONE - share) * row[SINGLE + w] * row[BEAM + w]
+        beam = transmission(
+            _lerp(_four(f, here, right, up, v00, v01, v10, v11), _four(f, above, right, up, v00, v01, v10, v11), g)
+        )
+        depth = spread(_ZERO)
+        share = np.float32(legendre[DEGREE])
         if share > _ZERO:
-            for w in range(PACK):
-                row[DEPTH + w] = nodes[volume.forward_channel[w]]
-            for w in range(PACK):
-                row[DEPTH + w] = row[DEPTH + w] / (_ONE + row[DEPTH + w]) * np.float32(n_depth)
-            for w in range(PACK):
-                p = row[DEPTH + w]
-                q = min(int(p), n_depth - 1)
-                p -= np.float32(q)
-                resolved = _ZERO
-                for s in range(ns):
-                    x = nodes[2 * PACK + s] * volume.forward[s, w]
-                    resolved += x * (peak[s, q, w] * (_ONE - p) + peak[s, q + 1, w] * p)
-                row[F_PEAK + w] = share * resolved * row[BEAM + w]
-        for s in range(ns):
-            x = nodes[2 * PACK + s]
-            for w in range(PACK):
-                row[F_EXT + w] += x * volume.scaled[s, w]
-                row[F_FWD + w] += x * volume.forward[s, w]
-    return cloud, nodes[volume.free_channel]
+            c = volume.forward_channel
+            depth = pack_of(nodes[c[0]], nodes[c[1]], nodes[c[2]], nodes[c[3]])
+        # the forward peak: read out near the sun with its broadening, elsewhere as single scattering (TMS)
+        single = spread(_ZERO)
+        for s in range(volume.species):
+            x = flat(nodes, 2 * PACK + s)
+            start = s * peak.shape[1] * PACK
+            taken = x * read(volume.forward, s * PACK)
+            extinction += x * read(volume.scaled, s * PACK)
+            forward += taken
+            single += taken * read(peak, start)
+            if share > _ZERO:
+                resolved += taken * _peak_row(peak, start, depth)
+        smooth += (_ONE - share) * single * beam
+        resolved *= share * beam
+    ahead = int(level)
+    if mu < 0.0 and level == ahead and ahead > 0:
+        ahead -= 1
+    return extinction, forward, smooth, resolved, air, cloud, flat(nodes, volume.free_channel), flat(volume.spacing_m, ahead)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
-def _sample_air(mu, mu_sun, cos_angle, h, legendre, peak, shells, haze, basis, row):
-    """What a point of the shells does to light, into the far rows of the scratch.
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _diffuse_source(mu, mu_sun, cos_angle, above, lit_beam, level, share, legendre, shells):
+    """Source of what is scattered by air and haze, once (``lit_beam``) and more often (`moments`), as a pack.
 
-    F_EXT delta-scaled extinction; F_FWD forward extinction; F_SMOOTH smooth source; F_PEAK source read with the full
-    eye depth; F_AIR delta-scaled extinction of the air alone. ``haze``: row of the aerosol in ``peak``.
+    ``level``, ``share``: place among the levels of `scattering`.
     """
+    mom = shells.moments
+    near, far = shells.scattering[level], shells.scattering[level + 1]
+    source = spread(_ZERO)
+    if mom.shape[0] == 0:
+        for ell in range(DEGREE):
+            scattering = _lerp(read_row(near, ell), read_row(far, ell), share)
+            source += scattering * lit_beam * np.float32(legendre[ell])
+        return source
+    # cos(azimuth) sin(angle from zenith), limited to what round-off may bring
+    sine = math.sqrt(max(0.0, 1.0 - mu * mu))
+    sine_sun = math.sqrt(max(1e-12, 1.0 - mu_sun * mu_sun))
+    x = np.float32(min(sine, max(-sine, (cos_angle - mu * mu_sun) / sine_sun)))
+    z, square = np.float32(mu), np.float32(sine * sine)
+    km = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.moment_level_table)
+    ms = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
+    k0 = min(int(km), mom.shape[0] - 2)
+    m0 = min(int(ms), mom.shape[1] - 2)
+    c1 = np.float32(km - k0)
+    e1 = np.float32(ms - m0)
+    u00, u01, u10, u11 = (_ONE - c1) * (_ONE - e1), (_ONE - c1) * e1, c1 * (_ONE - e1), c1 * e1
+    right = HARMONICS * PACK
+    up = mom.shape[1] * right
+    start = k0 * up + m0 * right
+    c, c_before = _ONE, _ZERO  # sin^m cos(m azimuth) of this order and the one before
+    for ell in range(DEGREE):
+        scattering = _lerp(read_row(near, ell), read_row(far, ell), share)
+        total = lit_beam * np.float32(legendre[ell])
+        c, c_before = _ONE, _ZERO
+        for m in range(ell + 1):
+            index = ell * (ell + 1) // 2 + m
+            y = legendre_factor(index, z) * c
+            total += y * _four(mom, start + index * PACK, right, up, u00, u01, u10, u11)
+            c, c_before = (x if m == 0 else np.float32(2.0) * x * c - square * c_before), c
+        source += scattering * total
+    return source
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _sample_air(mu, mu_sun, cos_angle, h, legendre, peak, shells, haze):
+    """What a point of the shells does to light: see `_sample_grid`. ``haze``: row of the aerosol in ``peak``."""
     above = max(h - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     k = min(int(level), shells.extinction.shape[0] - 2)
     c = np.float32(level - k)
-    mu_horizon = shells.horizon[k] + (level - k) * (shells.horizon[k + 1] - shells.horizon[k])
+    mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), level - k)
     lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
-    t = sun_table_coordinate(mu_sun, mu_horizon, shells.sun_depth.shape[1])
+    columns = shells.sun_depth.shape[1]
+    t = sun_table_coordinate(mu_sun, mu_horizon, columns)
     m = int(t)
     e = np.float32(t - m)
     w00, w01, w10, w11 = (_ONE - c) * (_ONE - e), (_ONE - c) * e, c * (_ONE - e), c * e
-    d, f = shells.sun_depth, shells.sun_forward
-    degree = shells.scattering.shape[1]
-    hazy = f.shape[1] > 2
-    for w in range(PACK):
-        low, high = shells.extinction[k, w], shells.extinction[k + 1, w]
-        row[F_EXT + w] = low + c * (high - low)
-        row[BEAM + w] = w00 * d[k, m, w] + w01 * d[k, m + 1, w] + w10 * d[k + 1, m, w] + w11 * d[k + 1, m + 1, w]
-    for w in range(PACK):
-        row[BEAM + w] = lit * transmission(row[BEAM + w])
-        row[F_AIR + w] = row[F_EXT + w]
-        row[F_FWD + w] = _ZERO
-        row[F_PEAK + w] = _ZERO
-        row[F_SMOOTH + w] = _ZERO
-    for ell in range(degree):
-        p = np.float32(legendre[ell])
-        for w in range(PACK):
-            low, high = shells.scattering[k, ell, w], shells.scattering[k + 1, ell, w]
-            row[F_SMOOTH + w] += p * (low + c * (high - low))
-    for w in range(PACK):
-        row[F_SMOOTH + w] *= row[BEAM + w]
-    if hazy:
-        share = np.float32(legendre[degree])
-        n_depth = peak.shape[1] - 1
-        for w in range(PACK):
-            low, high = shells.forward[k, w], shells.forward[k + 1, w]
-            row[F_FWD + w] = low + c * (high - low)
-            row[DEPTH + w] = w00 * f[k, m, w] + w01 * f[k, m + 1, w] + w10 * f[k + 1, m, w] + w11 * f[k + 1, m + 1, w]
-            row[SINGLE + w] = peak[haze, 0, w]
-        for w in range(PACK):
-            row[F_SMOOTH + w] += (_ONE - share) * row[F_FWD + w] * row[SINGLE + w] * row[BEAM + w]
+    place = (k * columns + m) * PACK
+    extinction = _lerp(read_row(shells.extinction, k), read_row(shells.extinction, k + 1), c)
+    beam = lit * transmission(_four(shells.sun_depth, place, PACK, columns * PACK, w00, w01, w10, w11))
+    smooth = _diffuse_source(mu, mu_sun, cos_angle, above, beam, k, c, legendre, shells)
+    forward, resolved = spread(_ZERO), spread(_ZERO)
+    columns = shells.sun_forward.shape[1]
+    if columns > 2:
+        share = np.float32(legendre[DEGREE])
+        forward = _lerp(read_row(shells.forward, k), read_row(shells.forward, k + 1), c)
+        start = haze * peak.shape[1] * PACK
+        smooth += (_ONE - share) * forward * read(peak, start) * beam
         if share > _ZERO:
-            for w in range(PACK):
-                row[DEPTH + w] = row[DEPTH + w] / (_ONE + row[DEPTH + w]) * np.float32(n_depth)
-            for w in range(PACK):
-                p = row[DEPTH + w]
-                q = min(int(p), n_depth - 1)
-                p -= np.float32(q)
-                row[SINGLE + w] = peak[haze, q, w] * (_ONE - p) + peak[haze, q + 1, w] * p
-            for w in range(PACK):
-                row[F_PEAK + w] = share * row[F_FWD + w] * row[SINGLE + w] * row[BEAM + w]
-
-    mom = shells.moments
-    if mom.shape[0] > 0:
-        sines = math.sqrt(max(0.0, (1.0 - mu * mu) * (1.0 - mu_sun * mu_sun)))
-        cos_azimuth = 1.0
-        if sines > 1e-9:
-            cos_azimuth = min(1.0, max(-1.0, (cos_angle - mu * mu_sun) / sines))
-        harmonics_symmetric(mu, cos_azimuth, degree, basis)
-        km = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.moment_level_table)
-        ms = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
-        k0 = min(int(km), mom.shape[0] - 2)
-        m0 = min(int(ms), mom.shape[1] - 2)
-        c1 = np.float32(km - k0)
-        e1 = np.float32(ms - m0)
-        u00, u01, u10, u11 = (_ONE - c1) * (_ONE - e1), (_ONE - c1) * e1, c1 * (_ONE - e1), c1 * e1
-        for ell in range(degree):
-            for w in range(PACK):
-                row[SINGLE + w] = _ZERO
-            for index in range(ell * (ell + 1) // 2, (ell + 1) * (ell + 2) // 2):
-                y = np.float32(basis[index])
-                y00, y01, y10, y11 = y * u00, y * u01, y * u10, y * u11
-                for w in range(PACK):
-                    row[SINGLE + w] += (
-                        y00 * mom[k0, m0, index, w]
-                        + y01 * mom[k0, m0 + 1, index, w]
-                        + y10 * mom[k0 + 1, m0, index, w]
-                        + y11 * mom[k0 + 1, m0 + 1, index, w]
-                    )
-            for w in range(PACK):
-                low, high = shells.scattering[k, ell, w], shells.scattering[k + 1, ell, w]
-                row[F_SMOOTH + w] += row[SINGLE + w] * (low + c * (high - low))
+            place = (k * columns + m) * PACK
+            depth = _four(shells.sun_forward, place, PACK, columns * PACK, w00, w01, w10, w11)
+            resolved = share * forward * beam * _peak_row(peak, start, depth)
+    return extinction, forward, smooth, resolved, extinction
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
-def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _cell_m(mu, along, volume):
+    """The way through one cell, whose layer is ``along`` high."""
+    across = min(flat(volume.cell_m, 0), flat(volume.cell_m, 1))
+    m = np.float32(mu)
+    sine = math.sqrt(max(_ZERO, _ONE - m * m))
+    # 1/max of the two rates, in one division
+    return across * along / max(max(sine * along, abs(m) * across), np.float32(1e-9))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _step_m(h, mu, extinction, shells, volume, inside, free, along, ix, iy, scale):
     """Length of the next step: a fraction of the scale of what is there, and never past the grid's edge."""
     above = max(h - shells.ground_m, 0.0)
     scale_m = scale * (500.0 + 0.11 * above)
@@ -342,24 +356,34 @@ def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
         step = min(step, scale * 0.25 / extinction)
     if volume.fields.shape[0] <= 1:
         return step
-    fk = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
-    k = int(fk)
-    if mu < 0.0 and fk == k and k > 0:
-        k -= 1
-    across, along = min(volume.cell_m[0], volume.cell_m[1]), volume.spacing_m[k]
-    # the step that crosses one cell: 1/max of the two rates, in one division
-    sine = math.sqrt(max(0.0, 1.0 - mu * mu))
-    cell = across * along / max(max(sine * along, abs(mu) * across), 1e-9)
     if inside:
-        cells = max(free - 1.0, 1.0) if vacuum else min(max(free - 1.0, 1.0), volume.clear_cells * 1.0)
-        step = scale * cells * cell if vacuum else min(step, scale * cells * cell)
+        cell = 1.0 * _cell_m(mu, along, volume)
+        if free > 2.0:
+            cells = free - 1.0 if vacuum else min(free - 1.0, volume.clear_cells * 1.0)
+            step = scale * cells * cell if vacuum else min(step, scale * cells * cell)
+            if mu > 0.0 and step > cell and h + step * mu > volume.top_m:
+                step = max((volume.top_m - h) / mu + 0.01 * cell, 0.05 * cell)
+            return step
+        # within cloud the step does not wait for the fields
+        step = scale * cell if vacuum else min(step, scale * cell)
         if mu > 0.0 and step > cell and h + step * mu > volume.top_m:
             step = max((volume.top_m - h) / mu + 0.01 * cell, 0.05 * cell)
-    elif ix > -1e8:
-        # like sphere tracing: no step longer than the way to the box
+        return step
+    return _approach_m(h, mu, step, vacuum, volume, ix, iy)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _approach_m(h, mu, step, vacuum, volume, ix, iy):
+    """A step outside the grid, made no longer than the way to the box (sphere tracing)."""
+    level = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
+    k = int(level)
+    if mu < 0.0 and level == k and k > 0:
+        k -= 1
+    cell = 1.0 * _cell_m(mu, flat(volume.spacing_m, k), volume)
+    if ix > -1e8:
         ny, nx = volume.terrain_m.shape
-        gx = max(max(-ix, ix - (nx - 1.0)), 0.0) * volume.cell_m[0]
-        gy = max(max(-iy, iy - (ny - 1.0)), 0.0) * volume.cell_m[1]
+        gx = max(max(-ix, ix - (nx - 1.0)), 0.0) * flat(volume.cell_m, 0)
+        gy = max(max(-iy, iy - (ny - 1.0)), 0.0) * flat(volume.cell_m, 1)
         away = 0.0 if volume.periodic else 0.9 * max(gx, gy)
         if h > volume.top_m:
             fall = (h - volume.top_m) / max(-mu, 1e-9) if mu < 0.0 else 1e30
@@ -371,140 +395,129 @@ def _step_m(h, mu, extinction, shells, volume, inside, free, ix, iy, scale):
     return step
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, inline="always", fastmath=_FLAGS)
-def _advance(row, step_m, resolved, shining, fronting):
-    """Add the light of one step and dim what lies behind it; then the far end becomes the near end of the next.
-
-    Returns the largest delta-scaled transmission left. ``shining``, ``fronting``: 1 or 0.
-    """
-    ds = np.float32(step_m)
-    if resolved:
-        for w in range(PACK):
-            near = row[N_EXT + w] + row[N_FWD + w]
-            far = row[F_EXT + w] + row[F_FWD + w]
-            tau = _HALF * (near + far) * ds
-            gain = step_emission(tau, transmission(tau), ds, row[N_PEAK + w], row[F_PEAK + w], near, far)
-            row[RADIANCE + w] += shining * row[FULL + w] * gain
-    for w in range(PACK):
-        tau = _HALF * (row[N_EXT + w] + row[F_EXT + w]) * ds
-        trans = transmission(tau)
-        gain = step_emission(
-            tau, trans, ds, row[N_SMOOTH + w], row[F_SMOOTH + w], row[N_EXT + w], row[F_EXT + w]
-        )
-        row[RADIANCE + w] += shining * row[SCALED + w] * gain
-        row[SCALED + w] *= trans
-        row[FULL + w] *= trans * transmission(_HALF * (row[N_FWD + w] + row[F_FWD + w]) * ds)
-        row[FRONT + w] += fronting * _HALF * (row[N_AIR + w] + row[F_AIR + w]) * ds
-    for w in range(5 * PACK):
-        row[N_EXT + w] = row[F_EXT + w]
-    seen = _ZERO
-    for w in range(PACK):
-        seen = max(seen, row[SCALED + w])
-    return seen
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, depth_limit, scale, row, nodes, basis,
-              species_depth):
+def _ground_step_m(x, y, z, dx, dy, dz, step_m, radius_m, ground_m, volume):
+    """Where in a step that ends below ground the ray meets it."""
+    low, high = 0.0, step_m
+    for _ in range(24):
+        middle = 0.5 * (low + high)
+        if _above_ground_m(x + middle * dx, y + middle * dy, z + middle * dz, radius_m, ground_m, volume) < 0.0:
+            high = middle
+        else:
+            low = middle
+        if high - low < 0.05:
+            break
+    return max(low, 1e-3)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, highest_m, depth_limit, scale, row,
+              nodes, species_depth):
     """Follow one eye ray to the ground, to space, or until nothing more is seen.
 
-    Leaves in the scratch ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT,
-    the depth of air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species.
-    ``depth_limit``: cloud depth that ends the source (Eq. 12). ``nodes``, ``basis``: scratch.
+    Leaves in ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT, the depth of
+    air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species.
+    ``depth_limit``: cloud depth that ends the source (Eq. 12). ``highest_m``: no ground is higher. ``nodes``: scratch.
     Returns (distance_m or -1, samples).
     """
     ns = volume.species
-    for w in range(PACK):
-        row[RADIANCE + w] = _ZERO
-        row[SCALED + w] = _ONE
-        row[FULL + w] = _ONE
-        row[FRONT + w] = _ZERO
+    radiance, scaled, full, front = spread(_ZERO), spread(_ONE), spread(_ONE), spread(_ZERO)
     for n in range(ns):
         species_depth[n] = _ZERO
     radius = shells.radius_m
     start = 0.0
     h = height_m(ox, oy, oz, radius)
+    met = True
     if h > shells.top_m:
         b = ox * dx + oy * dy + (radius + oz) * dz
         q = ox * ox + oy * oy + oz * (2.0 * radius + oz) - shells.top_m * (2.0 * radius + shells.top_m)
         disc = b * b - q
-        if b >= 0.0 or disc <= 0.0:
-            return -1.0, 0
-        start = q / (-b + math.sqrt(disc))
-        ox, oy, oz = ox + start * dx, oy + start * dy, oz + start * dz
-        h = shells.top_m
-    s = 0.0
-    px, py, pz = ox, oy, oz
-    qx, qy, qz, hq = px, py, pz, h
-    resolved = legendre[legendre.shape[0] - 1] > 0.0
-    samples = 0
-    step = 0.0
-    hit = False
-    cloud_depth = _ZERO
-    near_cloud = _ZERO
-    inside = False
-    gridded = volume.fields.shape[0] > 1
+        met = b < 0.0 and disc > 0.0
+        if met:
+            start = q / (-b + math.sqrt(disc))
+            ox, oy, oz = ox + start * dx, oy + start * dy, oz + start * dz
+            h = shells.top_m
+    # along the ray (R + h)^2 - R^2 = square + s (2 rise + s); r mu = rise + s; r mu_sun = sunward + s cos_angle
+    square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
+    rise = ox * dx + oy * dy + (radius + oz) * dz
+    sunward = ox * sx + oy * sy + (radius + oz) * sz
     cos_angle = dx * sx + dy * sy + dz * sz
-    free, mu, ix, iy = 0.0, 0.0, 0.0, 0.0
-    while samples < MOST_SAMPLES:
+    resolved = legendre[DEGREE] > 0.0
+    gridded = volume.fields.shape[0] > 1
+    s, step, mu, ix, iy = 0.0, 0.0, 0.0, -1e9, -1e9
+    samples = 0
+    hit, inside = False, False
+    cloud_depth, near_cloud = _ZERO, _ZERO
+    free, along = _ZERO, _ZERO
+    extinction, forward, smooth, peaked, air = spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO)
+    while met and samples < MOST_SAMPLES:
         # one place in the code samples, so that it is inlined once; the first pass has no step yet
         if samples > 0:
-            most = _ZERO
-            for w in range(PACK):
-                most = max(most, row[N_AIR + w])
-            step = _step_m(h, mu, most, shells, volume, inside, free, ix, iy, scale)
+            step = _step_m(h, mu, largest(air), shells, volume, inside, free, along, ix, iy, scale)
             if step > 1e20:  # nothing between here and the ground or space
                 if mu >= 0.0:
                     break
                 step = (shells.ground_m - h) / mu * 1.0000001
-            qx, qy, qz = px + step * dx, py + step * dy, pz + step * dz
-        hq = height_m(qx, qy, qz, radius)
-        ix, iy = grid_index(qx, qy, qz, radius, volume)
-        if samples > 0 and hq < _ground_m(ix, iy, shells.ground_m, volume):
+        t = s + step
+        h = height_of_square_m(square + t * (2.0 * rise + t), radius)
+        if gridded:
+            ix, iy = grid_index(ox + t * dx, oy + t * dy, oz + t * dz, radius, volume)
+        if h < highest_m and samples > 0 and h < _ground_m(ix, iy, shells.ground_m, volume):
             hit = True
-            low, high = 0.0, step
-            for _ in range(24):
-                middle = 0.5 * (low + high)
-                if _above_ground_m(px + middle * dx, py + middle * dy, pz + middle * dz, radius, shells.ground_m, volume) < 0.0:
-                    high = middle
-                else:
-                    low = middle
-                if high - low < 0.05:
-                    break
-            step = max(low, 1e-3)
-            qx, qy, qz = px + step * dx, py + step * dy, pz + step * dz
-            hq = height_m(qx, qy, qz, radius)
-            ix, iy = grid_index(qx, qy, qz, radius, volume)
+            step = _ground_step_m(
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, step, radius, shells.ground_m, volume
+            )
+            t = s + step
+            h = height_of_square_m(square + t * (2.0 * rise + t), radius)
+            if gridded:
+                ix, iy = grid_index(ox + t * dx, oy + t * dy, oz + t * dz, radius, volume)
+        s = t
+        ds = np.float32(step)
         if near_cloud > _ZERO:
             for n in range(ns):
-                species_depth[n] += _HALF * np.float32(step) * nodes[2 * PACK + n]
-        inverse_r = 1.0 / (radius + hq)
-        mu = (qx * dx + qy * dy + (radius + qz) * dz) * inverse_r
-        inside = gridded and hq <= volume.top_m and _inside(ix, iy, volume)
+                species_depth[n] += _HALF * ds * flat(nodes, 2 * PACK + n)
+        inverse_r = 1.0 / (radius + h)
+        mu = (rise + s) * inverse_r
+        inside = gridded and h <= volume.top_m + 1e-3 and _inside(ix, iy, volume)
         cloud = _ZERO
         if inside:
-            cloud, free = _sample_grid(ix, iy, hq, legendre, peak, volume, nodes, row)
+            extinction_far, forward_far, smooth_far, peaked_far, air_far, cloud, free, along = _sample_grid(
+                ix, iy, h, mu, legendre, peak, volume, nodes
+            )
         else:
-            mu_sun = (qx * sx + qy * sy + (radius + qz) * sz) * inverse_r
-            _sample_air(mu, mu_sun, cos_angle, hq, legendre, peak, shells, ns, basis, row)
+            extinction_far, forward_far, smooth_far, peaked_far, air_far = _sample_air(
+                mu, (sunward + s * cos_angle) * inverse_r, cos_angle, h, legendre, peak, shells, ns
+            )
         samples += 1
-        if samples == 1:
-            for w in range(5 * PACK):
-                row[N_EXT + w] = row[F_EXT + w]
-            near_cloud = cloud
-            continue
-        if cloud > _ZERO:
-            for n in range(ns):
-                species_depth[n] += _HALF * np.float32(step) * nodes[2 * PACK + n]
-        shining = _ONE if cloud_depth < depth_limit else _ZERO
-        fronting = _ONE if cloud_depth < _ONE else _ZERO
-        cloud_depth += _HALF * np.float32(step) * (near_cloud + cloud)
-        seen = _advance(row, step, resolved, shining, fronting)
+        if samples > 1:
+            if cloud > _ZERO:
+                for n in range(ns):
+                    species_depth[n] += _HALF * ds * flat(nodes, 2 * PACK + n)
+            shining = _ONE if cloud_depth < depth_limit else _ZERO
+            fronting = _ONE if cloud_depth < _ONE else _ZERO
+            cloud_depth += _HALF * ds * (near_cloud + cloud)
+            depth = _HALF * (extinction + extinction_far) * ds
+            trans = transmission(depth)
+            gain = scaled * step_emission(depth, trans, ds, smooth, smooth_far, extinction, extinction_far)
+            peak_depth = _HALF * (forward + forward_far) * ds
+            peak_trans = transmission(peak_depth) * trans
+            if resolved:
+                gain += full * step_emission(
+                    depth + peak_depth, peak_trans, ds, peaked, peaked_far, extinction + forward,
+                    extinction_far + forward_far,
+                )
+            radiance += shining * gain
+            scaled *= trans
+            full *= peak_trans
+            front += fronting * _HALF * ds * (air + air_far)
+        extinction, forward, smooth, peaked, air = extinction_far, forward_far, smooth_far, peaked_far, air_far
         near_cloud = cloud
-        s += step
-        px, py, pz, h = qx, qy, qz, hq
-        if hit or seen < DARK or h >= shells.top_m:
+        if samples > 1 and (hit or largest(scaled) < DARK or h >= shells.top_m):
             break
+    write(row, RADIANCE, radiance)
+    write(row, SCALED, scaled)
+    write(row, FULL, full)
+    write(row, FRONT, front)
     return start + s if hit else -1.0, samples
 
 
@@ -523,37 +536,50 @@ def prepare_ray(cos_angle, table, legendre, peak):
     i = min(int(t), n - 1)
     a = np.float32(t - i)
     depths = table.shape[2] if legendre[degree] > 0.0 else 1
+    stride = table.shape[2] * PACK
     for s in range(table.shape[0]):
+        start = (s * table.shape[1] + i) * stride
         for d in range(depths):
-            for w in range(PACK):
-                peak[s, d, w] = table[s, i, d, w] + a * (table[s, i + 1, d, w] - table[s, i, d, w])
+            low = read(table, start + d * PACK)
+            write(peak, s * stride + d * PACK, low + a * (read(table, start + stride + d * PACK) - low))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _march_tile(first, last, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, radiance,
+                scaled_trans, full_trans, species_depth, front_depth, distance, samples, row, nodes, legendre, peak):
+    """March rays ``first`` to ``last``: see `view_kernel`. One call for many, for the arguments are hundreds of words."""
+    for n in range(first, last):
+        dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
+        prepare_ray(dx * sun[0] + dy * sun[1] + dz * sun[2], table, legendre, peak)
+        distance[n], samples[n] = march_ray(
+            origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, sun[0], sun[1], sun[2], legendre, peak, shells,
+            volume, highest_m, depth_limit, scale, row, nodes, species_depth[n],
+        )
+        for w in range(PACK):
+            radiance[n, w] = row[RADIANCE + w]
+            scaled_trans[n, w] = row[SCALED + w]
+            full_trans[n, w] = row[FULL + w]
+            front_depth[n, w] = row[FRONT + w]
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scale, radiance, scaled_trans, full_trans,
                 species_depth, front_depth, distance, samples):
     """March every ray (n, 3); outputs per ray, distance negative where the ray leaves to space."""
+    if shells.scattering.shape[1] != DEGREE:
+        raise ValueError("the shells were built for another truncation order")
     count = direction.shape[0]
-    degree = shells.scattering.shape[1]
-    block = 64
-    for tile in prange((count + block - 1) // block):
+    highest_m = max(shells.ground_m, volume.terrain_m.max() * 1.0)
+    for tile in prange((count + TILE - 1) // TILE):
         row = np.zeros(ROWS, np.float32)
         nodes = np.zeros(volume.fields.shape[3], np.float32)
-        basis = np.zeros(degree * (degree + 1) // 2, np.float64)
-        legendre = np.zeros(degree + 1, np.float64)
+        legendre = np.zeros(DEGREE + 1, np.float64)
         peak = np.zeros((table.shape[0], table.shape[2], PACK), np.float32)
-        for n in range(tile * block, min(count, (tile + 1) * block)):
-            dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
-            prepare_ray(dx * sun[0] + dy * sun[1] + dz * sun[2], table, legendre, peak)
-            distance[n], samples[n] = march_ray(
-                origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, sun[0], sun[1], sun[2], legendre, peak, shells,
-                volume, depth_limit, scale, row, nodes, basis, species_depth[n],
-            )
-            for w in range(PACK):
-                radiance[n, w] = row[RADIANCE + w]
-                scaled_trans[n, w] = row[SCALED + w]
-                full_trans[n, w] = row[FULL + w]
-                front_depth[n, w] = row[FRONT + w]
+        _march_tile(
+            tile * TILE, min(count, (tile + 1) * TILE), origin, direction, sun, table, shells, volume, highest_m,
+            depth_limit, scale, radiance, scaled_trans, full_trans, species_depth, front_depth, distance, samples, row,
+            nodes, legendre, peak,
+        )
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
@@ -586,8 +612,8 @@ def gather_kernel(place_m, sun_mu, mu, azimuth, weight, table, shells, volume, s
             dx, dy, dz = sine * math.cos(azimuth[n]), sine * math.sin(azimuth[n]), mu[n]
             prepare_ray(dx * sx + dz * sz, table, legendre, peak)
             length, _ = march_ray(
-                0.0, 0.0, h, dx, dy, dz, sx, 0.0, sz, legendre, peak, shells, volume, 1e30, scale, row, nodes, basis,
-                none,
+                0.0, 0.0, h, dx, dy, dz, sx, 0.0, sz, legendre, peak, shells, volume, shells.ground_m, 1e30, scale, row,
+                nodes, none,
             )
             for w in range(PACK):
                 radiance[w] = row[RADIANCE + w]

@@ -32,7 +32,7 @@ F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast")
 _TRUNCATION = 5  # M: order of the smooth field (transport.md section 2)
-_SPACE_M = 120e3
+_CLEAR_REACH_DEG = 12.0
 _TILE_RAYS = 400_000
 _CLEAR_CELLS = 8
 
@@ -165,6 +165,7 @@ class PackField:
     timings: dict[str, float] = field(default_factory=dict)
     sweeps: dict[str, list[int]] = field(default_factory=dict)
     light: GridLight | None = None
+    reach_deg: float = _CLEAR_REACH_DEG  # how far round the Earth the shells' diffuse field is solved
     space_shells: Shells | None = None
 
     def view(self, rays: Rays) -> View:
@@ -251,9 +252,8 @@ class PackField:
         return work[1] * (distance < 0)[:, None]
 
     def _shells_for(self, rays: Rays) -> Shells:
-        """Local shells near the ground; for eyes in space, the diffuse field of every sun on the disc."""
-        height = self.frame.latlon(rays.origin_m)[2]
-        if self.scene.atmosphere is None or np.max(height) < _SPACE_M:
+        """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""
+        if self.scene.atmosphere is None or _reach_deg(rays, self.shells) < self.reach_deg:
             return self.shells
         if self.space_shells is None:
             s = self.shells
@@ -262,6 +262,23 @@ class PackField:
                 s.ground_albedo, _TRUNCATION, s.top_m, scale=1.5,
             )  # fmt: skip
         return self.space_shells
+
+
+def _reach_deg(rays: Rays, shells: Shells) -> float:
+    """Largest angle at the Earth's centre between the scene's origin and what rays pass of the atmosphere."""
+    some = rays[:: max(1, len(rays) // 2000)]
+    up = np.array([0.0, 0.0, shells.radius_m])
+    p, d = some.origins() + up, some.directions()
+    along = (p * d).sum(-1)
+    nearest = np.maximum((p * p).sum(-1) - along**2, 0.0)  # squared distance of the line from the centre
+    half = np.sqrt(np.maximum((shells.radius_m + shells.top_m) ** 2 - nearest, 0.0))
+    ground = (shells.radius_m + shells.ground_m) ** 2 - nearest
+    last = np.where((ground > 0) & (along < 0), -along - np.sqrt(np.maximum(ground, 0)), -along + half)
+    seen = (half > 0) & (last > 0)
+    if not seen.any():
+        return 0.0
+    ends = np.concatenate([p + np.maximum(-along - half, 0)[:, None] * d, p + last[:, None] * d])[np.tile(seen, 2)]
+    return float(np.degrees(np.arccos(np.clip(ends[:, 2] / np.linalg.norm(ends, axis=-1), -1, 1))).max())
 
 
 def _eye_of(rays: Rays) -> tuple[F64, bool]:
@@ -291,7 +308,7 @@ def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) ->
     lighting = Lighting.of_clear_scene(scene, frame, wl)
     air = air_of(scene, wl, lighting.ground_m)
     shells = build_shells(
-        air, _sun_range(sun, 12.0), frame.radius_m, lighting.ground_m, lighting.mean_albedo, _TRUNCATION,
+        air, _sun_range(sun, _CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, _TRUNCATION,
         lighting.ground_m + 1e5,
     )  # fmt: skip
     table = peak_tables([air.aerosol_phase], _TRUNCATION) if air else np.zeros((1, 2, 2, PACK), np.float32)
@@ -344,7 +361,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     frame = medium.frame
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
-    reach = 12.0 + np.degrees(np.abs(medium.place[..., :2]).max() / frame.radius_m)
+    reach = _CLEAR_REACH_DEG + np.degrees(np.abs(medium.place[..., :2]).max() / frame.radius_m)
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
     shells = build_shells(
         medium.air, _sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, _TRUNCATION, top
@@ -360,6 +377,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     light = _light(solver, medium, lighting, shells, volume, depths, coefficients, local_sun, sun, table[-1:], count)
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
+    result.reach_deg = float(reach)
     if fast:
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
     else:

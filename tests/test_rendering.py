@@ -1,0 +1,198 @@
+"""From scene and camera to a labelled image: where the sun stands, what the numbers are called."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import openswim
+from openswim import Camera, Scene, UserError
+from openswim.lights import solar_irradiance, sun_position
+from openswim.rendering import daylight, light
+from tests.transport.scenes import LAT, LON, box, grid_scene
+
+TIME = np.datetime64("2024-05-04T09:30")
+SUN = (130.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def clear():
+    return light(Scene.clear(LAT, LON, time=TIME), time=TIME)
+
+
+@pytest.fixture(scope="module")
+def allsky(clear) -> xr.Dataset:
+    return openswim.render(clear, Camera.allsky(LAT, LON, size=90))
+
+
+@pytest.fixture(scope="module")
+def cloudy():
+    shape = (12, 21, 21)
+    cloud = box(shape, (slice(4, 8), slice(3, 9), slice(6, 15)), 0.004)
+    return light(grid_scene(cloud, shape, (500.0, 500.0, 250.0), curved=True, air=True), sun=SUN)
+
+
+def separation_deg(image: xr.Dataset, azimuth: float, altitude: float) -> np.ndarray:
+    az, alt = np.radians(image.azimuth), np.radians(image.altitude)
+    a0, h0 = np.radians([azimuth, altitude])
+    cosine = np.sin(alt) * np.sin(h0) + np.cos(alt) * np.cos(h0) * np.cos(az - a0)
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1))).values
+
+
+def test_the_brightest_pixel_is_the_sun_of_the_ephemeris(allsky: xr.Dataset) -> None:
+    sun = sun_position(TIME, LAT, LON)
+    brightest = np.unravel_index(np.nanargmax(allsky.radiance.sum("wavelength").values), allsky.azimuth.shape)
+    away = separation_deg(allsky, sun.azimuth_deg, sun.refracted_altitude_deg)
+    assert away[brightest] < 1.5 * 180.0 / 90  # a pixel is 2 degrees wide, its diagonal half as much again
+    assert allsky.attrs["sun_azimuth_deg"] == pytest.approx(sun.azimuth_deg, abs=0.01)
+    assert allsky.attrs["sun_altitude_deg"] == pytest.approx(sun.refracted_altitude_deg, abs=0.01)
+
+
+@pytest.mark.parametrize("sun", [(75.0, 30.0), (250.0, 55.0)])
+def test_a_given_sun_is_where_it_was_put(sun: tuple[float, float]) -> None:
+    camera = Camera.panorama(LAT, LON, size=(90, 180), altitude_range_deg=(0.0, 90.0))
+    image = openswim.render(Scene.clear(LAT, LON), camera, sun=sun)
+    brightest = np.unravel_index(image.radiance.sum("wavelength").values.argmax(), image.azimuth.shape)
+    assert separation_deg(image, *sun)[brightest] < 1.5
+    assert "time" not in image.attrs
+
+
+def test_the_disc_carries_the_direct_sun(clear) -> None:
+    """Radiance times solid angle, summed over the disc, is the direct irradiance of the attributes."""
+    sun = sun_position(TIME, LAT, LON)
+    fov, n = 1.0, 80
+    camera = Camera.perspective(LAT, LON, 2.0, sun.azimuth_deg, sun.refracted_altitude_deg, fov, (n, n))
+    image = openswim.render(clear, camera)
+    solid_angle = np.radians(fov / n) ** 2
+    away = separation_deg(image, sun.azimuth_deg, sun.refracted_altitude_deg)
+    sky = image.radiance.values[away > 0.4].mean(axis=0)  # the aureole, about .1 % of the disc
+    direct = ((image.radiance.values - sky) * solid_angle).sum(axis=(0, 1))
+    up = np.sin(np.radians(image.attrs["sun_altitude_deg"]))
+    expected = np.array(image.attrs["direct_horizontal_spectral_irradiance_w_m2_nm"]) / up
+    np.testing.assert_allclose(direct, expected, rtol=0.02)
+
+
+def test_dimensions_names_and_units(allsky: xr.Dataset) -> None:
+    assert allsky.radiance.dims == ("y", "x", "wavelength")
+    assert dict(allsky.sizes) == {"y": 90, "x": 90, "wavelength": 3}
+    np.testing.assert_array_equal(allsky.wavelength, [615.0, 546.0, 450.0])
+    units = {name: allsky[name].attrs["units"] for name in allsky.variables}
+    assert units == {
+        "radiance": "W m-2 sr-1 nm-1",
+        "solar_relative_radiance": "1",
+        "azimuth": "degree",
+        "altitude": "degree",
+        "solar_irradiance": "W m-2 nm-1",
+        "latitude": "degrees_north",
+        "longitude": "degrees_east",
+        "wavelength": "nm",
+    }
+    assert allsky.attrs["solver"] == "fast"
+    assert allsky.attrs["time"] == "2024-05-04T09:30:00Z"
+    assert (allsky.attrs["latitude"], allsky.attrs["longitude"]) == (LAT, LON)
+
+
+def test_radiance_is_solar_relative_radiance_in_watts(allsky: xr.Dataset) -> None:
+    """Eq. 2: L = L' E_TOA/(4 pi), with the sun's distance of the day."""
+    toa = solar_irradiance(allsky.wavelength.values) / sun_position(TIME, LAT, LON).distance_au ** 2
+    np.testing.assert_allclose(allsky.solar_irradiance, toa, rtol=1e-6)
+    np.testing.assert_allclose(
+        allsky.radiance, allsky.solar_relative_radiance * toa / (4 * np.pi), rtol=1e-5
+    )
+
+
+def test_corners_outside_the_disc_are_empty(allsky: xr.Dataset) -> None:
+    assert np.isnan(allsky.radiance[0, 0]).all()
+    inside = np.isfinite(allsky.altitude.values)
+    assert np.isfinite(allsky.radiance.values[inside]).all()
+    assert inside.mean() == pytest.approx(np.pi / 4, abs=0.01)
+
+
+def test_panorama_has_no_seam(cloudy) -> None:
+    """Over the ends of the panorama radiance changes as it does between any two neighbours nearby."""
+    camera = Camera.panorama(LAT, LON, size=(60, 240), altitude_range_deg=(-30.0, 90.0), azimuth_deg=300.0)
+    columns = openswim.render(cloudy, camera).solar_relative_radiance.values
+    across = np.abs(columns[:, 0] - columns[:, -1])
+    near = np.abs(np.diff(np.concatenate([columns[:, -9:], columns[:, :9]], axis=1), axis=1))
+    usual = np.delete(near, 8, axis=1)
+    assert near[:, 8] == pytest.approx(across)
+    assert across.mean() < 1.5 * usual.mean() + 1e-4
+    assert across.max() < 2.0 * usual.max() + 1e-3
+
+
+def test_ground_pixels_know_their_place(cloudy) -> None:
+    image = openswim.render(cloudy, Camera.allsky(LAT, LON, 2000.0, size=41, centre="nadir", fov_deg=120.0))
+    assert float(image.latitude[20, 20]) == pytest.approx(LAT, abs=1e-3)
+    assert float(image.longitude[20, 20]) == pytest.approx(LON, abs=1e-3)
+    # north on top, east on the right, as on a map; 2000 m tan 54 degrees off at the 37th pixel of 3 degrees each
+    assert image.latitude[2, 20] > LAT
+    assert image.longitude[20, 38] > LON
+    metres = np.radians(float(image.latitude[2, 20]) - LAT) * 6_371_000.0
+    zenith = np.radians(float(image.altitude[2, 20]) + 90.0)
+    assert metres == pytest.approx(2000.0 * np.tan(zenith), rel=0.01)
+
+
+@pytest.mark.parametrize("zenith", [25.0, 45.0, 65.0])
+def test_clear_sky_irradiance_is_haurwitzs(zenith: float) -> None:
+    """GHI = 1098 mu exp(-.057/mu) W/m2 (Haurwitz 1945), a fit to clear skies: within 10 %."""
+    camera = Camera.allsky(LAT, LON, size=8)
+    attrs = openswim.render(Scene.clear(LAT, LON), camera, sun=(180.0, 90.0 - zenith)).attrs
+    mu = np.cos(np.radians(zenith))
+    ghi = attrs["global_horizontal_irradiance_w_m2"]
+    assert 0.9 < ghi / (1098 * mu * np.exp(-0.057 / mu)) < 1.1
+    direct, diffuse = attrs["direct_horizontal_irradiance_w_m2"], attrs["diffuse_horizontal_irradiance_w_m2"]
+    assert direct + diffuse == pytest.approx(ghi, abs=0.02)
+    assert direct == pytest.approx(mu * attrs["direct_normal_irradiance_w_m2"], rel=1e-3)
+    parts = [np.array(attrs[f"{p}_horizontal_spectral_irradiance_w_m2_nm"]) for p in ("direct", "diffuse", "global")]
+    np.testing.assert_allclose(parts[0] + parts[1], parts[2], rtol=1e-5)
+
+
+def test_spectral_irradiance_is_that_of_the_field(clear, allsky: xr.Dataset) -> None:
+    """The hemisphere seen by the quadrature of directions against the solver's own fluxes."""
+    fluxes = clear.field.fluxes()
+    expected = (fluxes["down_bottom"] + fluxes["direct_bottom"]) * allsky.solar_irradiance.values
+    ours = allsky.attrs["global_horizontal_spectral_irradiance_w_m2_nm"]
+    np.testing.assert_allclose(ours, expected, rtol=0.02)
+
+
+def test_one_solve_serves_many_cameras(cloudy) -> None:
+    camera = Camera.allsky(LAT, LON, size=16)
+    again = openswim.render(cloudy.scene, camera, sun=SUN)
+    np.testing.assert_allclose(openswim.render(cloudy, camera).radiance, again.radiance, rtol=1e-5)
+
+
+def test_observers_outside_the_domain_learn_its_extent(cloudy) -> None:
+    with pytest.raises(UserError, match=r"outside the domain.*latitude 39.*longitude 9\.9"):
+        openswim.render(cloudy, Camera.allsky(LAT + 2.0, LON, size=8))
+
+
+def test_observers_outside_a_flat_domain_learn_its_extent() -> None:
+    scene = grid_scene({}, (4, 5, 6))
+    with pytest.raises(UserError, match=r"x in -250 to 250 m and y in -200 to 200 m"):
+        openswim.render(scene, Camera.allsky(x_m=900.0, y_m=0.0, size=8), sun=SUN)
+
+
+def test_observers_under_the_ground_are_told(clear) -> None:
+    with pytest.raises(UserError, match="under the ground|height"):
+        openswim.render(clear, Camera.allsky(LAT, LON, height_m=-5.0, size=8))
+
+
+def test_a_scene_without_time_needs_one() -> None:
+    with pytest.raises(UserError, match="time"):
+        daylight(Scene.clear(LAT, LON))
+
+
+def test_a_flat_scene_needs_the_sun() -> None:
+    with pytest.raises(UserError, match="sun="):
+        daylight(grid_scene({}, (4, 5, 6)), TIME)
+
+
+def test_the_setting_sun_is_lifted_by_refraction() -> None:
+    """At the geometric horizon the sun still stands about half a degree high."""
+    scene = Scene.clear(0.0, 0.0)
+    times = np.arange(np.datetime64("2024-03-20T17:30"), np.datetime64("2024-03-20T18:40"))
+    place = [sun_position(t, 0.0, 0.0) for t in times]
+    t = int(np.argmin([abs(p.altitude_deg) for p in place]))
+    lifted = np.degrees(np.arcsin(daylight(scene, times[t]).direction[2])) - place[t].altitude_deg
+    assert lifted == pytest.approx(0.48, abs=0.06)  # Bennett (1982): 29 minutes of arc

@@ -1,0 +1,261 @@
+"""The solver as a whole: conservation, symmetry, other people's radiances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from openswim.cameras import Rays
+from openswim.errors import UserError
+from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.transport import Field, Solver
+from tests.transport.scenes import (
+    LAT,
+    LON,
+    WAVELENGTH_NM,
+    grid_scene,
+    sky_directions,
+    slab,
+    sun_at_zenith_angle,
+    toward,
+)
+
+
+@pytest.mark.parametrize("zenith", [0.0, 60.0])
+@pytest.mark.parametrize("tau", [1.0, 10.0])
+def test_a_white_cloud_keeps_no_light(tau: float, zenith: float) -> None:
+    """Conservative slab over black ground: up + down + direct = mu0, within the .5 % of 64 layers."""
+    fluxes = Solver().solve(slab(tau), sun_at_zenith_angle(zenith), [WAVELENGTH_NM]).fluxes()
+    total = sum(fluxes[name][0] for name in ("up_top", "down_bottom", "direct_bottom"))
+    assert total == pytest.approx(np.cos(np.radians(zenith)), rel=5e-3)
+    assert fluxes["up_bottom"][0] == 0.0
+
+
+@pytest.fixture(scope="module")
+def slabs(shared: Path) -> xr.Dataset:
+    with xr.open_dataset(shared / "reference" / "clouds" / "slabs_hg085.nc") as data:
+        return data.load()
+
+
+def disort(slabs: xr.Dataset, tau: float, zenith: float, omega: float, albedo: float) -> tuple[xr.Dataset, Field]:
+    chosen = (slabs.tau == tau) & (slabs.sza == zenith) & (slabs.omega == omega) & (slabs.albedo == albedo)
+    case = slabs.isel(case=int(np.flatnonzero(chosen.values)[0]))
+    return case, Solver().solve(slab(tau, albedo, omega), sun_at_zenith_angle(zenith), [WAVELENGTH_NM])
+
+
+@pytest.mark.parametrize(
+    ("tau", "zenith", "omega", "albedo"),
+    [(1.0, 0, 1.0, 0.0), (1.0, 60, 0.95, 0.2), (10.0, 60, 1.0, 0.8), (10.0, 0, 0.95, 0.0), (10.0, 60, 0.95, 0.2)],
+)
+def test_fluxes_of_slabs_by_disort(slabs, tau: float, zenith: float, omega: float, albedo: float) -> None:
+    case, field = disort(slabs, tau, zenith, omega, albedo)
+    fluxes = field.fluxes()
+    down = fluxes["down_bottom"][0] + fluxes["direct_bottom"][0]
+    # DISORT is exact to .02 %; 2 % of the incident light is what 64 layers and 120 ordinates are good for
+    incident = np.cos(np.radians(zenith))
+    assert down == pytest.approx(float(case.flux_dir_bot + case.flux_dif_dn_bot), abs=0.02 * incident, rel=0.02)
+    assert fluxes["up_top"][0] == pytest.approx(float(case.flux_up_top), rel=0.02)
+
+
+@pytest.mark.parametrize("upward", [True, False], ids=["from above", "from below"])
+def test_radiance_of_a_thick_slab_by_disort(slabs, upward: bool) -> None:
+    """tau 10, sun overhead: 5 % rms, where M = 5 leaves the shape of the field and the edges their error."""
+    case, field = disort(slabs, 10.0, 0, 1.0, 0.0)
+    zenith = np.radians(case.view_zenith.values)
+    direction = np.stack([np.sin(zenith), 0 * zenith, np.cos(zenith) * (-1 if upward else 1)], axis=-1)
+    seen = field.view(Rays(np.array([0.0, 0.0, 1001.0 if upward else 0.0]), direction)).radiance[:, 0]
+    truth = case["up_top" if upward else "dn_bot"].values[:, 0]
+    assert np.sqrt(np.mean((seen - truth) ** 2)) / truth.mean() < 0.05
+
+
+def cumulus(n: int = 16, seed: int = 3) -> np.ndarray:
+    """A few blobs (nz, n, n) with empty margins, 1/m."""
+    rng = np.random.default_rng(seed)
+    z, y, x = np.mgrid[0:12, 0:n, 0:n]
+    field = np.zeros((12, n, n))
+    for _ in range(4):
+        cz, cy, cx = rng.uniform(4, 8), *rng.uniform(4, n - 5, 2)
+        field += 0.03 * np.exp(-((z - cz) ** 2 + (y - cy) ** 2 + (x - cx) ** 2) / 3.0)
+    field[field < 0.002] = 0
+    return field.astype(np.float32)
+
+
+def test_turning_the_world_turns_the_light() -> None:
+    """Scene, sun and rays turned by 90 degrees together."""
+    cloud = cumulus()
+    sun = toward(70.0, 40.0)
+    d = sky_directions([0.0, 30.0, 60.0, 80.0], np.arange(5.0, 360.0, 30.0))
+    n = cloud.shape[2]
+    turned = np.stack([layer[::-1].T for layer in cloud])  # value at (x, y) moves to (-y, x)
+    assert np.array_equal(turned[5, 3, n - 1 - 2], cloud[5, 2, 3])
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    eye = np.array([60.0, -130.0, 1.0])
+    options = dict(surface_albedo=0.3)
+    one = Solver().solve(grid_scene(cloud, cloud.shape, (60.0,) * 3, **options), sun, [WAVELENGTH_NM])
+    two = Solver().solve(grid_scene(turned, cloud.shape, (60.0,) * 3, **options), turn @ sun, [WAVELENGTH_NM])
+    a, b = one.view(Rays(eye, d)), two.view(Rays(turn @ eye, d @ turn.T))
+    np.testing.assert_allclose(a.transmittance, b.transmittance, atol=2e-3)
+    # the 50 Lebedev ordinates turn into themselves; the rows of a sweep run along x in both, hence not to the digit
+    np.testing.assert_allclose(a.radiance, b.radiance, atol=0.02 * a.radiance.max(), rtol=0.03)
+    np.testing.assert_allclose(one.fluxes()["up_top"], two.fluxes()["up_top"], rtol=0.01)
+
+
+SMALL = (7, 5, 6)
+
+
+@settings(max_examples=8, deadline=None, database=None, derandomize=True)
+@given(
+    seed=st.integers(0, 1000),
+    thickness=st.sampled_from([1e-5, 1e-3, 0.05, 1.0]),
+    cover=st.floats(0.05, 1.0),
+    curved=st.booleans(),
+    air=st.booleans(),
+    name=st.sampled_from(["fast", "swim"]),
+    azimuth=st.floats(0, 360),
+    altitude=st.floats(-2.0, 90.0),
+    albedo=st.floats(0.0, 1.0),
+    hills=st.booleans(),
+)
+def test_no_light_is_negative_or_lost(
+    seed, thickness, cover, curved, air, name, azimuth, altitude, albedo, hills
+) -> None:
+    """Whatever the little scene, radiance is finite and not negative, and the ground gets no more than there is."""
+    rng = np.random.default_rng(seed)
+    cloud = np.where(rng.random(SMALL) < cover, rng.random(SMALL) * thickness, 0.0)
+    terrain = rng.random(SMALL[1:]) * 300.0 * hills
+    scene = grid_scene(
+        cloud, SMALL, (500.0, 500.0, 200.0), curved, air, surface_albedo=albedo, terrain_m=terrain
+    )
+    sun = toward(azimuth, altitude)
+    field = Solver(name).solve(scene, sun, [615.0, 450.0])
+    d = np.concatenate([sky_directions([0, 45, 80, 89.9], [0.0, 100.0, 250.0]), [[0, 0, -1.0], [0.7, 0, -0.71]], [sun]])
+    for height in (305.0, 5000.0):
+        view = field.view(Rays(np.array([10.0, -20.0, height]), d / np.linalg.norm(d, axis=1, keepdims=True)))
+        assert np.isfinite(view.radiance).all()
+        assert (view.radiance >= 0).all()
+        assert (view.transmittance >= 0).all()
+        assert (view.transmittance <= 1 + 1e-5).all()
+        # the phase function's forward peak, (1 + g)/(1 - g)^2 = 82 for HG .85, bounds single scattering; two more
+        # orders and the haze's own peak double it
+        assert view.radiance.max() < 200
+    for name_, flux in field.fluxes().items():
+        assert np.isfinite(flux).all(), name_
+        assert (flux >= 0).all(), name_
+        # lit from the side, a small domain catches more than its top takes: bounded by the whole beam
+        assert (flux < 1.5).all(), name_
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.3])
+def test_an_empty_grid_changes_nothing(albedo: float) -> None:
+    """The sky above a domain without a cloud is the sky above no domain, haze included: 3 % everywhere."""
+    shape, cell = (11, 9, 9), (3000.0, 3000.0, 1000.0)
+    gridded = grid_scene({}, shape, cell, curved=True, air=True, surface_albedo=albedo)
+    plain = Scene.clear(LAT, LON, Atmosphere.us_standard(), surface_albedo=albedo)
+    wavelengths = [615.0, 450.0]
+    sun = toward(140.0, 25.0)
+    d = sky_directions([0.0, 30.0, 60.0, 80.0, 88.0], np.arange(0.0, 360.0, 45.0))
+    with_grid, without = (Solver().solve(scene, sun, wavelengths) for scene in (gridded, plain))
+    a, b = (field.view(Rays(np.array([0.0, 0.0, 2.0]), d)) for field in (with_grid, without))
+    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.03)
+    np.testing.assert_allclose(a.transmittance, b.transmittance, rtol=0.03)
+    for name in ("down_bottom", "direct_bottom"):
+        np.testing.assert_allclose(with_grid.fluxes()[name], without.fluxes()[name], rtol=0.03)
+
+
+@pytest.fixture(scope="module")
+def three_wavelengths() -> tuple[Scene, Field]:
+    scene = grid_scene(cumulus(12), (12, 12, 12), (300.0,) * 3, curved=True, air=True, surface_albedo=0.2)
+    return scene, Solver().solve(scene, toward(200.0, 35.0), [615.0, 546.0, 450.0])
+
+
+@pytest.mark.parametrize("others", [[546.0], [700.0, 615.0, 546.0, 500.0, 450.0]], ids=["one", "five"])
+def test_wavelengths_do_not_know_of_each_other(three_wavelengths, others: list[float]) -> None:
+    scene, three = three_wavelengths
+    field = Solver().solve(scene, toward(200.0, 35.0), others)
+    rays = Rays(np.array([100.0, 50.0, 2.0]), sky_directions([0.0, 40.0, 75.0], np.arange(0.0, 360.0, 60.0)))
+    a, b = field.view(rays), three.view(rays)
+    assert a.radiance.shape == (len(rays), len(others))
+    for w, wavelength in enumerate(three.wavelengths_nm):
+        if wavelength in others:
+            n = others.index(wavelength)
+            # iterations start from the wavelength before and stop at 1e-2 of the field
+            np.testing.assert_allclose(a.radiance[:, n], b.radiance[:, w], rtol=0.015, atol=1e-3)
+            np.testing.assert_allclose(a.transmittance[:, n], b.transmittance[:, w], rtol=1e-4, atol=1e-6)
+            assert field.fluxes()["up_top"][n] == pytest.approx(three.fluxes()["up_top"][w], rel=0.01)
+
+
+def test_a_view_does_not_change_the_next(three_wavelengths) -> None:
+    _, field = three_wavelengths
+    d = sky_directions([20.0, 70.0], np.arange(0.0, 360.0, 60.0))
+    here = Rays(np.array([0.0, 0.0, 2.0]), d)
+    first = field.view(here).radiance
+    field.view(Rays(np.array([500.0, 0.0, 4000.0]), -d))
+    np.testing.assert_array_equal(field.view(here).radiance, first)
+
+
+def test_aerosol_species_and_clouds_may_share_a_scene() -> None:
+    fields = {name: cumulus(10, seed) for name, seed in (("mist", 1), ("smoke", 2))}
+    scene = grid_scene(
+        fields, (12, 10, 10), (60.0,) * 3, single_scattering_albedo={"mist": 1.0, "smoke": 0.6}, surface_albedo=0.1
+    )
+    view = Solver().solve(scene, toward(10.0, 40.0), [WAVELENGTH_NM]).view(
+        Rays(np.array([0.0, 0.0, 1.0]), sky_directions([0.0, 30.0, 50.0], np.arange(0.0, 360.0, 45.0)))
+    )
+    assert view.species_depth.shape[1] == 2
+    # the two depths make the transmittance, to what a thick ray's cut-off leaves
+    np.testing.assert_allclose(
+        view.transmittance[:, 0], np.exp(-view.species_depth.astype(float).sum(axis=1)), atol=2e-3
+    )
+
+
+@pytest.mark.parametrize("name", ["reference", "fats"])
+def test_unknown_solvers_are_refused(name: str) -> None:
+    with pytest.raises(UserError, match="fast"):
+        Solver(name)
+
+
+@pytest.mark.parametrize("wavelengths", [[], [0.55], [np.nan], [5000.0]])
+def test_wavelengths_out_of_range_are_refused(wavelengths: list[float]) -> None:
+    with pytest.raises(UserError, match="nm"):
+        Solver().solve(Scene.clear(LAT, LON), sun_at_zenith_angle(30.0), wavelengths)
+
+
+def test_rays_must_share_something(three_wavelengths) -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(UserError, match="split them"):
+        three_wavelengths[1].view(Rays(rng.random((4, 3)) * 100, rng.normal(size=(4, 3))))
+
+
+def four_by_four(image: np.ndarray) -> np.ndarray:
+    ni, nj = (n // 4 for n in image.shape)
+    return image[: 4 * ni, : 4 * nj].reshape(ni, 4, nj, 4).mean(axis=(1, 3))
+
+
+def test_rico_cumulus_from_above_by_monte_carlo(shared: Path) -> None:
+    """System test: LES cumulus over black ground, sun zenith 60, nadir view; 15 % rms of 4x4-pixel means."""
+    with xr.open_dataset(shared / "reference" / "clouds" / "rico_nadir_sza60.nc") as data:
+        case = data.load()
+    x, y, z = (1000.0 * case[axis].values for axis in "xyz")
+    extinction = case.extinction.transpose("z", "y", "x").values / 1000.0
+    scene = Scene.from_arrays(extinction, x, y, z, phase=HenyeyGreenstein(0.85), surface_albedo=0.0)
+    field = Solver().solve(scene, case.sun_direction.values, [WAVELENGTH_NM])
+    origin = 1000.0 * case.ray_origin.transpose("i", "j", "xyz").values
+    pixel = 1000.0 * np.stack([case.pixel_u.values, case.pixel_v.values])
+    along = case.ray_direction.values[0, 0]
+    # a pixel is a mean over its area: 2 x 2 rays
+    shifts = [a * pixel[0] + b * pixel[1] for a in (-0.25, 0.25) for b in (-0.25, 0.25)]
+    seen = np.mean([field.view(Rays((origin + s).reshape(-1, 3), along)).radiance for s in shifts], axis=0)
+    ours = four_by_four(seen.reshape(origin.shape[:2]))
+    truth = four_by_four(case.radiance.transpose("i", "j", ...).values[..., 0])
+    noise = four_by_four(case.sigma.transpose("i", "j", ...).values[..., 0] ** 2).mean() / 16
+    lit = truth > 0.02
+    error = np.sqrt(max(0.0, np.mean((ours - truth)[lit] ** 2) - noise)) / truth[lit].mean()
+    assert error < 0.15
+    assert ours[lit].mean() == pytest.approx(truth[lit].mean(), rel=0.08)
