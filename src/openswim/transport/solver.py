@@ -543,10 +543,26 @@ def _light(
         )  # fmt: skip
         beams.append(beam)
         lighting.direct[w] = surface
+    lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), _TRUNCATION).T.reshape(-1, ny, nx).astype(np.float32)
     return GridLight(
         medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge
     )
+
+
+def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:
+    """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
+    node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
+    node = np.minimum(node, len(medium.levels_m) - 1)[None]
+    count = shells.sun_forward.shape[1]
+    horizon = float(shells.horizon[0])
+    t = np.sqrt(np.clip((lighting.mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    out = np.zeros((PACK, *medium.shape[1:]), np.float32)
+    for w in range(PACK):
+        air = np.interp(t, np.arange(count), shells.sun_forward[0, :, w])
+        cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
+        out[w] = air + (cloud if volume.forward.any() else 0.0)
+    return out
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:

@@ -43,6 +43,7 @@ class Lighting:
     normal: F64 | None = None
     axes: F32 | None = None
     clear_sky: F32 | None = None  # (mu, azimuth, nw) above the centre of the domain
+    forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
 
     @classmethod
     def of_clear_scene(cls, scene: Scene, frame: Frame, wl: F64) -> Lighting:
@@ -105,10 +106,16 @@ class Lighting:
         self.diffuse *= np.clip(ratio, 0.8, 1.25).astype(np.float32)[:, None, None]
 
     def mean_fluxes(self) -> dict[str, F64]:
-        """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom, up_bottom."""
-        direct = np.stack([self.direct_horizontal(w) for w in range(len(self.direct))])
-        up = self.albedo * (direct + self.diffuse)
-        named = {"up_top": self.up_top, "down_bottom": self.diffuse, "direct_bottom": direct, "up_bottom": up}
+        """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom (unscattered), up_bottom."""
+        beam = np.stack([self.direct_horizontal(w) for w in range(len(self.direct))])
+        direct = beam if self.forward_depth is None else beam * np.exp(-self.forward_depth)
+        total = beam + self.diffuse
+        named = {
+            "up_top": self.up_top,
+            "down_bottom": total - direct,
+            "direct_bottom": direct,
+            "up_bottom": self.albedo * total,
+        }
         return {name: np.asarray(v, float).mean(axis=(1, 2)) for name, v in named.items()}
 
 
