@@ -56,13 +56,14 @@ def grid_scene(
     """A domain of nodes (nz, ny, nx), spacing (dx, dy, dz), centred on x = y = 0 and standing on z = 0."""
     nz, ny, nx = shape
     dx, dy, dz = cell_m
+    if air:
+        more["atmosphere"] = Atmosphere.us_standard()
     return Scene.from_arrays(
         extinction,
         dx * (np.arange(nx) - (nx - 1) / 2),
         dy * (np.arange(ny) - (ny - 1) / 2),
         dz * np.arange(nz),
         crs=_CRS if curved else None,
-        atmosphere=Atmosphere.us_standard() if air else None,
         phase=HenyeyGreenstein(0.85),
         **more,
     )

@@ -35,7 +35,7 @@ def boxed() -> Field:
 
 def box_edges() -> tuple[np.ndarray, np.ndarray]:
     """Corners of the box with the half cell that linear interpolation adds on every side (m)."""
-    nz, ny, nx = SHAPE
+    _, ny, nx = SHAPE
     offset = np.array([-CELL * (nx - 1) / 2, -CELL * (ny - 1) / 2, 0.0])
     low = np.array([INSIDE[2].start, INSIDE[1].start, INSIDE[0].start]) - 0.5
     high = np.array([INSIDE[2].stop, INSIDE[1].stop, INSIDE[0].stop]) - 0.5

@@ -9,13 +9,6 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from openswim.cameras import Rays
-from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
-from openswim.scene import Scene
-from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Field, Solver
 from tests.transport.scenes import (
     LAT,
     LON,
@@ -26,6 +19,13 @@ from tests.transport.scenes import (
     sun_at_zenith_angle,
     toward,
 )
+
+from openswim.cameras import Rays
+from openswim.errors import UserError
+from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.transport import Field, Solver
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0])
@@ -61,7 +61,8 @@ def test_fluxes_of_slabs_by_disort(slabs, tau: float, zenith: float, omega: floa
     # DISORT is exact to .02 %; 2 % of the incident light is what 64 layers and 120 ordinates are good for
     incident = np.cos(np.radians(zenith))
     assert down == pytest.approx(float(case.flux_dir_bot + case.flux_dif_dn_bot), abs=0.02 * incident, rel=0.02)
-    assert fluxes["up_top"][0] == pytest.approx(float(case.flux_up_top), rel=0.02)
+    # what little a thin cloud returns hangs on the truncation at M = 5: .3 % of the incident light
+    assert fluxes["up_top"][0] == pytest.approx(float(case.flux_up_top), rel=0.02, abs=0.005 * incident)
 
 
 @pytest.mark.parametrize("upward", [True, False], ids=["from above", "from below"])
@@ -152,21 +153,43 @@ def test_no_light_is_negative_or_lost(
         assert (flux < 1.5).all(), name_
 
 
-@pytest.mark.parametrize("albedo", [0.0, 0.3])
-def test_an_empty_grid_changes_nothing(albedo: float) -> None:
-    """The sky above a domain without a cloud is the sky above no domain, haze included: 3 % everywhere."""
-    shape, cell = (11, 9, 9), (3000.0, 3000.0, 1000.0)
-    gridded = grid_scene({}, shape, cell, curved=True, air=True, surface_albedo=albedo)
-    plain = Scene.clear(LAT, LON, Atmosphere.us_standard(), surface_albedo=albedo)
-    wavelengths = [615.0, 450.0]
-    sun = toward(140.0, 25.0)
-    d = sky_directions([0.0, 30.0, 60.0, 80.0, 88.0], np.arange(0.0, 360.0, 45.0))
-    with_grid, without = (Solver().solve(scene, sun, wavelengths) for scene in (gridded, plain))
-    a, b = (field.view(Rays(np.array([0.0, 0.0, 2.0]), d)) for field in (with_grid, without))
-    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.03)
+EMPTY_SUN = toward(140.0, 25.0)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["molecules", "haze"])
+def empty_and_none(request) -> tuple[Field, Field]:
+    """A domain without a cloud, 4 km high, and the same sky without a domain."""
+    atmosphere = Atmosphere.us_standard() if request.param else Atmosphere.us_standard(aerosol=None)
+    gridded = grid_scene(
+        {}, (41, 9, 9), (500.0, 500.0, 100.0), curved=True, atmosphere=atmosphere, surface_albedo=0.3
+    )
+    plain = Scene.clear(LAT, LON, atmosphere, surface_albedo=0.3)
+    with_grid, without = (Solver().solve(scene, EMPTY_SUN, [615.0, 450.0]) for scene in (gridded, plain))
+    return with_grid, without
+
+
+@pytest.mark.parametrize("near_the_sun", [False, True], ids=["open sky", "aureole"])
+def test_an_empty_grid_changes_nothing(empty_and_none, near_the_sun: bool) -> None:
+    """Linear interpolation between nodes 100 m high and 500 m wide: 3 % everywhere."""
+    d = sky_directions([0.0, 30.0, 50.0, 60.0, 70.0, 80.0, 88.0], np.arange(5.0, 360.0, 15.0))
+    d = d[(d @ EMPTY_SUN > np.cos(np.radians(25.0))) == near_the_sun]
+    a, b = (field.view(Rays(np.array([0.0, 0.0, 2.0]), d)) for field in empty_and_none)
     np.testing.assert_allclose(a.transmittance, b.transmittance, rtol=0.03)
-    for name in ("down_bottom", "direct_bottom"):
-        np.testing.assert_allclose(with_grid.fluxes()[name], without.fluxes()[name], rtol=0.03)
+    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.03)
+
+
+def test_an_empty_grid_takes_no_light_from_the_ground(empty_and_none) -> None:
+    with_grid, without = (field.fluxes() for field in empty_and_none)
+    a, b = (f["down_bottom"] + f["direct_bottom"] for f in (with_grid, without))
+    np.testing.assert_allclose(a, b, rtol=0.01)
+
+
+def test_direct_flux_is_what_a_ray_to_the_sun_lets_through(empty_and_none) -> None:
+    """The eye ray integrates the whole depth by itself: mu0 e^-tau, in the grid and without one."""
+    to_the_sun = Rays(np.array([[0.0, 0.0, 1.0]]), EMPTY_SUN[None])
+    for field in empty_and_none:
+        expected = EMPTY_SUN[2] * field.view(to_the_sun).transmittance[0]
+        np.testing.assert_allclose(field.fluxes()["direct_bottom"], expected, rtol=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -189,6 +212,14 @@ def test_wavelengths_do_not_know_of_each_other(three_wavelengths, others: list[f
             np.testing.assert_allclose(a.radiance[:, n], b.radiance[:, w], rtol=0.015, atol=1e-3)
             np.testing.assert_allclose(a.transmittance[:, n], b.transmittance[:, w], rtol=1e-4, atol=1e-6)
             assert field.fluxes()["up_top"][n] == pytest.approx(three.fluxes()["up_top"][w], rel=0.01)
+
+
+def test_wavelengths_apart_in_a_thin_field() -> None:
+    """As above where sweeps converge fast: 1 % of the field at most between one wavelength and three."""
+    scene = grid_scene(0.1 * cumulus(12), (12, 12, 12), (100.0,) * 3, curved=True, air=True, surface_albedo=0.2)
+    rays = Rays(np.array([10.0, 50.0, 2.0]), sky_directions([0.0, 40.0, 75.0], np.arange(0.0, 360.0, 60.0)))
+    one, three = (Solver().solve(scene, toward(200.0, 35.0), w) for w in ([450.0], [615.0, 546.0, 450.0]))
+    np.testing.assert_allclose(one.view(rays).radiance[:, 0], three.view(rays).radiance[:, 2], rtol=0.01)
 
 
 def test_a_view_does_not_change_the_next(three_wavelengths) -> None:

@@ -346,6 +346,20 @@ def _cell_m(mu, along, volume):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _next_level_m(h, mu, cell, along, volume):
+    """Way to the next level of the grid, or just out of it where the ray stands on its last one."""
+    near = 2e-3 * along
+    if (mu > 0.0 and volume.top_m - h < near) or (mu < 0.0 and h - volume.level_origin_m < near):
+        return 0.01 * cell
+    level = table_index(h, volume.level_origin_m, volume.level_per_m, volume.level_table)
+    k = int(level)
+    rise = (k + 1 - level) if mu > 0.0 else (level - k)
+    if rise < 2e-3:
+        rise += 1.0
+    return max(rise * along, near) / max(abs(mu), 1e-3)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _step_m(h, mu, extinction, shells, volume, inside, free, along, ix, iy, scale):
     """Length of the next step: a fraction of the scale of what is there, and never past the grid's edge."""
     above = max(h - shells.ground_m, 0.0)
@@ -364,11 +378,9 @@ def _step_m(h, mu, extinction, shells, volume, inside, free, along, ix, iy, scal
             if mu > 0.0 and step > cell and h + step * mu > volume.top_m:
                 step = max((volume.top_m - h) / mu + 0.01 * cell, 0.05 * cell)
             return step
-        # within cloud the step does not wait for the fields
-        step = scale * cell if vacuum else min(step, scale * cell)
-        if mu > 0.0 and step > cell and h + step * mu > volume.top_m:
-            step = max((volume.top_m - h) / mu + 0.01 * cell, 0.05 * cell)
-        return step
+        # within cloud the step does not wait for the fields; it ends on a level, where the fields have their kinks
+        plane = _next_level_m(h, mu, cell, along, volume)
+        return min(plane, scale * cell) if vacuum else min(min(step, plane), scale * cell)
     return _approach_m(h, mu, step, vacuum, volume, ix, iy)
 
 
