@@ -594,57 +594,6 @@ def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scal
         )
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def gather_kernel(place_m, sun_mu, mu, azimuth, weight, table, shells, volume, scale, moments, downward):
-    """Diffuse field of the shells at (level, sun): harmonics of what arrives from every direction.
-
-    One iteration of orders of scattering: rays from each node see the source of the moments now in ``shells``,
-    and the lit ground. Peaks are not read (delta-scaled transport keeps them in the beam).
-    ``downward`` (level, sun, PACK): diffuse flux through a horizontal surface.
-    """
-    nl, ns = place_m.shape[0], sun_mu.shape[0]
-    degree = shells.scattering.shape[1]
-    for node in prange(nl * ns):
-        level, star = node // ns, node % ns
-        h = place_m[level]
-        sx = math.sqrt(max(0.0, 1.0 - sun_mu[star] ** 2))
-        sz = sun_mu[star]
-        row = np.zeros(ROWS, np.float32)
-        nodes = np.zeros(volume.fields.shape[3], np.float32)
-        basis = np.zeros(degree * (degree + 1) // 2, np.float64)
-        legendre = np.zeros(degree + 1, np.float64)
-        peak = np.zeros((table.shape[0], table.shape[2], PACK), np.float32)
-        radiance = np.zeros(PACK, np.float32)
-        front = np.zeros(PACK, np.float32)
-        none = np.zeros(max(volume.species, 1), np.float32)
-        total = np.zeros((basis.shape[0], PACK), np.float64)
-        flux = np.zeros(PACK, np.float64)
-        for n in range(mu.shape[0]):
-            sine = math.sqrt(max(0.0, 1.0 - mu[n] * mu[n]))
-            dx, dy, dz = sine * math.cos(azimuth[n]), sine * math.sin(azimuth[n]), mu[n]
-            prepare_ray(dx * sx + dz * sz, table, legendre, peak)
-            length, _ = march_ray(
-                0.0, 0.0, h, dx, dy, dz, sx, 0.0, sz, legendre, peak, shells, volume, shells.ground_m, 1e30, scale, row,
-                nodes, none,
-            )
-            for w in range(PACK):
-                radiance[w] = row[RADIANCE + w]
-            if length >= 0.0:
-                ground_radiance(dx * length, dy * length, h + dz * length, sx, 0.0, sz, shells, front)
-                for w in range(PACK):
-                    radiance[w] += row[SCALED + w] * front[w]
-            harmonics_symmetric(mu[n], math.cos(azimuth[n]), degree, basis)
-            for w in range(PACK):
-                for index in range(basis.shape[0]):
-                    total[index, w] += weight[n] * basis[index] * radiance[w]
-                if mu[n] > 0.0:
-                    flux[w] += weight[n] * mu[n] * radiance[w] / (4.0 * math.pi)
-        for w in range(PACK):
-            downward[level, star, w] = flux[w]
-            for index in range(basis.shape[0]):
-                moments[level, star, index, w] = total[index, w]
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def ground_radiance(x, y, z, sx, sy, sz, shells, out):
     """L' of the Lambertian ground below the shells, lit by `ground_flux` at the local sun: 4 a E/E_TOA (Eq. 35)."""

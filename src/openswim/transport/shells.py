@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics import Background
-from openswim.transport.march import PACK, SHELL_TABLE_PER_M, Shells, Volume, gather_kernel
+from openswim.transport.march import PACK, SHELL_TABLE_PER_M, Shells, Volume, ground_radiance_rows, view_kernel
 from openswim.transport.ordinates import hemisphere_product
+from openswim.transport.scalar import harmonics_symmetric
 
 Array = NDArray[np.float64]
 
@@ -151,8 +152,8 @@ def build_shells(
     sun_depth = slant_depths(extinction, levels, radius_m, ground_m)
     grid_100m = np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M)
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m), extinction.astype(f32),
-        forward.astype(f32), scattering.astype(f32), sun_depth.astype(f32),
+        radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m), np.ascontiguousarray(extinction, f32),
+        np.ascontiguousarray(forward, f32), np.ascontiguousarray(scattering, f32), sun_depth.astype(f32),
         _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m),
         fractional_index(_MOMENT_LEVELS_M, grid_100m),
         sun_table, np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
@@ -192,22 +193,52 @@ def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
 
 
 def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
-    """Orders of scattering until the moments settle."""
+    """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
+
+    Peaks are not read: delta-scaled transport keeps them in the beam.
+    """
     mu, azimuth, weight = hemisphere_product(8, 10)
-    volume = no_volume()
-    table = np.zeros((1, 2, 2, PACK), np.float32)
-    moments = np.zeros(shells.moments.shape, np.float32)
-    downward = np.zeros((len(_MOMENT_LEVELS_M), len(sun_mu), PACK), np.float32)
+    sine = np.sqrt(1 - mu**2)
+    ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
+    degree = shells.scattering.shape[1]
+    basis = np.empty((len(mu), degree * (degree + 1) // 2))
+    for row, m, phi in zip(basis, mu, azimuth, strict=True):
+        harmonics_symmetric(m, np.cos(phi), degree, row)
+    levels = shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
+    origin = np.zeros((len(levels), len(mu), 3))
+    origin[..., 2] = levels[:, None]
+    origin = origin.reshape(-1, 3)
+    direction = np.tile(ordinates, (len(levels), 1))
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(np.float32))
     for _ in range(_MOST_ITERATIONS):
-        gather_kernel(
-            shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5), sun_mu, mu, azimuth, weight, table, shells, volume,
-            1.6 * scale, moments, downward,
-        )  # fmt: skip
-        mean = shells.moments[:, :, 0]
-        change = np.abs(moments[:, :, 0] - mean).sum() / max(np.abs(moments[:, :, 0]).sum(), 1e-30)
-        shells = shells._replace(moments=moments.copy(), ground_flux=(direct + downward[0]).astype(np.float32))
+        moments = np.empty(shells.moments.shape, np.float32)
+        flux = direct.copy()
+        for star, mu_sun in enumerate(sun_mu):
+            sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
+            radiance = clear_radiance(origin, direction, sun, shells, 1.6 * scale).reshape(len(levels), len(mu), PACK)
+            moments[:, star] = np.einsum("n,ni,lnw->liw", weight, basis, radiance)
+            flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
+        mean = moments[:, :, 0]
+        change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
+        shells = shells._replace(moments=moments, ground_flux=flux.astype(np.float32))
         if change < _CONVERGED:
             break
     return shells
+
+
+def clear_radiance(
+    origin: Array, direction: Array, sun: Array, shells: Shells, scale: float
+) -> NDArray[np.float32]:
+    """Delta-scaled radiance (n, PACK) of the shells and of the Lambertian ground below them along rays (n, 3)."""
+    n = len(direction)
+    radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
+    distance = np.zeros(n)
+    view_kernel(
+        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), 1e30, scale, radiance,
+        scaled, full, np.zeros((n, 1), np.float32), front, distance, np.zeros(n, np.int64),
+    )  # fmt: skip
+    hit = np.flatnonzero(distance >= 0)
+    place = origin[hit] + direction[hit] * distance[hit, None]
+    radiance[hit] += scaled[hit] * ground_radiance_rows(place, sun, shells)
+    return radiance

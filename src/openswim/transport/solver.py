@@ -19,11 +19,11 @@ from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
-from openswim.transport.march import PACK, Shells, Volume, ground_radiance_rows, view_kernel
+from openswim.transport.march import PACK, Shells, Volume, view_kernel
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.ordinates import Ordinates, harmonic_matrix, ordinates_for
 from openswim.transport.peak import peak_tables
-from openswim.transport.shells import build_shells, no_volume
+from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting, shade
 from openswim.transport.sweep import direct_beam, sun_sweep, terrain_shadow, view_source
 
@@ -198,8 +198,7 @@ class PackField:
             yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
-        origin = np.ascontiguousarray(rays.origins(), float)
-        direction = np.ascontiguousarray(rays.directions(), float)
+        origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)  # own, writable
         n, nw = len(rays), PACK
         scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
         samples = np.zeros(n, np.int64)
@@ -486,7 +485,7 @@ def _volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
         np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled,
         forward,
-        np.array([forward_channel[n] for n in index["second"]]), air.astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
+        np.array([forward_channel[n] for n in index["second"]]), np.ascontiguousarray(air, np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return volume, [depths[n] for n in index["scaled"]]
 
@@ -573,16 +572,7 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
     direction = np.repeat(q @ axes, nz, axis=0)
     height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(q))
     origin = np.stack([0 * height, 0 * height, height], axis=-1)
-    n, nw = len(direction), PACK
-    work = [np.zeros((n, nw), np.float32) for _ in range(4)]
-    distance = np.zeros(n)
-    view_kernel(
-        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), 1e30, 1.0, work[0], work[1],
-        work[2], np.zeros((n, 1), np.float32), work[3], distance, np.zeros(n, np.int64),
-    )  # fmt: skip
-    hit = np.flatnonzero(distance >= 0)
-    work[0][hit] += work[1][hit] * ground_radiance_rows(origin[hit] + direction[hit] * distance[hit, None], sun, shells)
-    return work[0].reshape(len(q), nz, nw)
+    return clear_radiance(origin, direction, sun, shells, 1.0).reshape(len(q), nz, PACK)
 
 
 def _diffuse(

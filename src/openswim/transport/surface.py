@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport.march import PACK, Shells, view_kernel
+from openswim.transport.march import PACK, Shells
 from openswim.transport.medium import Medium
 from openswim.transport.ordinates import Ordinates
-from openswim.transport.shells import beam_transmission, no_volume
+from openswim.transport.shells import beam_transmission, clear_radiance
 
 if TYPE_CHECKING:
     from openswim.transport.solver import PackField
@@ -128,7 +128,6 @@ def ground_flux(shells: Shells, mu_sun: F64) -> F64:
 
 def clear_sky_table(shells: Shells, sun: F64) -> F32:
     """Radiance (mu, azimuth from the sun, nw) of the clear sky above the origin, for water to mirror."""
-    nw = PACK
     azimuth = np.linspace(0, np.pi, _SKY_AZIMUTHS)
     mu, phi = np.meshgrid(_SKY_MU, azimuth, indexing="ij")
     horizontal = np.array([sun[0], sun[1], 0.0])
@@ -139,14 +138,8 @@ def clear_sky_table(shells: Shells, sun: F64) -> F32:
     direction = sine[..., None] * (np.cos(phi)[..., None] * a + np.sin(phi)[..., None] * b)
     direction[..., 2] = mu
     direction = direction.reshape(-1, 3)
-    n = len(direction)
-    work = [np.zeros((n, nw), np.float32) for _ in range(4)]
-    origin = np.tile([0.0, 0.0, shells.ground_m + 2.0], (n, 1))
-    view_kernel(
-        origin, direction, sun, np.zeros((1, 2, 2, nw), np.float32), shells, no_volume(), 1e30, 1.5, work[0], work[1],
-        work[2], np.zeros((n, 1), np.float32), work[3], np.zeros(n), np.zeros(n, np.int64),
-    )  # fmt: skip
-    return work[0].reshape(*mu.shape, nw)
+    origin = np.tile([0.0, 0.0, shells.ground_m + 2.0], (len(direction), 1))
+    return clear_radiance(origin, direction, sun, shells, 1.5).reshape(*mu.shape, PACK)
 
 
 def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
