@@ -17,7 +17,6 @@ from openswim.transport.scalar import (
     PACK,
     choose_above,
     flat,
-    harmonics_symmetric,
     height_m,
     height_of_square_m,
     largest,
@@ -177,7 +176,10 @@ def _lerp(a, b, share):
 def _four(array, n, right, up, v00, v01, v10, v11):
     """Bilinear mean of four packs of an array, at flat element n, to the right of it, and up."""
     return (
-        v00 * read(array, n) + v01 * read(array, n + right) + v10 * read(array, n + up) + v11 * read(array, n + up + right)
+        v00 * read(array, n)
+        + v01 * read(array, n + right)
+        + v10 * read(array, n + up)
+        + v11 * read(array, n + up + right)
     )
 
 
@@ -257,7 +259,16 @@ def _sample_grid(ix, iy, h, mu, legendre, peak, volume, nodes):
     ahead = int(level)
     if mu < 0.0 and level == ahead and ahead > 0:
         ahead -= 1
-    return extinction, forward, smooth, resolved, air, cloud, flat(nodes, volume.free_channel), flat(volume.spacing_m, ahead)
+    return (
+        extinction,
+        forward,
+        smooth,
+        resolved,
+        air,
+        cloud,
+        flat(nodes, volume.free_channel),
+        flat(volume.spacing_m, ahead),
+    )
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -423,8 +434,27 @@ def _ground_step_m(x, y, z, dx, dy, dz, step_m, radius_m, ground_m, volume):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume, highest_m, depth_limit, scale, row,
-              nodes, species_depth):
+def march_ray(
+    ox,
+    oy,
+    oz,
+    dx,
+    dy,
+    dz,
+    sx,
+    sy,
+    sz,
+    legendre,
+    peak,
+    shells,
+    volume,
+    highest_m,
+    depth_limit,
+    scale,
+    row,
+    nodes,
+    species_depth,
+):
     """Follow one eye ray to the ground, to space, or until nothing more is seen.
 
     Leaves in ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT, the depth of
@@ -515,7 +545,12 @@ def march_ray(ox, oy, oz, dx, dy, dz, sx, sy, sz, legendre, peak, shells, volume
             peak_trans = transmission(peak_depth) * trans
             if resolved:
                 gain += full * step_emission(
-                    depth + peak_depth, peak_trans, ds, peaked, peaked_far, extinction + forward,
+                    depth + peak_depth,
+                    peak_trans,
+                    ds,
+                    peaked,
+                    peaked_far,
+                    extinction + forward,
                     extinction_far + forward_far,
                 )
             radiance += shining * gain
@@ -557,15 +592,54 @@ def prepare_ray(cos_angle, table, legendre, peak):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _march_tile(first, last, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, radiance,
-                scaled_trans, full_trans, species_depth, front_depth, distance, samples, row, nodes, legendre, peak):
+def _march_tile(
+    first,
+    last,
+    origin,
+    direction,
+    sun,
+    table,
+    shells,
+    volume,
+    highest_m,
+    depth_limit,
+    scale,
+    radiance,
+    scaled_trans,
+    full_trans,
+    species_depth,
+    front_depth,
+    distance,
+    samples,
+    row,
+    nodes,
+    legendre,
+    peak,
+):
     """March rays ``first`` to ``last``: see `view_kernel`. One call for many, for the arguments are hundreds of words."""
     for n in range(first, last):
         dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
         prepare_ray(dx * sun[0] + dy * sun[1] + dz * sun[2], table, legendre, peak)
         distance[n], samples[n] = march_ray(
-            origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, sun[0], sun[1], sun[2], legendre, peak, shells,
-            volume, highest_m, depth_limit, scale, row, nodes, species_depth[n],
+            origin[n, 0],
+            origin[n, 1],
+            origin[n, 2],
+            dx,
+            dy,
+            dz,
+            sun[0],
+            sun[1],
+            sun[2],
+            legendre,
+            peak,
+            shells,
+            volume,
+            highest_m,
+            depth_limit,
+            scale,
+            row,
+            nodes,
+            species_depth[n],
         )
         for w in range(PACK):
             radiance[n, w] = row[RADIANCE + w]
@@ -575,8 +649,23 @@ def _march_tile(first, last, origin, direction, sun, table, shells, volume, high
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scale, radiance, scaled_trans, full_trans,
-                species_depth, front_depth, distance, samples):
+def view_kernel(
+    origin,
+    direction,
+    sun,
+    table,
+    shells,
+    volume,
+    depth_limit,
+    scale,
+    radiance,
+    scaled_trans,
+    full_trans,
+    species_depth,
+    front_depth,
+    distance,
+    samples,
+):
     """March every ray (n, 3); outputs per ray, distance negative where the ray leaves to space."""
     if shells.scattering.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
@@ -588,9 +677,28 @@ def view_kernel(origin, direction, sun, table, shells, volume, depth_limit, scal
         legendre = np.zeros(DEGREE + 1, np.float64)
         peak = np.zeros((table.shape[0], table.shape[2], PACK), np.float32)
         _march_tile(
-            tile * TILE, min(count, (tile + 1) * TILE), origin, direction, sun, table, shells, volume, highest_m,
-            depth_limit, scale, radiance, scaled_trans, full_trans, species_depth, front_depth, distance, samples, row,
-            nodes, legendre, peak,
+            tile * TILE,
+            min(count, (tile + 1) * TILE),
+            origin,
+            direction,
+            sun,
+            table,
+            shells,
+            volume,
+            highest_m,
+            depth_limit,
+            scale,
+            radiance,
+            scaled_trans,
+            full_trans,
+            species_depth,
+            front_depth,
+            distance,
+            samples,
+            row,
+            nodes,
+            legendre,
+            peak,
         )
 
 

@@ -319,7 +319,11 @@ def height_of_square_m(q, radius_m):
     x = q / (radius_m * radius_m)
     if abs(x) < 0.04:
         xx = x * x
-        return q / (2.0 * radius_m) * ((1.0 - 0.25 * x) + xx * ((0.125 - 0.078125 * x) + xx * (0.0546875 - 0.041015625 * x)))
+        return (
+            q
+            / (2.0 * radius_m)
+            * ((1.0 - 0.25 * x) + xx * ((0.125 - 0.078125 * x) + xx * (0.0546875 - 0.041015625 * x)))
+        )
     return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
 
 

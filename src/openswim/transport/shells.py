@@ -227,9 +227,7 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
     return shells
 
 
-def clear_radiance(
-    origin: Array, direction: Array, sun: Array, shells: Shells, scale: float
-) -> NDArray[np.float32]:
+def clear_radiance(origin: Array, direction: Array, sun: Array, shells: Shells, scale: float) -> NDArray[np.float32]:
     """Delta-scaled radiance (n, PACK) of the shells and of the Lambertian ground below them along rays (n, 3)."""
     n = len(direction)
     radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))

@@ -586,8 +586,7 @@ def _diffuse(
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     coarse_first = ny > 8 and nx > 8 and not medium.periodic
-    shape = (_TRUNCATION**2, nz, ny, nx)
-    moments = np.zeros(shape if not coarse_first else (shape[0], nz, (ny + 1) // 2, (nx + 1) // 2), np.float32)
+    solution: diffuse.Solution | None = None
     counts: dict[str, list[int]] = {"coarse": [], "fine": []}
     light.moments = []
     if coarse_first:
@@ -595,7 +594,7 @@ def _diffuse(
         coarse_sun = diffuse.coarsen(light.sun_harmonics)
         coarse_node = np.ascontiguousarray(ground_node[::2, ::2])
     cell = np.array(medium.cell_m, float)
-    start = moments
+    moments = np.zeros((nz, ny, _TRUNCATION**2, nx) if not coarse_first else 0, np.float32)
     with job("diffuse light", count) as meter:
         for w in range(PACK):
             if w >= count:
@@ -614,12 +613,12 @@ def _diffuse(
                     cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
                     direct_flux=diffuse.coarsen(direct),
                 )  # fmt: skip
-                start, n = coarse.solve(start, solver.tolerance, solver.most_sweeps)
-                counts["coarse"].append(n)
-                moments = diffuse.prolong(start, (ny, nx))
-                for _ in range(solver.fine_sweeps):
-                    moments = fine.sweep(moments)
-                counts["fine"].append(solver.fine_sweeps)
+                solution = diffuse.coarse_to_fine(
+                    coarse, fine, solution, solver.tolerance, solver.most_sweeps, solver.fine_sweeps
+                )
+                moments = solution.fine
+                counts["coarse"].append(solution.coarse_sweeps)
+                counts["fine"].append(solution.fine_sweeps)
             else:
                 plane_parallel = (ny, nx) == (1, 1)
                 moments, n = fine.solve(
