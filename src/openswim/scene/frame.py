@@ -98,5 +98,5 @@ def scene_frame(scene: Scene) -> Frame:
     if not grid.curved:
         return Frame(FLAT_RADIUS_M, 0.0, 0.0, curved=False)
     _, ny, nx = grid.shape
-    lon, lat = grid.lonlat((nx - 1) / 2, (ny - 1) / 2)
-    return Frame(grid.earth_radius_m, float(lat), float(lon))
+    centre_lon, centre_lat = grid.lonlat((nx - 1) / 2, (ny - 1) / 2)
+    return Frame(grid.earth_radius_m, float(centre_lat), float(centre_lon))

@@ -20,7 +20,7 @@ _ALIKE = 0.5  # change of the coarse moments, relative, up to which one fine swe
 
 @dataclass
 class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on the levels (nz,), 1/m."""
+    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
 
     scaled: F32
     scattering: F32
@@ -61,7 +61,7 @@ class Sweeper:
         up = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
         self.unit_flux = float((up[2] * np.abs(up[0][:, 2])).sum() / (4 * np.pi))
-        scatters = (self.extinction > 0).any(axis=0)
+        scatters: NDArray[np.bool_] = np.asarray((self.extinction > 0).any(axis=0))
         if (self.coefficients.air_scattering[:, 0] > 0).any():
             scatters[:] = True
         self.first = np.where(scatters.any(-1), scatters.argmax(-1), 0).astype(np.int64)
@@ -89,7 +89,9 @@ class Sweeper:
                 flux,
             )  # fmt: skip
             if downward:
-                radiance = self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux)
+                radiance = np.asarray(
+                    self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
+                )
         return new
 
     def solve(self, moments: F32, tolerance: float, most: int, memory: int = 3) -> tuple[F32, int]:

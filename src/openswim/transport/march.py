@@ -616,7 +616,7 @@ def _march_tile(
     legendre,
     peak,
 ):
-    """March rays ``first`` to ``last``: see `view_kernel`. One call for many, for the arguments are hundreds of words."""
+    """March rays ``first`` to ``last``: see `view_kernel`. One call for many: the arguments are long."""
     for n in range(first, last):
         dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
         prepare_ray(dx * sun[0] + dy * sun[1] + dz * sun[2], table, legendre, peak)

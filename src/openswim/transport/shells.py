@@ -152,7 +152,8 @@ def build_shells(
     sun_depth = slant_depths(extinction, levels, radius_m, ground_m)
     grid_100m = np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M)
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m), np.ascontiguousarray(extinction, f32),
+        radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m),
+        np.ascontiguousarray(extinction, f32),
         np.ascontiguousarray(forward, f32), np.ascontiguousarray(scattering, f32), sun_depth.astype(f32),
         _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m),
         fractional_index(_MOMENT_LEVELS_M, grid_100m),
@@ -205,9 +206,8 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
         harmonics_symmetric(m, np.cos(phi), degree, row)
     levels = shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
-    origin = np.zeros((len(levels), len(mu), 3))
-    origin[..., 2] = levels[:, None]
-    origin = origin.reshape(-1, 3)
+    origin = np.zeros((len(levels) * len(mu), 3))
+    origin[:, 2] = np.repeat(levels, len(mu))
     direction = np.tile(ordinates, (len(levels), 1))
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(np.float32))

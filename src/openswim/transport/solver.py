@@ -188,7 +188,7 @@ class PackField:
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
     def _tiles(self, rays: Rays) -> Iterator[Any]:
-        """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a direction."""
+        """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
         plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
         if plane_parallel and self.light is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
@@ -230,12 +230,12 @@ class PackField:
         """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
         n = len(direction)
         volume = self.volume._replace(fields=np.zeros((1, 1, 1, PACK), np.float32))
-        empty = [np.zeros((n, PACK), np.float32) for _ in range(4)]
+        radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
         view_kernel(
-            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, *empty[:3],
-            np.zeros((n, max(1, volume.species)), np.float32), empty[3], np.zeros(n), np.zeros(n, np.int64),
+            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, radiance, scaled, full,
+            np.zeros((n, max(1, volume.species)), np.float32), front, np.zeros(n), np.zeros(n, np.int64),
         )  # fmt: skip
-        return empty[0]
+        return radiance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
@@ -483,9 +483,11 @@ def _volume(
     air = np.stack([[c.air_extinction for c in coefficients], [c.air_forward for c in coefficients]]).transpose(2, 0, 1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
-        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields, scaled,
+        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields,
+        scaled,
         forward,
-        np.array([forward_channel[n] for n in index["second"]]), np.ascontiguousarray(air, np.float32), medium.terrain_m, _CLEAR_CELLS,
+        np.array([forward_channel[n] for n in index["second"]]), np.ascontiguousarray(air, np.float32),
+        medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return volume, [depths[n] for n in index["scaled"]]
 
@@ -527,7 +529,7 @@ def _light(
         shadow,
         ridge,
     )
-    beams = []
+    beams: list[F32] = []
     surface = np.zeros((ny, nx), np.float32)
     for w in range(PACK):
         if w >= count:  # padding

@@ -195,7 +195,7 @@ def shell_transmission(height_m, mu_sun, w, shells):
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells, beam, surface, fields, channel):
-    """Direct transmission at every node, beam (nz, ny, nx), at the ground, surface (ny, nx), and its depth in fields."""
+    """Direct transmission at every node, beam (nz, ny, nx), at the ground, surface (ny, nx), its depth in fields."""
     nz, ny, nx = depth.shape
     for j in prange(ny):
         for i in range(nx):
