@@ -18,7 +18,7 @@ from openswim.errors import UserError
 from openswim.readers.grib_codes import Meaning, grib1_meaning, grib2_meaning
 from openswim.readers.grib_sections import Damaged, Sections, fields_in, message
 
-MAX_POINTS = 100_000_000  # of one field: 400 MB as float32
+MAX_POINTS = 100_000_000  # of one field: 800 MB, decoded
 _MISSING = 9.999e20
 _LEVELS = {  # ecCodes' level types: (ours, factor)
     "isobaricInhPa": ("pressure", 100.0),
@@ -135,7 +135,7 @@ class GRIBFile:
         try:
             points = self._points(one, handle)
             codes.codes_set(handle, "missingValue", _MISSING)
-            values = codes.codes_get_float_array(handle, "values")
+            values = codes.codes_get_double_array(handle, "values")  # as float32 not all packings are there
         except codes.CodesInternalError as error:
             raise Damaged(
                 f"{self.path}: message {one.number} ({one.name}) cannot be decoded ({error}): damaged: "
@@ -149,7 +149,7 @@ class GRIBFile:
             )
         values[~(np.abs(values) < 1e19)] = np.nan
         if one.meaning.factor != 1.0:
-            values *= np.float32(one.meaning.factor)
+            values *= one.meaning.factor
         return np.asarray(values, np.float32)
 
     def _points(self, one: Field, handle: Any) -> int:
