@@ -296,11 +296,14 @@ def icon(grid: dict[str, Any], levels: int = 10, **more: Any) -> Product:
     def interface(k: int) -> Values:
         return lambda lat, lon: terrain_m(lat, lon) + 20_000.0 * (1 - (k - 1) / levels)
 
+    def pressure(k: int) -> Values:
+        return lambda lat, lon: pressure_at(0.5 * (interface(k)(lat, lon) + interface(k + 1)(lat, lon)))
+
     messages = []
     for k in range(1, levels + 1):
         at = (150, k, 150, k + 1)
         messages += [
-            Message((0, 3, 0), at, lambda lat, lon, k=k: pressure_at(0.5 * (interface(k)(lat, lon) + interface(k + 1)(lat, lon)))),
+            Message((0, 3, 0), at, pressure(k)),
             Message((0, 0, 0), at, lambda lat, lon: TEMPERATURE_K),
             Message((0, 1, 0), at, lambda lat, lon: 0.0),
             Message((0, 1, 22), at, lambda lat, lon, k=k: cloud(lat, lon) * (k > 5)),

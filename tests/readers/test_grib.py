@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.readers import grib_files as gf
 
 from openswim.readers import describe, open_scene
-from tests.readers import grib_files as gf
 
 PRODUCTS = {
     "HRRR, native levels": gf.hrrr(),

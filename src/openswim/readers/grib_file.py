@@ -157,7 +157,7 @@ class GRIBFile:
         points = int(self._codes.codes_get(handle, "numberOfDataPoints"))
         bits = self._key(handle, "bitsPerValue") or 0
         packing = str(self._key(handle, "packingType") or "")
-        coded = int(self._key(handle, "numberOfValues") or points)
+        coded = int(self._key(handle, "numberOfCodedValues") or 0)
         if not 0 < points <= MAX_POINTS:
             raise Damaged(
                 f"{self.path}: message {one.number} ({one.name}) declares {points} points; at most {MAX_POINTS:.0e} "

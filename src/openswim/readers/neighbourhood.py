@@ -28,7 +28,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
-MOST_RADIUS_M = 5_000_000.0  # transport takes domains up to 66 degrees from the centre to a corner
+MOST_RADIUS_M = 4_950_000.0  # transport takes domains of 130 degrees from corner to corner
 LARGE_COLUMNS = 300_000
 _LARGE_SPAN = 1.9  # radians
 _LEAST_CELLS = 5  # on each side of the observer
