@@ -102,15 +102,22 @@ def test_gaps_in_contents_are_no_cloud_and_said(tmp_path, gap):
 
 def test_gaps_below_the_terrain_are_filled_from_above(tmp_path):
     product = gf.on_pressure(gf.AROME)
+    whole = open_scene(gf.write(tmp_path / "whole", product))
     for one in product.messages:
-        if one.level[1] == 100_000:
-            one.missing = lambda lat, lon: gf.terrain_m(lat, lon) > gf.height_at(1e5)
-    for one in product.messages:
-        if one.parameter == (0, 3, 5) and one.level[0] == 100:
-            one.missing = None
+        if one.level[1] >= 95_000:
+            one.missing = lambda lat, lon, p=one.level[1]: gf.terrain_m(lat, lon) > gf.height_at(p)
     scene = open_scene(gf.write(tmp_path / "file", product))
     np.testing.assert_allclose(scene.data.air_temperature, gf.TEMPERATURE_K, atol=1e-3)
     assert any("temperature:" in note and "filled" in note for note in scene.notes)
+    # 1000 hPa lies below the ground nearly everywhere: left out; where 950 hPa does, its height is extended down
+    assert scene.grid.shape[0] == whole.grid.shape[0] - 1
+    assert any("1 pressure levels without data" in note for note in scene.notes)
+    np.testing.assert_allclose(scene.grid.height_m, whole.grid.height_m[1:], atol=2.0)
+    kept = whole.data.liquid_content.values[1:] + whole.data.ice_content.values[1:]
+    above = scene.grid.height_m > scene.data.surface_altitude.values
+    found = (scene.data.liquid_content + scene.data.ice_content).values
+    np.testing.assert_allclose(found[above], kept[above], rtol=1e-4)
+    assert not found[~above & (scene.data.air_pressure.values > 94_000)].any()
 
 
 def test_a_level_all_missing_is_refused(tmp_path):

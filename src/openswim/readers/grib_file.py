@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.grib_codes import Meaning, grib1_meaning, grib2_meaning
-from openswim.readers.grib_sections import Damaged, Sections, fields_in, message
+from openswim.readers.grib_sections import Damaged, Sections, fields_in, fits, message
 
 MAX_POINTS = 100_000_000  # of one field: 800 MB, decoded
 _MISSING = 9.999e20
@@ -135,18 +135,16 @@ class GRIBFile:
         try:
             points = self._points(one, handle)
             codes.codes_set(handle, "missingValue", _MISSING)
+            if codes.codes_get_size(handle, "values") != points or not fits(self._data, one.sections):
+                raise ValueError("its data do not fit its grid")
             values = codes.codes_get_double_array(handle, "values")  # as float32 not all packings are there
-        except codes.CodesInternalError as error:
+        except (codes.CodesInternalError, ValueError, MemoryError) as error:
             raise Damaged(
                 f"{self.path}: message {one.number} ({one.name}) cannot be decoded ({error}): damaged: "
                 "download it again"
             ) from error
         finally:
             codes.codes_release(handle)
-        if values.size != points:
-            raise Damaged(
-                f"{self.path}: message {one.number} ({one.name}) has {values.size} values for {points} points"
-            )
         values[~(np.abs(values) < 1e19)] = np.nan
         if one.meaning.factor != 1.0:
             values *= one.meaning.factor
