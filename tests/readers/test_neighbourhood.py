@@ -67,9 +67,14 @@ def test_a_hemisphere_is_averaged_on_wider_cells_and_keeps_its_mean():
     assert max(part.shape) <= 421
     coarse = part.take(noise)
     assert float(coarse.mean()) == pytest.approx(0.5, abs=0.01)
-    far = part.grid(np.array([0.0, 1.0]))
-    lon, lat = far.lonlat([0, part.x.size - 1], [0, part.y.size - 1])
-    assert great_circle_m(lon, lat, 6.371e6) < 6.371e6 * np.radians(130)  # what transport takes
+
+
+@pytest.mark.parametrize("step", [0.25, 1.0, 2.5])
+@pytest.mark.parametrize("lat", [0.0, 40.0, -90.0])
+def test_the_widest_part_is_what_transport_takes(step, lat):
+    part = select(_globe(step), Neighbourhood(lat, -100.0, radius_m=9e6)).grid(np.array([0.0, 1.0]))
+    lon, lat = part.lonlat([0, part.x.size - 1], [0, part.y.size - 1])
+    assert 6.371e6 * np.radians(115) < great_circle_m(lon, lat, 6.371e6) < 6.371e6 * np.radians(130)
 
 
 def test_only_the_needed_part_is_asked_for():

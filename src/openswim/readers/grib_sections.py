@@ -11,9 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from openswim.errors import UserError
 
 Span = tuple[int, int]  # offset and length in the file
@@ -89,48 +86,12 @@ def message(data: mmap.mmap, field: Sections, values: bool = True) -> bytes:
     return head + (16 + len(body)).to_bytes(8, "big") + body
 
 
-def fits(data: mmap.mmap, field: Sections) -> bool:
-    """Whether the groups of complex packing (WMO data templates 7.2, 7.3) lie within the data section.
-
-    ecCodes takes their widths and lengths on trust, and would end the program on some; other packings it checks.
-    """
+def packing(data: mmap.mmap, field: Sections) -> tuple[bytes, bytes, bytes] | None:
+    """Sections 5 (data representation), 6 (bitmap) and 7 (data) of a GRIB2 field; None for GRIB1."""
     if field.edition != 2:
-        return True
-    start, length = field.head[-2]  # section 5
-    described = data[start : start + length]
-    template = int.from_bytes(described[9:11], "big")
-    if template not in (2, 3):
-        return True
-    if length < (49 if template == 3 else 47):
-        return False
-    bits, groups = described[19], int.from_bytes(described[31:35], "big")
-    width_ref, width_bits = described[35], described[36]
-    length_ref, length_step = int.from_bytes(described[37:41], "big"), described[41]
-    last, length_bits = int.from_bytes(described[42:46], "big"), described[46]
-    order, octets = (described[47], described[48]) if template == 3 else (0, 0)
-    values = int.from_bytes(described[5:9], "big")
-    start, length = field.data
-    free = length - 5 - (order + 1) * octets * (template == 3)
-    small = max(bits, width_bits, length_bits) <= 32 and octets <= 4 and order <= 2
-    if not small or groups > values or sum(-(-groups * b // 8) for b in (bits, width_bits, length_bits)) > free:
-        return False
-    at = start + length - free + -(-groups * bits // 8)
-    widths = width_ref + _unpacked(data, at, groups, width_bits)
-    at += -(-groups * width_bits // 8)
-    lengths = length_ref + length_step * _unpacked(data, at, groups, length_bits)
-    lengths[-1:] = last
-    at += -(-groups * length_bits // 8)
-    within = int(lengths.sum()) == values and int((widths * lengths).sum()) <= 8 * (start + length - at)
-    return not groups or (within and int(widths.max()) <= 32)
-
-
-def _unpacked(data: mmap.mmap, start: int, count: int, bits: int) -> NDArray[np.int64]:
-    """Unsigned integers of equal width, packed from a byte's edge on."""
-    if not bits:
-        return np.zeros(count, np.int64)
-    packed = np.frombuffer(data[start : start + -(-count * bits // 8)], np.uint8)
-    single = np.unpackbits(packed)[: count * bits].reshape(count, bits)
-    return np.asarray(single @ (1 << np.arange(bits - 1, -1, -1, dtype=np.int64)), np.int64)
+        return None
+    five, six, seven = (data[start : start + length] for start, length in (*field.head[-2:], field.data))
+    return five, six, seven
 
 
 def _next(path: Path, data: mmap.mmap, start: int, number: int) -> int:
