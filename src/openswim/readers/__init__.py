@@ -4,26 +4,51 @@ from __future__ import annotations
 
 import os
 from functools import cache
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
+from openswim.readers.neighbourhood import Neighbourhood, part_of
 
 if TYPE_CHECKING:
     from openswim.scene import Scene
 
-__all__ = ["Reader", "SceneInfo", "describe", "open_scene", "readers"]
+__all__ = ["Neighbourhood", "Reader", "SceneInfo", "describe", "open_scene", "readers"]
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
 
-def open_scene(path: str | os.PathLike[str], time: Time = None) -> Scene:
+def open_scene(
+    path: str | os.PathLike[str],
+    time: Time = None,
+    around: tuple[float, float] | Neighbourhood | None = None,
+    radius_km: float | None = None,
+) -> Scene:
     """Open a model's file, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
     time : UTC; one of the file's times to within 1 s (default: its first).
+    around : (latitude, longitude): only the part of the domain around this place, to `radius_km` (default 200 km) to
+        the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
+        followed on domains up to 130 degrees wide.
     """
-    return _reader_of(Path(path)).read(Path(path), time)
+    reader, place = _reader_of(Path(path)), _neighbourhood(around, radius_km)
+    if place is None:
+        return reader.read(Path(path), time)
+    if "around" in signature(reader.read).parameters:
+        return reader.read(Path(path), time, around=place)  # type: ignore[call-arg]
+    return part_of(reader.read(Path(path), time), place)
+
+
+def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km: float | None) -> Neighbourhood | None:
+    if around is None:
+        if radius_km is not None:
+            raise UserError("radius_km needs around=(latitude, longitude)")
+        return None
+    if isinstance(around, Neighbourhood):
+        return around
+    return Neighbourhood(*around) if radius_km is None else Neighbourhood(*around, radius_m=1e3 * radius_km)
 
 
 def describe(path: str | os.PathLike[str]) -> SceneInfo:
@@ -37,13 +62,14 @@ def readers() -> tuple[Reader, ...]:
     from importlib.metadata import entry_points
 
     from openswim.readers.cf import CFReader
+    from openswim.readers.grib import GRIBReader
     from openswim.readers.wrf import WRFReader
 
     others: list[Reader] = []
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         made = entry.load()
         others.append(made() if isinstance(made, type) else made)
-    return (*others, WRFReader(), CFReader())
+    return (*others, GRIBReader(), WRFReader(), CFReader())
 
 
 def _reader_of(path: Path) -> Reader:
