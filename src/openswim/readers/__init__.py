@@ -80,6 +80,7 @@ def readers() -> tuple[Reader, ...]:
 
     from openswim.readers.cf import CFReader
     from openswim.readers.cosp import COSPReader
+    from openswim.readers.grib import GRIBReader
     from openswim.readers.gridded import GriddedReader
     from openswim.readers.ifs_columns import IFSColumnsReader
     from openswim.readers.laps import LAPSReader
@@ -92,7 +93,7 @@ def readers() -> tuple[Reader, ...]:
         made = entry.load()
         others.append(made() if isinstance(made, type) else made)
     special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader())
-    return (*others, WRFReader(), CFReader(), *special, GriddedReader())
+    return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
 
 
 def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> Scene:

@@ -103,7 +103,7 @@ def unreadable(path: Path) -> str:
     if magic.startswith((b"CDF", b"\x89HDF")):
         return f"{path}: truncated or damaged netCDF file: copy or download it again"
     if magic.startswith(b"GRIB"):
-        return f"{path}: a GRIB file, but no GRIB reader is installed: convert it (docs/scene-format.md)"
+        return f"{path}: damaged GRIB file: copy or download it again"
     return f"{path}: neither a netCDF file nor a Zarr folder"
 
 
