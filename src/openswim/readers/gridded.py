@@ -44,7 +44,8 @@ class GriddedReader:
 
     def recognises(self, data: xr.Dataset) -> bool:
         """Whether an opened file is this reader's."""
-        return "openswim_layout" not in data.attrs and _is_model(FileSet([Part(Path(), data, (), np.array([], "datetime64[ms]"))]))
+        timeless = np.array([], "datetime64[ms]")
+        return "openswim_layout" not in data.attrs and _is_model(FileSet([Part(Path(), data, (), timeless)]))
 
     def adapt(self, path: Path, data: xr.Dataset) -> xr.Dataset:
         """The file in CF terms that the tables of names.py know; readers of other conventions translate here."""
