@@ -59,7 +59,12 @@ class Columns:
     def get(self, what: str, quantity: Quantity | None = None) -> F32 | None:
         """A quantity on levels with gaps below the terrain filled from above; None where the file lacks it."""
         found = self.find(quantity or STATE[what])
-        return None if found is None else filled_from_above(self.read(what, found, (quantity or STATE[what]).units))
+        if found is None:
+            return None
+        values = self.read(what, found, (quantity or STATE[what]).units)
+        gaps = np.isnan(values)
+        inside = gaps & ~np.logical_and.accumulate(gaps, axis=0)
+        return np.where(inside, np.float32(np.nan), filled_from_above(values))
 
     def ground(self, what: str, quantity: Quantity) -> F32 | None:
         """A quantity on the ground; None where the file lacks it or has it nowhere."""

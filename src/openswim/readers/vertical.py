@@ -36,7 +36,7 @@ def levels_of(columns: Columns, terrain_m: F32 | None) -> Levels:
     axis_pa, axis_m = columns.profile(STATE["pressure"]), columns.profile(STATE["altitude"])
     humidity = columns.get("specific_humidity")
     pressure = _pressure(columns, axis_pa)
-    height = _given_heights(columns, axis_m, terrain_m)
+    height = _given_heights(columns, axis_m, pressure, terrain_m)
     temperature = columns.get("temperature")
     theta = columns.get("potential_temperature") if temperature is None else None
     if pressure is None and height is None:
@@ -108,20 +108,22 @@ def _pressure(columns: Columns, axis_pa: NDArray[np.float64] | None) -> F32 | No
     return np.broadcast_to(axis_pa.astype(np.float32)[:, None, None], columns.shape)
 
 
-def _given_heights(columns: Columns, axis_m: NDArray[np.float64] | None, terrain_m: F32 | None) -> NDArray[Any] | None:
+def _given_heights(
+    columns: Columns, axis_m: NDArray[np.float64] | None, pressure: F32 | None, terrain_m: F32 | None
+) -> NDArray[Any] | None:
     altitude = columns.find(STATE["altitude"])
     if altitude is not None:
-        height = _grown_down(columns, columns.read("height", altitude, "m"))
+        height = _grown_down(columns, columns.read("height", altitude, "m"), pressure)
         if altitude.attrs.get("standard_name") == "height" and terrain_m is not None:
             height = height + terrain_m
         return height
     geopotential = columns.find(STATE["geopotential"])
     if geopotential is not None:
         field = columns.read("height", geopotential, "m2 s-2")
-        return air.geometric_height_m(_grown_down(columns, field) / air.GRAVITY)
+        return air.geometric_height_m(_grown_down(columns, field, pressure) / air.GRAVITY)
     gph = columns.find(STATE["geopotential_height"])
     if gph is not None:
-        return air.geometric_height_m(_grown_down(columns, columns.read("height", gph, "m")))
+        return air.geometric_height_m(_grown_down(columns, columns.read("height", gph, "m"), pressure))
     if axis_m is None:
         return None
     level = columns.files.get(columns.z_dim, ndim=1)
@@ -137,19 +139,29 @@ def _given_heights(columns: Columns, axis_m: NDArray[np.float64] | None, terrain
     return axis_m
 
 
-def _grown_down(columns: Columns, height: F32) -> F32:
-    """Heights with gaps at the bottom of columns continued downward by the mean thickness of the layers."""
+def _grown_down(columns: Columns, height: F32, pressure: F32 | None) -> F32:
+    """Heights with gaps at the bottom of columns continued downward.
+
+    By the mean thickness of the layer elsewhere; where it is missing everywhere, by the thickness of the one above and
+    the logarithm of pressure.
+    """
     if not np.isnan(height).any():
         return height
     height = height.copy()
-    with np.errstate(invalid="ignore"):
-        steps = np.diff(height, axis=0)
+    steps = np.diff(height, axis=0)
     for level in range(height.shape[0] - 2, -1, -1):
         gap = np.isnan(height[level]) & np.isfinite(height[level + 1])
-        if gap.any():
-            known = steps[level][np.isfinite(steps[level])]
-            thick = float(known.mean()) if known.size else 100.0
-            height[level] = np.where(gap, height[level + 1] - thick, height[level])
+        if not gap.any():
+            continue
+        known = steps[level][np.isfinite(steps[level])]
+        if known.size:
+            thick = np.full(gap.shape, known.mean())
+        elif pressure is not None and level + 2 < height.shape[0]:
+            drop = np.log(pressure[level : level + 2] / pressure[level + 1 : level + 3])
+            thick = (height[level + 2] - height[level + 1]) * drop[0] / drop[1]
+        else:
+            break
+        height[level] = np.where(gap, height[level + 1] - thick, height[level])
     columns.notes.append("heights missing at the bottom of columns are continued downward")
     return height
 
