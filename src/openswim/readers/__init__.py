@@ -127,13 +127,20 @@ def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km
 
 
 def _reader_of_all(paths: Sequence[Path]) -> Reader:
-    """The reader of the first file; it must know the others too."""
-    first = _reader_of(paths[0])
-    for path in paths[1:]:
+    """The reader that knows the files; one that joins parts may know some by the company they keep only."""
+    if len(paths) == 1:
+        return _reader_of(paths[0])
+    for path in paths:
         if not path.exists():
             raise UserError(unreadable(path))
-        if not first.detects(path):
-            raise UserError(f"{path}: not of the same model as {paths[0]} ({first.name}): open them one by one")
+    known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
+    first = next((reader for reader in known.values() if reader is not None), None)
+    if first is None:
+        raise UserError(_why_unknown(paths[0]))
+    for path, reader in known.items():
+        joins: Any = getattr(first, "joins", None)
+        if reader is not first and not (reader is None and joins is not None and joins(path)):
+            raise UserError(f"{path}: not of the same model as the other files ({first.name}): open them one by one")
     return first
 
 

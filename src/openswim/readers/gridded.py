@@ -59,6 +59,14 @@ class GriddedReader:
         except UserError:
             return False
 
+    def joins(self, path: Path) -> bool:
+        """Whether a file that nobody knows by itself, such as one of surface fields, may be a part of a state."""
+        try:
+            with opened(path, decode=False):
+                return True
+        except UserError:
+            return False
+
     def read(self, path: Path, time: Time = None) -> Scene:
         """The scene at one time of the file (default: its first); only that time is read."""
         return self.read_parts([path], time)
