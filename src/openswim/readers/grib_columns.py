@@ -86,6 +86,7 @@ class Air:
     density_kg_m3: F32
     dry_density_kg_m3: F32
     terrain_m: F32 | None
+    buried: list[float]  # levels of the file that lie below the ground everywhere
 
 
 def kind_and_grid(fields: list[Field]) -> tuple[str, bytes] | None:
@@ -107,7 +108,7 @@ def air_of(columns: Columns) -> Air:
     temperatures = columns.levels_of("temperature")
     upward = _ordered(columns, sorted(temperatures))
     temperature = columns.stack(temperatures, upward)
-    _refuse_empty(columns, "temperature", upward, temperature)
+    upward, temperature = _above_ground(columns, upward, temperature)
     temperature = _completed(columns, "temperature", temperature)
     terrain = terrain_of(columns)
     surface_pa = _surface_pressure(columns)
@@ -120,7 +121,7 @@ def air_of(columns: Columns) -> Air:
     density = density_kg_m3(pressure, temperature, humidity)
     _check_rising(columns, upward, height)
     dry = density if humidity is None else density * (1 - humidity)
-    return Air(upward, height, pressure, temperature, density, dry, terrain)
+    return Air(upward, height, pressure, temperature, density, dry, terrain, sorted(set(temperatures) - set(upward)))
 
 
 def terrain_of(columns: Columns) -> F32 | None:
@@ -154,8 +155,8 @@ def _ordered(columns: Columns, levels: list[float]) -> list[float]:
         own = columns.levels_of(name)
         both = [level for level in levels if level in own]
         if len(both) >= 2:
-            first, last = (float(np.nanmean(columns.read(own[level]))) for level in (both[0], both[-1]))
-            return levels if (first > last) == (name == "pressure") else levels[::-1]
+            fall = columns.read(own[both[0]]) - columns.read(own[both[-1]])
+            return levels if (np.nan_to_num(fall).sum() > 0) == (name == "pressure") else levels[::-1]
     return levels[::-1]  # where A and B, or the heights of interfaces, are numbered from the top
 
 
@@ -241,6 +242,8 @@ def _heights(
                 found /= np.float32(GRAVITY)
             if columns.kind != "layer":  # geopotential metres; layers' are geometric
                 found = geometric_height_m(found)
+            if columns.kind == "pressure" and pressure is not None:
+                _extend_down(found, pressure, temperature)
             return _completed(columns, "height", found)
     interfaces = columns.levels_of("height", "interface")
     if columns.kind == "layer" and all(level in interfaces and level + 1 in interfaces for level in levels):
@@ -298,14 +301,28 @@ def _pressure_from_heights(
     return np.asarray(lowest * np.exp(-np.concatenate([np.zeros_like(fall[:1]), fall])), np.float32)
 
 
-def _refuse_empty(columns: Columns, name: str, levels: list[float], values: F32) -> None:
-    for level, one in zip(levels, values, strict=True):
-        share = float(np.isnan(one).mean())
+def _above_ground(columns: Columns, levels: list[float], temperature: F32) -> tuple[list[float], F32]:
+    """Without the lowest pressure levels that are missing nearly everywhere here: they lie below the ground."""
+    shares = [float(np.isnan(one).mean()) for one in temperature]
+    buried = next((k for k, share in enumerate(shares) if share <= _MOST_MISSING), len(levels))
+    if columns.kind == "pressure" and 0 < buried < len(levels) - 1:
+        columns.notes.append(f"{buried} pressure levels without data here, below the ground, are left out")
+        levels, temperature, shares = levels[buried:], temperature[buried:], shares[buried:]
+    for level, share in zip(levels, shares, strict=True):
         if share > _MOST_MISSING:
             raise UserError(
-                f"{columns.file.path}: {name} on level {level:g} is missing at {100 * share:.0f} % of the points here: "
-                "take another file, or another place"
+                f"{columns.file.path}: temperature on level {level:g} is missing at {100 * share:.0f} % of the points "
+                "here: take another file, or another place"
             )
+    return levels, temperature
+
+
+def _extend_down(height: F32, pressure: F32, temperature: F32) -> None:
+    """Heights missing below the ground: hydrostatic, with the temperature above them."""
+    for k in range(len(height) - 2, -1, -1):
+        gap = np.isnan(height[k]) & ~np.isnan(height[k + 1])
+        fall = np.float32(DRY_GAS_CONSTANT / GRAVITY) * temperature[k + 1] * np.log(pressure[k] / pressure[k + 1])
+        height[k][gap] = (height[k + 1] - fall)[gap]
 
 
 def _completed(columns: Columns, name: str, values: F32) -> F32:

@@ -48,7 +48,7 @@ def condensate(columns: Columns, air: Air) -> dict[str, F32]:
 
 
 def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field]) -> F32:
-    outside = sorted(set(fields) - set(air.levels))
+    outside = sorted(set(fields) - set(air.levels) - set(air.buried))
     if len(outside) > 0.2 * len(fields):
         raise UserError(
             f"{columns.file.path}: {name} is on {len(fields)} levels, of which {len(outside)} have no temperature: "

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.grib_codes import Meaning, grib1_meaning, grib2_meaning
-from openswim.readers.grib_sections import Damaged, Sections, fields_in, message
+from openswim.readers.grib_sections import Damaged, Sections, fields_in, message, packing
 
-MAX_POINTS = 100_000_000  # of one field: 400 MB as float32
+MAX_POINTS = 100_000_000  # of one field: 800 MB, decoded
 _MISSING = 9.999e20
 _LEVELS = {  # ecCodes' level types: (ours, factor)
     "isobaricInhPa": ("pressure", 100.0),
@@ -130,34 +130,43 @@ class GRIBFile:
 
     def values(self, one: Field) -> NDArray[np.float32]:
         """(points,) values of a field in SI units, in the file's order; NaN where missing."""
-        handle = self._handle(one.number, one.sections, values=True)
+        from openswim.readers.grib_unpack import is_complex, unpacked
+
+        packed = packing(self._data, one.sections)
+        own = packed is not None and is_complex(packed[0])
+        handle = self._handle(one.number, one.sections, values=not own)
         codes = self._codes
         try:
             points = self._points(one, handle)
-            codes.codes_set(handle, "missingValue", _MISSING)
-            values = codes.codes_get_float_array(handle, "values")
-        except codes.CodesInternalError as error:
+            found = unpacked(*packed, points) if own and packed is not None else self._decoded(handle, points)
+            if found is None:
+                raise ValueError("its data do not fit its grid")
+            values = np.asarray(found, np.float32)
+        except (codes.CodesInternalError, ValueError, MemoryError) as error:
             raise Damaged(
                 f"{self.path}: message {one.number} ({one.name}) cannot be decoded ({error}): damaged: "
                 "download it again"
             ) from error
         finally:
             codes.codes_release(handle)
-        if values.size != points:
-            raise Damaged(
-                f"{self.path}: message {one.number} ({one.name}) has {values.size} values for {points} points"
-            )
-        values[~(np.abs(values) < 1e19)] = np.nan
         if one.meaning.factor != 1.0:
             values *= np.float32(one.meaning.factor)
-        return np.asarray(values, np.float32)
+        return values
+
+    def _decoded(self, handle: Any, points: int) -> NDArray[np.float32] | None:
+        self._codes.codes_set(handle, "missingValue", _MISSING)
+        if self._codes.codes_get_size(handle, "values") != points:
+            return None
+        values = np.asarray(self._codes.codes_get_double_array(handle, "values"))  # not all packings have float32
+        values[~(np.abs(values) < 1e19)] = np.nan
+        return values.astype(np.float32)
 
     def _points(self, one: Field, handle: Any) -> int:
         """Number of points of a field, checked before any is decoded against its data and our memory."""
         points = int(self._codes.codes_get(handle, "numberOfDataPoints"))
         bits = self._key(handle, "bitsPerValue") or 0
         packing = str(self._key(handle, "packingType") or "")
-        coded = int(self._key(handle, "numberOfValues") or points)
+        coded = int(self._key(handle, "numberOfCodedValues") or 0)
         if not 0 < points <= MAX_POINTS:
             raise Damaged(
                 f"{self.path}: message {one.number} ({one.name}) declares {points} points; at most {MAX_POINTS:.0e} "

@@ -32,7 +32,7 @@ NAMES = {
 }
 _KEYS = (
     "gridType", "Ni", "Nj", "Nx", "Ny", "numberOfDataPoints", "iScansNegatively", "jScansPositively",
-    "jPointsAreConsecutive", "alternativeRowScanning", "uvRelativeToGrid", "radius", "earthIsOblate",
+    "jPointsAreConsecutive", "alternativeRowScanning", "resolutionAndComponentFlags", "radius", "earthIsOblate",
     "earthMajorAxisInMetres", "earthMinorAxisInMetres", "latitudeOfFirstGridPointInDegrees",
     "longitudeOfFirstGridPointInDegrees", "latitudeOfLastGridPointInDegrees", "longitudeOfLastGridPointInDegrees",
     "iDirectionIncrementInDegrees", "jDirectionIncrementInDegrees", "latitudeOfSouthernPoleInDegrees",
@@ -115,7 +115,7 @@ def grid_of(file: GRIBFile, one: Field, notes: list[str]) -> GribGrid:
         flip_y=not keys["jScansPositively"],
         columns_first=bool(keys["jPointsAreConsecutive"]),
         alternating=bool(keys["alternativeRowScanning"]),
-        wind_along_grid=bool(keys["uvRelativeToGrid"]),
+        wind_along_grid=bool(int(keys["resolutionAndComponentFlags"] or 0) & 8),
         counts=counts,
         repeated=repeated,
     )

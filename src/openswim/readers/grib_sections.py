@@ -86,6 +86,14 @@ def message(data: mmap.mmap, field: Sections, values: bool = True) -> bytes:
     return head + (16 + len(body)).to_bytes(8, "big") + body
 
 
+def packing(data: mmap.mmap, field: Sections) -> tuple[bytes, bytes, bytes] | None:
+    """Sections 5 (data representation), 6 (bitmap) and 7 (data) of a GRIB2 field; None for GRIB1."""
+    if field.edition != 2:
+        return None
+    five, six, seven = (data[start : start + length] for start, length in (*field.head[-2:], field.data))
+    return five, six, seven
+
+
 def _next(path: Path, data: mmap.mmap, start: int, number: int) -> int:
     """Offset of the next message; -1 at the end (padding with zeros or blanks is no message)."""
     at = data.find(b"GRIB", start, start + _GAP)

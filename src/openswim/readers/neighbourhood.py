@@ -28,7 +28,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
-MOST_RADIUS_M = 5_000_000.0  # transport takes domains up to 66 degrees from the centre to a corner
+MOST_RADIUS_M = 4_950_000.0  # transport takes domains of 130 degrees from corner to corner
 LARGE_COLUMNS = 300_000
 _LARGE_SPAN = 1.9  # radians
 _LEAST_CELLS = 5  # on each side of the observer
@@ -291,7 +291,7 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     _, tall = _cell_m(grid, 0.5 * (nx - 1), 0.5 * (ny - 1))
     half = 2.0 * radius * math.sin(0.5 * min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M) / radius)
     step = max(tall, 2.0 * half / (_MOST_SIDE - 1))
-    count = 2 * math.ceil(half / step) + 1
+    count = 2 * math.floor(half / step + 1e-6) + 1  # never beyond the farthest radius
     crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
     axis: F64 = step * (np.arange(count, dtype=np.float64) - count // 2)
     target = Grid(axis, axis, np.array([0.0, 1.0]), crs, radius)
