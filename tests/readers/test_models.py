@@ -308,6 +308,16 @@ def test_elapsed_times_count_from_the_default_start(tmp_path):
     assert any("unknown start" in note for note in scene.notes)
 
 
+def test_nothing_floats_beyond_a_domain_that_ends_in_the_neighbourhood(nwp):
+    """A curtain seen from far off: resampled to a map that reaches over its edges."""
+    scene = open_scene(nwp / "ifs_meridian_columns.nc", around=(-10.0, 135.0), radius_km=4900)
+    lon, _ = scene.grid.lonlat(np.arange(scene.grid.x.size), np.arange(scene.grid.y.size)[:, None])
+    east = np.abs((lon - 135.0 + 180.0) % 360.0 - 180.0)
+    assert not scene.data.liquid_content.values[:, east > 46.0].any()
+    assert scene.data.liquid_content.values[:, east < 38.0].any()
+    assert np.isfinite(scene.data.air_pressure).all()
+
+
 REAL = {
     "era5_europe_2019-01-01.nc": ("liquid", "ice"),
     "um_cosp_input_2d.nc": ("liquid", "ice", "rain", "snow"),

@@ -77,14 +77,14 @@ class Columns:
         self.used.setdefault(what, []).append(str(found.attrs.get("called", found.name)))
         return field
 
-    def read(self, what: str, found: xr.DataArray, units: str) -> F32:
-        """A variable on levels, upward, in the wanted units."""
+    def read(self, what: str, found: xr.DataArray, units: str, cloud: bool = False) -> F32:
+        """A variable on levels, upward, in the wanted units; `cloud`: none of it beyond the domain."""
         self.used.setdefault(what, []).append(str(found.attrs.get("called", found.name)))
         found = found.transpose(self.z_dim, self.laid.y_dim, self.laid.x_dim)
         levels = self.levels
         if levels.size != self.nz or not np.array_equal(levels, np.arange(self.nz)):
-            return self.laid.read(self.path, found, units)[levels]
-        return self.laid.read(self.path, found, units)
+            return self.laid.read(self.path, found, units, cloud)[levels]
+        return self.laid.read(self.path, found, units, cloud)
 
     def keep(self, levels: NDArray[np.intp]) -> None:
         """Take only these of the present levels, in this order."""

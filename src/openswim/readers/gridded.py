@@ -185,9 +185,10 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
             radius = np.maximum(_without_gaps(columns.read(f"{species} radius", found, "m")), 0.0)
             if radius.any():
                 fields[f"{species}_effective_radius"] = radius
-    cover = columns.get("cloud_fraction")
+    cover = columns.find(STATE["cloud_fraction"])
     if cover is not None:
-        _by_cover(columns, levels, grid, terrain, _without_gaps(cover), fields)
+        share = _without_gaps(columns.read("cloud_fraction", cover, "1", cloud=True))
+        _by_cover(columns, levels, grid, terrain, share, fields)
     if not any(f"{species}_content" in fields and fields[f"{species}_content"].any() for species in HYDROMETEORS):
         columns.notes.append("all cloud and precipitation fields are zero or absent: a clear sky")
     return fields
@@ -197,7 +198,7 @@ def _content(columns: Columns, species: str, found: xr.DataArray, density: F32, 
     """One variable as mass per volume of air; what is missing below the terrain is none."""
     per_volume = canonical(str(found.attrs.get("units", ""))) in ("kg m-3", "g m-3", "mg m-3", "ug m-3")
     spec = Variable("kg m-3" if per_volume else "kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
-    values = _without_gaps(columns.read(species, found, spec.units))
+    values = _without_gaps(columns.read(species, found, spec.units, cloud=True))
     values = checked_values(str(found.name), values, spec, columns.notes)
     if per_volume:
         return values
@@ -249,7 +250,7 @@ def _aerosol(columns: Columns, levels: Levels) -> Any:
             continue
         per_volume = canonical(str(f.attrs.get("units", "kg kg-1"))).endswith("m-3")
         units = "kg m-3" if per_volume else "kg kg-1"
-        mass = _without_gaps(columns.read("aerosol", f, units))
+        mass = _without_gaps(columns.read("aerosol", f, units, cloud=True))
         mass = checked_values(str(f.name), mass, Variable(units, "", 0.0, 1e-3, clip=True), columns.notes)
         mass = mass if per_volume else mass * levels.density_kg_m3
         parts.append((species, extinction_per_m(species, mass, humidity)))

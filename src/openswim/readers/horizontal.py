@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,8 +39,19 @@ class Horizontal:
     file_shape: tuple[int, int]  # rows, columns
     turned: tuple[bool, bool]  # rows, columns are listed from the north, from the east
 
-    def read(self, path: Path, variable: xr.DataArray, units: str) -> NDArray[np.float32]:
-        """A variable (..., y, x) in the wanted units, NaN where missing; only the part that is needed."""
+    @cached_property
+    def beyond(self) -> NDArray[np.bool_] | None:
+        """Columns (ny, nx) of a resampled part that lie outside the file's domain; None where there are none."""
+        if not self.selection.nodes:
+            return None
+        outside = np.isnan(self.selection.take(np.zeros(self.file_shape, np.float32)))
+        return outside if outside.any() else None
+
+    def read(self, path: Path, variable: xr.DataArray, units: str, cloud: bool = False) -> NDArray[np.float32]:
+        """A variable (..., y, x) in the wanted units, NaN where missing; only the part that is needed.
+
+        Beyond the domain: nothing of what clouds are made of (`cloud`), else the mean within.
+        """
         variable = variable.transpose(..., self.y_dim, self.x_dim)
         check_size(path, str(variable.name), variable.shape)
 
@@ -49,7 +61,10 @@ class Horizontal:
             found = values(path, variable.isel(there), units)
             return found[..., :: -1 if self.turned[0] else 1, :: -1 if self.turned[1] else 1]
 
-        return self.selection.read(part)
+        found = self.selection.read(part)
+        if self.beyond is not None:
+            found[..., self.beyond] = 0.0 if cloud else found[..., ~self.beyond].mean(axis=-1, keepdims=True)
+        return found
 
 
 def horizontal(files: FileSet, sample: xr.DataArray, around: Neighbourhood | None, notes: list[str]) -> Horizontal:
