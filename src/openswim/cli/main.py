@@ -63,17 +63,19 @@ def demo(folder: Path) -> None:
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
+@click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
 @_debug
-def info(file: Path) -> None:
-    """Say what a file holds, and what will be assumed where it lacks something."""
-    from openswim.readers import describe
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+    """Say what FILES hold, and what will be assumed where they lack something."""
+    from openswim.cli.info import run
 
-    click.echo(str(describe(file)))
+    run(files, picture, time)
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--lat", type=float, help="Observer's latitude, degrees north.")
 @click.option("--lon", type=float, help="Observer's longitude, degrees east.")
 @click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
@@ -97,11 +99,14 @@ def info(file: Path) -> None:
     help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
 )  # fmt: skip
 @_debug
-def render(file: Path, outputs: tuple[Path, ...], **options: Any) -> None:
-    """Render what an observer in FILE would see."""
+def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) -> None:
+    """Render what an observer in FILE would see.
+
+    Several files of one model, or a pattern in quotes, are one series of times or the parts of one state.
+    """
     from openswim.cli.render import RenderRequest, run
 
-    run(RenderRequest(file=file, outputs=outputs, **options))
+    run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
 
 
 @cli.command()

@@ -28,7 +28,7 @@ DARK_SUN_DEG = -6.0
 class RenderRequest:
     """The options of `openswim render`; None: not given."""
 
-    file: Path
+    file: Path | tuple[Path, ...]
     outputs: tuple[Path, ...]
     lat: float | None = None
     lon: float | None = None
