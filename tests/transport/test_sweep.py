@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.transport.scenes import toward
 
-from openswim.transport.sweep import sun_sweep
+from openswim.transport.sun import sun_sweep
 
 FLAT_M = 1e12
 

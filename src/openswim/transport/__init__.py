@@ -1,5 +1,6 @@
 """How light travels: a sweep through the grid along one direction, and a march along an eye ray."""
 
-from openswim.transport.solver import Field, Solver, View
+from openswim.transport.field import Field, View
+from openswim.transport.solver import Solver
 
 __all__ = ["Field", "Solver", "View"]

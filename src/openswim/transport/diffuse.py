@@ -10,7 +10,8 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
-from openswim.transport.sweep import CLEAR_BLOCK, Mirrored, SparseRows, add_prolonged, half_sweep
+from openswim.transport.products import Mirrored, SparseRows
+from openswim.transport.sweep import CLEAR_BLOCK, add_prolonged, half_sweep
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -17,7 +17,7 @@ from openswim.transport.ordinates import Ordinates
 from openswim.transport.shells import beam_transmission, clear_radiance
 
 if TYPE_CHECKING:
-    from openswim.transport.solver import PackField
+    from openswim.transport.field import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

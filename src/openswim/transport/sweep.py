@@ -1,232 +1,23 @@
-"""Sweep: light carried through the grid, node after node, along fixed directions.
+"""Sweep: light with a source carried through the grid along discrete ordinates, node after node.
 
-`sun_sweep` accumulates the optical depth from every node to the sun; `diffuse_sweep` carries radiance with a source
-along the discrete ordinates and returns its spherical-harmonic moments. Directions point to where the light comes
-from; "upstream" is that way. Grids are (nz, ny, nx), lengths in metres.
+`half_sweep` returns the spherical-harmonic moments of one hemisphere. Directions point to where the light comes from;
+"upstream" is that way. Grids are (nz, ny, nx), lengths in metres.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.march import PEAK_INNER, PEAK_OUTER, SHELL_TABLE_PER_M, SUN_RADIUS_RAD, sun_table_coordinate
-from openswim.transport.scalar import harmonics, shadow_fraction, smoothstep, table_index
+from openswim.transport.products import add, add_products
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 _ZERO = np.float32(0.0)
 _FOUR_PI = np.float32(4.0 * math.pi)
-
-
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
-def _wrap(x, count, periodic):
-    return x - math.floor(x / count) * count if periodic else x
-
-
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
-def _plane_value(plane, x, y, periodic):
-    """Bilinear value at fractional (x, y); the caller has made sure that the point is inside."""
-    ny, nx = plane.shape
-    i = min(int(x), nx - 1)
-    j = min(int(y), ny - 1)
-    a = np.float32(x - i)
-    b = np.float32(y - j)
-    i1 = i + 1 if i + 1 < nx else (0 if periodic else i)
-    j1 = j + 1 if j + 1 < ny else (0 if periodic else j)
-    return (plane[j, i] * (_ONE - a) + plane[j, i1] * a) * (_ONE - b) + (
-        plane[j1, i] * (_ONE - a) + plane[j1, i1] * a
-    ) * b
-
-
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
-def _depth_to_sun(
-    extinction,
-    depth,
-    k,
-    i,
-    j,
-    sun,
-    last_level,
-    levels_m,
-    level_origin_m,
-    level_per_m,
-    level_table,
-    cell_m,
-    radius_m,
-    periodic,
-):
-    """Optical depth from node (k, j, i) toward the sun up to ``last_level``, then what is known there.
-
-    Samples where the ray meets a level and, between levels, once a cell.
-    """
-    nz, ny, nx = extinction.shape
-    mu = sun[2]
-    bend = (1.0 - mu * mu) / (2.0 * radius_m)
-    vx, vy = sun[0] / cell_m[0], sun[1] / cell_m[1]
-    fastest = max(abs(vx), abs(vy))
-    longest = 1e30 if periodic else 4.0 * (nx + ny) / max(fastest, 1e-12)  # the way out of an open domain
-    below = extinction[k, j, i]
-    total = 0.0
-    s = 0.0
-    for level in range(k + 1, last_level + 1):
-        rise = levels_m[level] - levels_m[k]
-        root = math.sqrt(mu * mu + 4.0 * bend * rise)
-        end = 2.0 * rise / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
-        if end > longest:
-            end = longest
-        count = int(fastest * (end - s)) + 1
-        ds = (end - s) / count
-        for n in range(1, count + 1):
-            s += ds
-            x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-            if not periodic and (x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0):
-                # half a step to the edge on average; beyond it there is nothing
-                return total + 0.5 * below * ds
-            if n == count and end < longest:
-                here = _plane_value(extinction[level], x, y, periodic)
-            else:
-                fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
-                m = min(int(fk), nz - 2)
-                c = np.float32(fk - m)
-                here = (
-                    _plane_value(extinction[m], x, y, periodic) * (_ONE - c)
-                    + _plane_value(extinction[m + 1], x, y, periodic) * c
-                )
-            total += 0.5 * (below + here) * ds
-            below = here
-        if end >= longest:
-            return total
-    x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-    return total + _plane_value(depth[last_level], x, y, periodic)
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def sun_sweep(
-    extinction, exact, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m, radius_m, periodic, depth
-):
-    """Optical depth (nz, ny, nx) from every node to the sun; ``sun`` (ny, nx, 3) in each column's own axes.
-
-    Nodes marked ``exact`` follow their ray to the top of the cloud; the others go one level up and interpolate there,
-    which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the horizon of a node on the
-    curved Earth: the way up then starts downward.
-    """
-    nz, ny, nx = extinction.shape
-    top = 0
-    for k in range(nz):
-        if extinction[k].max() > 0.0:
-            top = k
-    for k in range(min(top + 1, nz - 1), nz):
-        depth[k] = 0.0
-    for step in range(nz - 1 - min(top + 1, nz - 1), nz - 1):
-        k = nz - 2 - step
-        for j in prange(ny):
-            for i in range(nx):
-                last = min(top + 1, nz - 1) if exact[k, j, i] else k + 1
-                depth[k, j, i] = _depth_to_sun(
-                    extinction,
-                    depth,
-                    k,
-                    i,
-                    j,
-                    sun[j, i],
-                    last,
-                    levels_m,
-                    level_origin_m,
-                    level_per_m,
-                    level_table,
-                    cell_m,
-                    radius_m,
-                    periodic,
-                )
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def terrain_shadow(terrain_m, sun, cell_m, radius_m, periodic, shadow_m, distance_m):
-    """Height (ny, nx) up to which the terrain hides the sun, and the distance of the ridge that does it."""
-    ny, nx = terrain_m.shape
-    for j in prange(ny):
-        for i in range(nx):
-            mu = sun[j, i, 2]
-            sine = math.sqrt(max(1e-12, 1.0 - mu * mu))
-            vx, vy = sun[j, i, 0] / sine / cell_m[0], sun[j, i, 1] / sine / cell_m[1]
-            ds = 0.7 / max(abs(vx), abs(vy), 1e-9)
-            highest = -1e9
-            ridge = 0.0
-            steps = int(1.5 * (nx + ny) / 0.7)
-            for n in range(1, steps):
-                s = n * ds
-                x, y = i + vx * s, j + vy * s
-                if periodic or x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0:
-                    break
-                h = _plane_value(terrain_m, x, y, False) - s * mu / sine - s * s / (2.0 * radius_m)
-                if h > highest:
-                    highest = h
-                    ridge = s
-            shadow_m[j, i] = highest
-            distance_m[j, i] = ridge
-
-
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
-def shell_transmission(height_m, mu_sun, w, shells):
-    """Delta-scaled transmission of the shells from the sun to a height (m above sea level), at wavelength w."""
-    above = max(height_m - shells.ground_m, 0.0)
-    level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
-    k = min(int(level), shells.extinction.shape[0] - 2)
-    c = level - k
-    ratio = (shells.radius_m + shells.ground_m) / (shells.radius_m + shells.ground_m + above)
-    mu_horizon = -math.sqrt(max(0.0, 1.0 - ratio * ratio))
-    lit = shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD)
-    if lit <= 0.0:
-        return 0.0
-    t = sun_table_coordinate(mu_sun, mu_horizon, shells.sun_depth.shape[1])
-    m = int(t)
-    e = t - m
-    d = shells.sun_depth
-    depth = (d[k, m, w] * (1 - e) + d[k, m + 1, w] * e) * (1 - c) + (
-        d[k + 1, m, w] * (1 - e) + d[k + 1, m + 1, w] * e
-    ) * c
-    return lit * math.exp(-depth)
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def direct_beam(depth, sun, levels_m, terrain_m, shadow_m, distance_m, w, shells, beam, surface, fields, channel):
-    """Direct transmission at every node, beam (nz, ny, nx), at the ground, surface (ny, nx), its depth in fields."""
-    nz, ny, nx = depth.shape
-    for j in prange(ny):
-        for i in range(nx):
-            mu = sun[j, i, 2]
-            ground = terrain_m[j, i]
-            at_ground = -1.0
-            for k in range(nz):
-                lit = lit_fraction(
-                    levels_m[k],
-                    shadow_m[j, i],
-                    distance_m[j, i],
-                    levels_m[min(k + 1, nz - 1)] - levels_m[max(k - 1, 0)],
-                )
-                air = lit * shell_transmission(levels_m[k], mu, w, shells)
-                beam[k, j, i] = air * math.exp(-depth[k, j, i])
-                fields[k, j, i, channel] = depth[k, j, i] - math.log(max(air, 1e-12))
-                if at_ground < 0.0 and levels_m[k] >= ground:
-                    before = max(k - 1, 0)
-                    span = levels_m[k] - levels_m[before]
-                    c = (levels_m[k] - ground) / span if span > 0.0 else 0.0
-                    at_ground = depth[k, j, i] * (1 - c) + depth[before, j, i] * c
-            lit = lit_fraction(ground, shadow_m[j, i], distance_m[j, i], 20.0)
-            surface[j, i] = lit * shell_transmission(ground, mu, w, shells) * math.exp(-max(at_ground, 0.0))
-
-
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
-def lit_fraction(height_m, shadow_m, distance_m, softness_m):
-    """Share of the sun seen above a ridge: penumbra of the disc, at least ``softness_m`` wide."""
-    width = max(softness_m, 2.0 * SUN_RADIUS_RAD * distance_m)
-    return min(1.0, max(0.0, 1.0 - (shadow_m - height_m) / width))
-
 
 CLEAR_BLOCK = 32  # nodes of a row that are swept as clear or as cloudy together
 
@@ -391,7 +182,7 @@ def _recur(out, known, share, shift):
             break
         ends = begin + way * (part * quarter), begin + way * ((part + 1) * quarter - 1)
         lo, hi = min(ends), max(ends) + 1
-        _add(out[lo + 1 : hi + 1], last, share[lo:hi])
+        add(out[lo + 1 : hi + 1], last, share[lo:hi])
         last = out[ends[1] + 1]
     for n in range(4 * quarter, nx):
         a = begin + way * n
@@ -574,95 +365,6 @@ def _row_ends(row, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add(out, c, row):
-    """out += c row."""
-    for i in range(out.shape[0]):
-        out[i] += c * row[i]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add_four(out, c0, c1, c2, c3, r0, r1, r2, r3):
-    """out += sum of four rows: fewer passes over the row."""
-    for i in range(out.shape[0]):
-        out[i] += c0 * r0[i] + c1 * r1[i] + c2 * r2[i] + c3 * r3[i]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add_five(out, c0, c1, c2, c3, c4, r0, r1, r2, r3, r4):
-    """out += sum of five rows."""
-    for i in range(out.shape[0]):
-        out[i] += c0 * r0[i] + c1 * r1[i] + c2 * r2[i] + c3 * r3[i] + c4 * r4[i]
-
-
-class SparseRows(NamedTuple):
-    """Nonzeros of a matrix: those of row r are start[r] to start[r + 1]."""
-
-    start: np.ndarray
-    column: np.ndarray
-    value: np.ndarray
-
-
-class Mirrored(NamedTuple):
-    """Harmonics of ordinates, ``matrix``, as a product of two sparse matrices, and the way back, weighted.
-
-    Mirrored in x and y, an ordinate's harmonics change but in sign: those of one parity are summed once for up to
-    four ordinates (`parts`) and the sums combined with their signs (`whole`); `gather` and `spread` are the
-    transposes, with the ordinates' weights.
-    """
-
-    parts: SparseRows
-    whole: SparseRows
-    gather: SparseRows
-    spread: SparseRows
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add_products(first, second, rows, at, sums, out, out_at, count):
-    """Add (second matrix) (first matrix) (rows), ``count`` nodes from node ``at``, to ``out`` from node ``out_at``."""
-    for r in range(sums.shape[0]):
-        sums[r, :count] = _ZERO
-    sparse, x, x0, y, y0 = first, rows, at, sums, 0
-    for _ in range(2):
-        c, v = sparse.column, sparse.value
-        x1 = x0 + count
-        for r in range(sparse.start.shape[0] - 1):
-            row = y[r, y0 : y0 + count]
-            n, last = sparse.start[r], sparse.start[r + 1]
-            while n + 5 <= last:
-                _add_five(
-                    row,
-                    v[n],
-                    v[n + 1],
-                    v[n + 2],
-                    v[n + 3],
-                    v[n + 4],
-                    x[c[n], x0:x1],
-                    x[c[n + 1], x0:x1],
-                    x[c[n + 2], x0:x1],
-                    x[c[n + 3], x0:x1],
-                    x[c[n + 4], x0:x1],
-                )
-                n += 5
-            if n + 4 <= last:
-                _add_four(
-                    row,
-                    v[n],
-                    v[n + 1],
-                    v[n + 2],
-                    v[n + 3],
-                    x[c[n], x0:x1],
-                    x[c[n + 1], x0:x1],
-                    x[c[n + 2], x0:x1],
-                    x[c[n + 3], x0:x1],
-                )
-                n += 4
-            while n < last:
-                _add(row, v[n], x[c[n], x0:x1])
-                n += 1
-        sparse, x, x0, y, y0 = second, sums, 0, out, out_at
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _term(out, sigma, moment, sun_harmonic, beam):
     """sigma_l (I_lm + 4 pi Y_lm(sun) T')."""
     for i in range(out.shape[0]):
@@ -700,7 +402,7 @@ def _source_row(
     nx = beam.shape[2]
     extinction[:] = air_extinction[k]
     for s in range(ns):
-        _add(extinction[1 : nx + 1], scaled[s], species_extinction[s, k, j])
+        add(extinction[1 : nx + 1], scaled[s], species_extinction[s, k, j])
     _row_ends(extinction, periodic)
     count = degree * degree
     sigma = terms[count, lo:hi]
@@ -708,11 +410,11 @@ def _source_row(
     for ell in range(degree):
         sigma[:] = air_scattering[k, ell]
         for s in range(ns):
-            _add(sigma, scattering[s, ell], species_extinction[s, k, j, lo:hi])
+            add(sigma, scattering[s, ell], species_extinction[s, k, j, lo:hi])
         for index in range(ell * ell, (ell + 1) * (ell + 1)):
             _term(terms[index, lo:hi], sigma, moments[k, j, index, lo:hi], sun_harmonics[j, index, lo:hi], row_t)
     source[:, :] = _ZERO
-    _add_products(parts, whole, terms, lo, sums, source, lo + 1, hi - lo)
+    add_products(parts, whole, terms, lo, sums, source, lo + 1, hi - lo)
     for n in range(source.shape[0]):
         _row_ends(source[n], periodic)
 
@@ -725,7 +427,7 @@ def _collect_row(k, j, lo, hi, again, intensity, gather, spread, sums, moments):
     """
     if not again:
         moments[k, j, :, lo:hi] = _ZERO
-    _add_products(gather, spread, intensity, lo + 1, sums, moments[k, j], lo, hi - lo)
+    add_products(gather, spread, intensity, lo + 1, sums, moments[k, j], lo, hi - lo)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -1012,89 +714,3 @@ def add_prolonged(coarse, moments):
             for i in range(nx):
                 n = i // 2
                 out[i] += near * between[n] + far * between[min(last_i, n + 1) if i % 2 else max(0, n - 1)]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _haze_peak(cos_angle, phi, table, w):
-    """The haze's forward peak behind a delta-scaled forward depth ``phi``; as `prepare_ray`, for one place only."""
-    angle = math.acos(min(1.0, max(-1.0, cos_angle)))
-    t = math.sqrt(angle / math.pi) * (table.shape[1] - 1)
-    i = min(int(t), table.shape[1] - 2)
-    a = np.float32(t - i)
-    share = smoothstep((cos_angle - PEAK_OUTER) / (PEAK_INNER - PEAK_OUTER))
-    seen = (1.0 - share) * (table[0, i, 0, w] + a * (table[0, i + 1, 0, w] - table[0, i, 0, w]))
-    if share > 0.0:
-        p = phi / (1.0 + phi) * (table.shape[2] - 1)
-        q = min(int(p), table.shape[2] - 2)
-        p -= q
-        here = table[0, i, q, w] + a * (table[0, i + 1, q, w] - table[0, i, q, w])
-        beyond = table[0, i, q + 1, w] + a * (table[0, i + 1, q + 1, w] - table[0, i, q + 1, w])
-        seen += share * (here * (1.0 - p) + beyond * p)
-    return seen
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def view_source(
-    species_extinction,
-    scattering,
-    air_scattering,
-    air_forward,
-    beam,
-    sun_harmonics,
-    moments,
-    axes,
-    place,
-    levels_m,
-    eye,
-    parallel_view,
-    sun,
-    haze_table,
-    w,
-    forward_channel,
-    channel,
-    fields,
-):
-    """Smooth source toward one eye at every node, and the haze's forward peak, into fields[..., channel].
-
-    axes (ny, nx, 3, 3): the columns' own axes (rows) in the scene frame; place (ny, nx, 3): their sea-level points.
-    eye: the eye's position, or its viewing direction where ``parallel_view``. haze_table (angle, depth, PACK).
-    """
-    nz, ny, nx = beam.shape
-    ns = species_extinction.shape[0]
-    degree = air_scattering.shape[1]
-    for j in prange(ny):
-        harmonic = np.zeros(degree * degree)
-        for k in range(nz):
-            for i in range(nx):
-                a = axes[j, i]
-                if parallel_view:
-                    vx, vy, vz = eye[0], eye[1], eye[2]
-                else:
-                    h = levels_m[k]
-                    vx = place[j, i, 0] + h * a[2, 0] - eye[0]
-                    vy = place[j, i, 1] + h * a[2, 1] - eye[1]
-                    vz = place[j, i, 2] + h * a[2, 2] - eye[2]
-                    r = 1.0 / (math.sqrt(vx * vx + vy * vy + vz * vz) + 1e-6)
-                    vx, vy, vz = vx * r, vy * r, vz * r
-                lx = a[0, 0] * vx + a[0, 1] * vy + a[0, 2] * vz
-                ly = a[1, 0] * vx + a[1, 1] * vy + a[1, 2] * vz
-                lz = a[2, 0] * vx + a[2, 1] * vy + a[2, 2] * vz
-                harmonics(lx, ly, lz, degree, harmonic)
-                total = 0.0
-                for ell in range(degree):
-                    sigma = air_scattering[k, ell]
-                    for s in range(ns):
-                        sigma += scattering[s, ell] * species_extinction[s, k, j, i]
-                    if sigma == 0.0:
-                        continue
-                    part = 0.0
-                    for index in range(ell * ell, (ell + 1) * (ell + 1)):
-                        part += harmonic[index] * (
-                            moments[k, j, index, i] + _FOUR_PI * sun_harmonics[index, j, i] * beam[k, j, i]
-                        )
-                    total += sigma * part
-                if air_forward[k] > 0.0:
-                    cos_angle = vx * sun[0] + vy * sun[1] + vz * sun[2]
-                    seen = _haze_peak(cos_angle, fields[k, j, i, forward_channel], haze_table, w)
-                    total += air_forward[k] * seen * beam[k, j, i]
-                fields[k, j, i, channel] = total

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from openswim.transport.march import PACK, Shells, Volume
 from openswim.transport.medium import Medium
 from openswim.transport.shells import beam_transmission
+from openswim.transport.sun import direct_beam
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
-from openswim.transport.sweep import direct_beam
 
 if TYPE_CHECKING:
-    from openswim.transport.solver import GridLight, PackField
+    from openswim.transport.field import PackField
+    from openswim.transport.grid_light import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -1,0 +1,237 @@
+"""The light of a grid before it is seen: coefficients, the sun's beam, and the volume that rays march through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport import diffuse, swim
+from openswim.transport.eye_source import view_source
+from openswim.transport.march import DEGREE, PACK, Shells, Volume
+from openswim.transport.medium import Medium
+from openswim.transport.ordinates import harmonic_matrix
+from openswim.transport.peak import peak_tables
+from openswim.transport.sun import direct_beam, sun_sweep, terrain_shadow
+from openswim.transport.surface import Lighting
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_CLEAR_CELLS = 8
+
+
+@dataclass
+class GridLight:
+    """What the grid knows of the light: per wavelength the beam, the moments and the coefficients."""
+
+    medium: Medium
+    beams: list[F32]
+    moments: list[F32] | None
+    coefficients: list[diffuse.Coefficients]
+    sun_harmonics: F32
+    sun: F64
+    haze: F32  # (1, angle, depth, PACK) forward peak of the background aerosol
+    count: int
+    shadow_m: F64
+    ridge_m: F64
+    _aimed: tuple[bytes, bool] | None = None
+
+    def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
+        """Fill the source channels for one eye."""
+        key = (np.asarray(eye, float).tobytes(), parallel)
+        if self.moments is None or key == self._aimed:
+            return
+        m = self.medium
+        for w, c in enumerate(self.coefficients):
+            if w >= self.count:
+                volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
+                continue
+            view_source(
+                m.extinction, c.scattering, c.air_scattering, c.air_forward, self.beams[w], self.sun_harmonics,
+                self.moments[w], m.axes, m.place, m.levels_m, np.asarray(eye, float), parallel, self.sun, self.haze, w,
+                int(volume.forward_channel[w]), PACK + w, volume.fields,
+            )  # fmt: skip
+        self._aimed = key
+
+
+def forward_tables(medium: Medium, fast: bool) -> F32:
+    """Forward-peak tables of the species, then of the background aerosol; `swim` reads none in clouds."""
+    rows = [s.phase for s in medium.species]
+    if medium.air is not None:
+        last = peak_tables([medium.air.aerosol_phase], DEGREE)
+        clouds = peak_tables(rows, DEGREE) if rows and fast else np.zeros((len(rows), *last.shape[1:]), np.float32)
+        return np.concatenate([clouds, last])
+    if not rows or not fast:
+        return np.zeros((len(rows) + 1, 2, 2, PACK), np.float32)
+    clouds = peak_tables(rows, DEGREE)
+    return np.concatenate([clouds, np.zeros_like(clouds[:1])])
+
+
+def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse.Coefficients:
+    """Delta-scaled coefficients of species and air at one wavelength; `swim` keeps the full extinction."""
+    scaled, scattering = [], []
+    for s in medium.species:
+        chi = s.phase[w].moments(DEGREE + 1)
+        f = chi[-1] if fast else 0.0
+        k, omega = s.relative_extinction[w], s.single_scattering_albedo[w]
+        scaled.append(k * (1 - omega * f))
+        scattering.append(k * omega * (chi[:-1] - f))
+    above = medium.levels_m - shells.ground_m
+    if medium.air is None:
+        air_e, air_f, air_s = np.zeros(len(above)), np.zeros(len(above)), np.zeros((len(above), DEGREE))
+    else:
+        z = medium.air.height_m - shells.ground_m
+        air_e = np.interp(above, z, shells.extinction[:, w])
+        air_f = np.interp(above, z, shells.forward[:, w])
+        air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
+    f32 = np.float32
+    return diffuse.Coefficients(
+        np.array(scaled, f32),
+        np.array(scattering, f32).reshape(-1, DEGREE),
+        air_e.astype(f32),
+        air_s.astype(f32),
+        air_f.astype(f32),
+    )
+
+
+def _forward(medium: Medium, nw: int) -> F32:
+    """omega f per reference extinction (ns, nw): what delta scaling leaves in the beam."""
+    rows = [
+        [k * omega * phase.moments(DEGREE + 1)[-1]
+         for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
+        for s in medium.species
+    ]  # fmt: skip
+    return np.array(rows, np.float32).reshape(len(medium.species), nw)
+
+
+def sunlit_volume(
+    medium: Medium, coefficients: list[diffuse.Coefficients], local_sun: F64, fast: bool
+) -> tuple[Volume, list[F32]]:
+    """Sun sweeps, and the volume with all but its sources filled in."""
+    ns, nw = len(medium.species), PACK
+    scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
+    forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
+    second = forward if fast else swim.backscatter_weights(medium)
+    nz, ny, nx = medium.shape
+    origin, per_m, lookup = medium.level_lookup
+    # coefficients that agree within 2 % share a sweep
+    rows: list[F32] = []
+    index: dict[str, list[int]] = {"scaled": [], "second": []}
+    for name, matrix in (("scaled", scaled), ("second", second)):
+        for w in range(PACK):
+            same = [n for n, r in enumerate(rows) if np.allclose(r, matrix[:, w], rtol=0.02, atol=1e-6)]
+            if not same:
+                rows.append(matrix[:, w])
+            index[name].append(same[0] if same else len(rows) - 1)
+    kept = sorted(set(index["second"]))
+    forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
+    free_channel = 2 * PACK + ns + len(kept)
+    fields = np.zeros((nz, ny, nx, -(-(free_channel + 1) // PACK) * PACK), np.float32)
+    for s in range(ns):
+        fields[..., 2 * PACK + s] = medium.extinction[s]
+    spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
+    height = medium.levels_m[:, None, None]
+    occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
+    free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
+    fields[..., free_channel] = free
+    # where light is scattered or meets the ground, the way to the sun is followed exactly
+    exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
+    cell = np.array(medium.cell_m, float)
+    depths: list[F32] = []
+    for n, row in enumerate(rows):
+        total = np.tensordot(row, medium.extinction, axes=1).astype(np.float32)
+        depth = np.zeros((nz, ny, nx), np.float32)
+        if total.any():
+            sun_sweep(
+                total, exact, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m,
+                medium.periodic, depth,
+            )  # fmt: skip
+        if n in forward_channel:
+            fields[..., forward_channel[n]] = depth
+        depths.append(depth)
+    air = np.stack([[c.air_extinction for c in coefficients], [c.air_forward for c in coefficients]]).transpose(2, 0, 1)
+    volume = Volume(
+        medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
+        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields,
+        scaled,
+        forward,
+        np.array([forward_channel[n] for n in index["second"]]), np.ascontiguousarray(air, np.float32),
+        medium.terrain_m, _CLEAR_CELLS,
+    )  # fmt: skip
+    return volume, [depths[n] for n in index["scaled"]]
+
+
+def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
+    """Cells to the nearest occupied node in the largest-axis metric, up to `_CLEAR_CELLS` + 1."""
+    free = np.full(occupied.shape, _CLEAR_CELLS + 1, np.float32)
+    reached = occupied
+    free[reached] = 0
+    for n in range(1, _CLEAR_CELLS + 1):
+        grown = reached.copy()
+        for axis in range(3):
+            source = grown.copy()
+            for shift in (1, -1):
+                moved = np.roll(source, shift, axis)
+                if axis == 0 or not periodic:
+                    edge = [slice(None)] * 3
+                    edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+                    moved[tuple(edge)] = False
+                grown |= moved
+        free[grown & ~reached] = n
+        reached = grown
+    return free
+
+
+def beams_and_shadows(
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: list[F32],
+    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, haze: F32, count: int,
+) -> GridLight:  # fmt: skip
+    """Direct beam at the nodes and at the ground, terrain shadows included."""
+    nz, ny, nx = medium.shape
+    shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
+    terrain_shadow(
+        medium.terrain_m,
+        local_sun,
+        np.array(medium.cell_m, float),
+        medium.frame.radius_m,
+        medium.periodic,
+        shadow,
+        ridge,
+    )
+    beams: list[F32] = []
+    surface = np.zeros((ny, nx), np.float32)
+    for w in range(PACK):
+        if w >= count:  # padding
+            beams.append(beams[-1])
+            lighting.direct[w] = lighting.direct[w - 1]
+            volume.fields[..., w] = volume.fields[..., w - 1]
+            continue
+        beam = np.empty((nz, ny, nx), np.float32)
+        direct_beam(
+            depths[w], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells, beam, surface,
+            volume.fields, w,
+        )  # fmt: skip
+        beams.append(beam)
+        lighting.direct[w] = surface
+    lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
+    harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)
+    return GridLight(
+        medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge
+    )
+
+
+def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:
+    """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
+    node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
+    node = np.minimum(node, len(medium.levels_m) - 1)[None]
+    count = shells.sun_forward.shape[1]
+    horizon = float(shells.horizon[0])
+    t = np.sqrt(np.clip((lighting.mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    out = np.zeros((PACK, *medium.shape[1:]), np.float32)
+    for w in range(PACK):
+        air = np.interp(t, np.arange(count), shells.sun_forward[0, :, w])
+        cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
+        out[w] = air + (cloud if volume.forward.any() else 0.0)
+    return out
