@@ -37,8 +37,8 @@ NAMES = ("swim", "fast")
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: error of the field, relative,
-    at which sweeps end; it is estimated before a last correction, which leaves about a quarter. step: eye-ray step in cells. shadows, ground: whether terrain shades and rays reflect off the ground.
+    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: error of the field, relative, at which
+    sweeps end, estimated before a last correction that leaves about a quarter of it. step: eye-ray step in cells.
     """
 
     name: str = "fast"
