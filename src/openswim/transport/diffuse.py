@@ -108,13 +108,12 @@ class Sweeper:
 
     def answer(self, change: F32, tolerance: float, most: int) -> F32:
         """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
-        follows = self.sweep(change)
-        values, image = follows, follows
+        values = self.sweep(change)
         images: list[F32] = []
         residuals: list[F32] = []
         for _ in range(most):
             image = self.sweep(values + change)
-            residual = (image[:, :4] - values[:, :4]).ravel()
+            residual = image[:, :4] - values[:, :4]
             if float(np.linalg.norm(residual)) <= tolerance * float(np.linalg.norm(image[:, :4])):
                 break
             images, residuals = [*images, image][-3:], [*residuals, residual][-3:]
@@ -147,8 +146,9 @@ class Sweeper:
     ) -> tuple[F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image): adds to a sweep's result what is yet to follow from its change.
+        correct(change, image) adds to a sweep's result what is yet to follow from its change. The error is that of the worst level, since little light under a thick cloud is seen too.
         """
+        level = np.nonzero(self.place >= 0)[0]
         images: list[F32] = []
         residuals: list[F32] = []
         spare = None
@@ -156,13 +156,17 @@ class Sweeper:
             image = self.sweep(values, spare)
             if correct is not None:
                 correct(image - values, image)
-            residual = (image[:, :4] - values[:, :4]).ravel()
-            scale = float(np.linalg.norm(image[:, :4]))
-            if scale == 0 or float(np.linalg.norm(residual)) < tolerance * scale:
+            residual = image[:, :4] - values[:, :4]
+            size, change = (
+                np.bincount(level, np.einsum("nci,nci->n", a, a), len(self.place)) for a in (image[:, :4], residual)
+            )
+            floor = 1e-12 * size.max(initial=0.0) + 1e-30
+            if float(np.sqrt((change / np.maximum(size, floor)).max(initial=0.0))) < tolerance:
                 return image, n
             spare = images[0] if len(images) == memory else None
             images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
-            values = _anderson(images, residuals)
+            weight = (1 / np.sqrt(np.maximum(size, floor)))[level].astype(np.float32)
+            values = _anderson(images, [weight[:, None, None] * r for r in residuals])
         return image, most
 
 
@@ -170,8 +174,8 @@ def _anderson(images: list[F32], residuals: list[F32]) -> F32:
     """Combination of the images whose residual is least."""
     if len(images) == 1:
         return images[0].copy()
-    last = residuals[-1].astype(float)
-    differences = np.stack([r - last for r in residuals[:-1]])
+    last = residuals[-1].ravel().astype(float)
+    differences = np.stack([r.ravel() - last for r in residuals[:-1]])
     gram = differences @ differences.T
     gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
     weights = np.linalg.solve(gram, -(differences @ last))
