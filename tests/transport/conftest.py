@@ -5,8 +5,6 @@ import pytest
 KNOWN_DEFECTS = {
     "test_clear_conservative_air_gives_back_what_it_takes": "clear scenes do not fill up_top",
     "test_direct_flux_is_what_a_ray_to_the_sun_lets_through[haze]": "clear scenes: direct_bottom is delta-scaled",
-    "test_an_empty_grid_changes_nothing[haze-open sky]": "smooth light of the air is read at the nodes' own angles",
-    "test_an_empty_grid_changes_nothing[haze-aureole]": "smooth light of the air is read at the nodes' own angles",
     "test_wavelengths_do_not_know_of_each_other[one]": "sweeps stop before thick cloud has converged",
     "test_wavelengths_do_not_know_of_each_other[five]": "sweeps stop before thick cloud has converged",
 }

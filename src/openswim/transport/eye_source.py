@@ -64,12 +64,12 @@ def _row(
         total = spread_quadruple(_ZERO)
         p0, p1 = spread_quadruple(_ONE), angle
         for ell in range(DEGREE):
-            sigma = spread_quadruple(air_scattering[k, ell])
+            sigma = spread_quadruple(_ZERO)
             for s in range(extinction.shape[0]):
                 sigma += scattering[s, ell] * read_quadruple(extinction, s * nz * ny * nx + node)
-            write(scratch, ell * LANES, sigma)
-            # once scattered: 4 pi sum_m Y_lm(v) Y_lm(sun) = (2l+1) P_l
+            # once scattered: 4 pi sum_m Y_lm(v) Y_lm(sun) = (2l+1) P_l; by air at the ray's own angle, in the march
             total += sigma * lit * (np.float32(2 * ell + 1) * p0)
+            write(scratch, ell * LANES, sigma + air_scattering[k, ell])
             up = (np.float32((2 * ell + 3) / (ell + 2)) * angle) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
             p0, p1 = p1, up
         # the harmonics of `scalar.harmonics`, each used at once

@@ -155,15 +155,13 @@ def sunlit_volume(
         if n in forward_channel:
             fields[..., forward_channel[n]] = depth
         depths.append(depth)
-    air = np.zeros((nz, 4, PACK), np.float32)
-    air[:, 0] = np.stack([c.air_extinction for c in coefficients], axis=-1)
-    air[:, 1] = np.stack([c.air_forward for c in coefficients], axis=-1)
+    air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and bool(air[:, 1].any()), ns, cloud_channel, free_channel, fields, scaled, forward,
-        np.array([forward_channel[n] for n in index["second"]]), air.reshape(nz, 4 * PACK),
-        reach(air[:, 0]).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
+        fast and medium.air is not None, ns, cloud_channel, free_channel, fields, scaled, forward,
+        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return tidy(volume), [depths[n] for n in index["scaled"]]
 
@@ -239,7 +237,7 @@ def beams_and_shadows(
         )  # fmt: skip
         beams.append(beam)
         lighting.direct[w] = surface
-    _haze_depths(volume, shells, medium, float(sun[2]))
+    _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)
     return GridLight(
@@ -247,16 +245,18 @@ def beams_and_shadows(
     )
 
 
-def _haze_depths(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:
-    """Forward depth of the air to the sun on the levels, as above the scene's centre, into ``volume.air``."""
+def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:
+    """The shells' rows on the levels, and their forward depth to the sun as above the scene's centre."""
     above = np.maximum(medium.levels_m - shells.ground_m, 0.0)
+    level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
     r_ground = shells.radius_m + shells.ground_m
     horizon = -np.sqrt(above * (2 * r_ground + above)) / (r_ground + above)
     count = shells.slant.shape[1]
     column = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
-    level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
+    for c in range(4 * PACK):
+        volume.air[:, c] = np.interp(level, np.arange(len(shells.rows)), shells.rows[:, c])
     for w in range(PACK):
-        volume.air[:, 2 * PACK + w] = bilinear(shells.sun_forward[..., w], column, level)
+        volume.haze_depth[:, w] = bilinear(shells.sun_forward[..., w], column, level)
 
 
 def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:

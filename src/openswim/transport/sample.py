@@ -139,12 +139,12 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
         lower = _four(f, here + base, right, up, v00, v01, v10, v11)
         write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
     air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
-    air, forward = low(low(air_row)), high(low(air_row))
+    air, forward = low(low(air_row)), high(high(air_row))
     smooth = high(low(node))
     resolved = spread(_ZERO)
     extinction = air
     cloud = flat(nodes, volume.cloud_channel)
-    if cloud > _ZERO or volume.hazy:
+    if cloud > _ZERO or volume.shining:
         beam = transmission(low(low(node)))
         q, part = spread(_ZERO), spread(_ZERO)
         depths = peak.shape[1]
@@ -153,11 +153,14 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
             depth = pack_of(
                 flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
             )
-            q, part = _peak_place(depth + low(high(air_row)), depths)
+            haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
+            q, part = _peak_place(depth + haze, depths)
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
         single = spread(_ZERO)
-        if volume.hazy:
-            single = forward * read(ray, _HAZE)
+        if volume.shining:
+            # not from the nodes, whose own angles differ from the ray's
+            single = high(low(air_row)) * read(ray, _MOLECULES) + low(high(air_row)) * read(ray, _AEROSOL)
+            single += forward * read(ray, _HAZE)
             if share > _ZERO:
                 resolved = forward * _peak_at(peak, volume.species * depths * PACK, q, part)
         if cloud > _ZERO:

@@ -89,7 +89,7 @@ class Volume(NamedTuple):
     cell_m: F32  # (2,) nominal dx, dy
     spacing_m: F32  # (nz,) distance to the next level up
     periodic: bool
-    hazy: bool  # whether the air has a forward peak to be read
+    shining: bool  # whether the air scatters toward the eye
     species: int
     cloud_channel: int
     free_channel: int
@@ -97,7 +97,8 @@ class Volume(NamedTuple):
     scaled: F32  # (species, PACK) delta-scaled extinction per reference extinction
     forward: F32  # (species, PACK) omega f times relative extinction
     forward_channel: NDArray[np.int64]  # (PACK,) channel of the forward depth to the sun
-    air: F32  # (nz, 4 PACK) of the air on the levels: delta-scaled, forward extinction, forward depth to the sun, blank
+    air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
+    haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m
     terrain_m: F32  # (ny, nx)
     clear_cells: int  # longest step in clear air of the grid, in cells
