@@ -54,6 +54,20 @@ def test_rays_do_not_know_of_each_other(cumulus: Field) -> None:
         assert alone[1][0] == together[1][n]
 
 
+def test_parallel_rays_do_not_know_of_each_other(cumulus: Field) -> None:
+    """As a satellite sees: one direction, many origins."""
+    pack = cumulus.packs[0]
+    x, y = np.meshgrid(np.linspace(-700.0, 700.0, 50), np.linspace(-700.0, 700.0, 50))
+    origin = np.stack([x.ravel(), y.ravel(), np.full(x.size, 5000.0)], axis=-1)
+    cumulus.view(Rays(origin[:2], np.array([0.0, 0.0, -1.0])))
+    down = np.array([0.0, 0.0, -1.0])
+    world = (pack.sun, pack.table, pack.shells, pack.volume, 1.0)
+    together = march_rays(origin, down, *world)
+    assert np.ptp(together.full[:, 0]) > 0.5
+    for n in (0, 1234, 2499):
+        np.testing.assert_array_equal(march_rays(origin[n : n + 1], down, *world).radiance[0], together.radiance[n])
+
+
 @pytest.mark.parametrize("below_deg", [0.02, 0.2, 2.0])
 def test_grazing_rays_meet_the_airless_ground_where_geometry_says(below_deg: float) -> None:
     field = Solver().solve(Scene.clear(LAT, LON, None), np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM])

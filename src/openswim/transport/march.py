@@ -237,7 +237,7 @@ def _march_all(order, scratch, origin, direction, sun, table, shells, volume, hi
 
 def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
     """An order of rays in which those that look at about the same place follow each other, whatever the image."""
-    n = len(direction)
+    n = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))
     key = np.zeros(n, np.uint16)
     bins = int(np.clip((n / TILE / 3) ** 0.5, 1, 40))  # directions lie on a sphere: about 3 bins^2 are in use
     for vectors in (origin, direction):
