@@ -146,7 +146,8 @@ class Sweeper:
     ) -> tuple[F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image) adds to a sweep's result what is yet to follow from its change. The error is that of the worst level, since little light under a thick cloud is seen too.
+        correct(change, image) adds to a sweep's result what is yet to follow from its change. The error is that of
+        the worst level, since little light under a thick cloud is seen too.
         """
         level = np.nonzero(self.place >= 0)[0]
         images: list[F32] = []

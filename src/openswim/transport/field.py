@@ -17,10 +17,12 @@ from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport import swim
 from openswim.transport.grid_light import GridLight
-from openswim.transport.march import DEGREE, PACK, Shells, Volume, view_kernel
+from openswim.transport.march import NO_LIMIT, march_rays
 from openswim.transport.medium import Medium, air_of
+from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
+from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
 
 if TYPE_CHECKING:
     from openswim.transport.solver import Solver
@@ -154,57 +156,37 @@ class PackField:
             yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
-        origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)  # own, writable
-        n, nw = len(rays), PACK
-        scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        samples = np.zeros(n, np.int64)
+        origin, direction = rays.origins(), rays.directions()
         swim_mode = self.solver.name == "swim" and self.medium is not None
-        depth_limit = 2.0 if swim_mode else 1e30
-        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
-        seen_shells = swim.cloud_only(shells) if swim_mode else shells
-        view_kernel(
-            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance,
-            scaled,
-            full, depth, front, distance, samples,
+        seen = march_rays(
+            origin, direction, self.sun, self.table, swim.cloud_only(shells) if swim_mode else shells, self.volume,
+            self.solver.step, 2.0 if swim_mode else NO_LIMIT, out.species_depth.shape[1],
         )  # fmt: skip
+        radiance = seen.radiance
         np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
         if swim_mode:
             clear = self._clear_view(origin, direction, shells)
-            swim.merge(self, direction, origin, radiance, full, depth, front, clear)
-        hit = np.flatnonzero(distance >= 0)
-        position = np.full((n, 3), np.nan)
+            swim.merge(self, direction, origin, radiance, seen.full, seen.species_depth, seen.front, clear)
+        hit = np.flatnonzero(seen.distance_m >= 0)
+        position = np.full((len(rays), 3), np.nan)
         if hit.size:
-            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            through = full[hit] if swim_mode else scaled[hit]
+            position[hit] = origin[hit] + direction[hit] * seen.distance_m[hit, None]
+            through = seen.full[hit] if swim_mode else seen.scaled[hit]
             radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
-        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
-        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
-        return int(samples.sum())
+        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, seen.full, seen.distance_m
+        out.species_depth[part], out.hit[part], out.position[part] = seen.species_depth, seen.distance_m >= 0, position
+        return int(seen.samples.sum())
 
     def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
         """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
-        n = len(direction)
-        volume = self.volume._replace(fields=np.zeros((1, 1, 1, PACK), np.float32))
-        radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
-        view_kernel(
-            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, radiance, scaled, full,
-            np.zeros((n, max(1, volume.species)), np.float32), front, np.zeros(n), np.zeros(n, np.int64),
-        )  # fmt: skip
-        return radiance
+        volume = self.volume._replace(fields=blank_fields((1, 1, 1), 1))
+        return march_rays(origin, direction, self.sun, self.table, shells, volume, self.solver.step).radiance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
-        n, nw = len(place), PACK
-        work = [np.zeros((n, nw), np.float32) for _ in range(4)]
-        distance = np.zeros(n)
-        dark = np.zeros_like(self.table)
         lifted = place + np.array([0.0, 0.0, 1.0])
-        view_kernel(
-            lifted, np.tile(self.sun, (n, 1)), self.sun, dark, self.shells, self.volume, 1e30, 2.0, work[0], work[1],
-            work[2], np.zeros((n, max(1, self.volume.species)), np.float32), work[3], distance, np.zeros(n, np.int64),
-        )  # fmt: skip
-        return work[1] * (distance < 0)[:, None]
+        seen = march_rays(lifted, self.sun, self.sun, np.zeros_like(self.table), self.shells, self.volume, 2.0)
+        return seen.scaled * (seen.distance_m < 0)[:, None]
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""

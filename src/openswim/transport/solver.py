@@ -18,14 +18,15 @@ from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
-from openswim.transport.march import DEGREE, PACK, Shells
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.moments import Moments
 from openswim.transport.ordinates import Ordinates, ordinates_for
+from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
 from openswim.transport.sweep import OpticalGrid
+from openswim.transport.volume import DEGREE, Shells
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -115,7 +116,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
-    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, table[-1:], count)
+    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
     result.reach_deg = float(reach)

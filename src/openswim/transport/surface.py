@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport.march import PACK, Shells
 from openswim.transport.medium import Medium
 from openswim.transport.ordinates import Ordinates
+from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission, clear_radiance
+from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField

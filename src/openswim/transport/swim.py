@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.march import PACK, Shells, Volume
 from openswim.transport.medium import Medium
-from openswim.transport.shells import beam_transmission
+from openswim.transport.pack import PACK
+from openswim.transport.shells import beam_transmission, without_light
 from openswim.transport.sun import direct_beam
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
+from openswim.transport.volume import Shells, Volume
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField
@@ -34,9 +35,7 @@ def backscatter_weights(medium: Medium) -> F32:
 
 def cloud_only(shells: Shells) -> Shells:
     """Air that dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)."""
-    return shells._replace(
-        scattering=np.zeros_like(shells.scattering), forward=np.zeros_like(shells.forward), moments=shells.moments[:0]
-    )
+    return without_light(shells)
 
 
 def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64) -> None:
