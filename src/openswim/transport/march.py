@@ -26,6 +26,7 @@ from openswim.transport.scalar import (
     read_lanes,
     read_row,
     shadow_fraction,
+    share_of_step,
     smoothstep,
     spread,
     step_emission,
@@ -41,6 +42,7 @@ F64 = NDArray[np.float64]
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 DARK = 3e-5  # transmission below which a ray has seen enough
+NO_LIMIT = 1e30  # cloud depth that no ray meets
 SUN_RADIUS_RAD = 0.00465
 DEGREE = 5  # truncation order M of the smooth field: a constant, so that LLVM unrolls
 HARMONICS = DEGREE * (DEGREE + 1) // 2
@@ -458,8 +460,10 @@ def march_ray(
     """Follow one eye ray to the ground, to space, or until nothing more is seen.
 
     Leaves in ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT, the depth of
-    air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species.
-    ``depth_limit``: cloud depth that ends the source (Eq. 12). ``highest_m``: no ground is higher. ``nodes``: scratch.
+    air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species and, where it
+    has room for it, the mean distance (m) of the first unit of cloud depth.
+    ``depth_limit``: cloud depth that ends the source (Eq. 12); rays that have one do not stop where it is dark, for the
+    whole depth is asked of them. ``highest_m``: no ground is higher. ``nodes``: scratch.
     Returns (distance_m or -1, samples).
     """
     ns = volume.species
@@ -490,6 +494,8 @@ def march_ray(
     samples = 0
     hit, inside = False, False
     cloud_depth, near_cloud = _ZERO, _ZERO
+    place = 0.0
+    dark = np.float32(DARK if depth_limit >= NO_LIMIT else -1.0)
     free, along = _ZERO, _ZERO
     extinction, forward, smooth, peaked, air = spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO)
     while met and samples < MOST_SAMPLES:
@@ -535,9 +541,13 @@ def march_ray(
             if cloud > _ZERO:
                 for n in range(ns):
                     species_depth[n] += _HALF * ds * flat(nodes, 2 * PACK + n)
-            shining = _ONE if cloud_depth < depth_limit else _ZERO
-            fronting = _ONE if cloud_depth < _ONE else _ZERO
-            cloud_depth += _HALF * ds * (near_cloud + cloud)
+            added = _HALF * ds * (near_cloud + cloud)
+            fronting = _ONE
+            if cloud_depth + added > _ONE:
+                fronting = _ZERO
+                if cloud_depth < _ONE:
+                    fronting = share_of_step(near_cloud, cloud, ds, _ONE - cloud_depth)
+            place += (s - step * (1.0 - 0.5 * fronting)) * min(added, max(_ONE - cloud_depth, _ZERO))
             depth = _HALF * (extinction + extinction_far) * ds
             trans = transmission(depth)
             gain = scaled * step_emission(depth, trans, ds, smooth, smooth_far, extinction, extinction_far)
@@ -553,14 +563,26 @@ def march_ray(
                     extinction + forward,
                     extinction_far + forward_far,
                 )
-            radiance += shining * gain
+            if cloud_depth + added <= depth_limit:
+                radiance += gain
+            elif cloud_depth < depth_limit:
+                # the source ends within the step; where there is a limit no peak is resolved
+                part = share_of_step(near_cloud, cloud, ds, np.float32(depth_limit) - cloud_depth)
+                end = _lerp(extinction, extinction_far, part)
+                depth = _HALF * (extinction + end) * (part * ds)
+                radiance += scaled * step_emission(
+                    depth, transmission(depth), part * ds, smooth, _lerp(smooth, smooth_far, part), extinction, end
+                )
+            cloud_depth += added
             scaled *= trans
             full *= peak_trans
             front += fronting * _HALF * ds * (air + air_far)
         extinction, forward, smooth, peaked, air = extinction_far, forward_far, smooth_far, peaked_far, air_far
         near_cloud = cloud
-        if samples > 1 and (hit or largest(scaled) < DARK or h >= shells.top_m):
+        if samples > 1 and (hit or largest(scaled) < dark or h >= shells.top_m):
             break
+    if species_depth.shape[0] > ns and ns > 0:
+        species_depth[ns] = start + place / max(min(cloud_depth, _ONE), np.float32(1e-12))
     write(row, RADIANCE, radiance)
     write(row, SCALED, scaled)
     write(row, FULL, full)

@@ -308,6 +308,14 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
+    """Share (0..1) of a step after which ``optical_depth`` is met, extinction linear along it; it must be met."""
+    depth_per_m = optical_depth / step_m
+    square = extinction_near * extinction_near + np.float32(2.0) * (extinction_far - extinction_near) * depth_per_m
+    return min(np.float32(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, np.float32(0.0)))), _F1)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def height_m(x, y, z, radius_m):
     """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
     return height_of_square_m(x * x + y * y + z * (2.0 * radius_m + z), radius_m)
