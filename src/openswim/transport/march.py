@@ -459,9 +459,9 @@ def march_ray(
 ):
     """Follow one eye ray to the ground, to space, or until nothing more is seen.
 
-    Leaves in ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT, the depth of
-    air and haze in front of unit cloud depth; and in ``species_depth`` the optical depth of each species and, where it
-    has room for it, the mean distance (m) of the first unit of cloud depth.
+    Leaves in ``row`` (ROWS,): RADIANCE; SCALED, e^-tau', what the smooth field sees; FULL, e^-tau; FRONT, the mean
+    depth of air and haze in front of the first unit of cloud depth; and in ``species_depth`` the optical depth of each
+    species and, where it has room for it, the mean distance (m) of the first unit of cloud depth.
     ``depth_limit``: cloud depth that ends the source (Eq. 12); rays that have one do not stop where it is dark, for the
     whole depth is asked of them. ``highest_m``: no ground is higher. ``nodes``: scratch.
     Returns (distance_m or -1, samples).
@@ -494,7 +494,7 @@ def march_ray(
     samples = 0
     hit, inside = False, False
     cloud_depth, near_cloud = _ZERO, _ZERO
-    place = 0.0
+    place, passed = 0.0, spread(_ZERO)
     dark = np.float32(DARK if depth_limit >= NO_LIMIT else -1.0)
     free, along = _ZERO, _ZERO
     extinction, forward, smooth, peaked, air = spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO)
@@ -542,12 +542,15 @@ def march_ray(
                 for n in range(ns):
                     species_depth[n] += _HALF * ds * flat(nodes, 2 * PACK + n)
             added = _HALF * ds * (near_cloud + cloud)
-            fronting = _ONE
-            if cloud_depth + added > _ONE:
-                fronting = _ZERO
-                if cloud_depth < _ONE:
-                    fronting = share_of_step(near_cloud, cloud, ds, _ONE - cloud_depth)
-            place += (s - step * (1.0 - 0.5 * fronting)) * min(added, max(_ONE - cloud_depth, _ZERO))
+            step_air = _HALF * ds * (air + air_far)
+            if added > _ZERO and cloud_depth < _ONE:
+                taken, part = added, _ONE
+                if cloud_depth + added > _ONE:
+                    taken = _ONE - cloud_depth
+                    part = share_of_step(near_cloud, cloud, ds, taken)
+                place += (s - step * (1.0 - 0.5 * part)) * taken
+                front += taken * (passed + (_HALF * part) * step_air)
+            passed += step_air
             depth = _HALF * (extinction + extinction_far) * ds
             trans = transmission(depth)
             gain = scaled * step_emission(depth, trans, ds, smooth, smooth_far, extinction, extinction_far)
@@ -576,11 +579,11 @@ def march_ray(
             cloud_depth += added
             scaled *= trans
             full *= peak_trans
-            front += fronting * _HALF * ds * (air + air_far)
         extinction, forward, smooth, peaked, air = extinction_far, forward_far, smooth_far, peaked_far, air_far
         near_cloud = cloud
         if samples > 1 and (hit or largest(scaled) < dark or h >= shells.top_m):
             break
+    front *= _ONE / max(min(cloud_depth, _ONE), np.float32(1e-12))
     if species_depth.shape[0] > ns and ns > 0:
         species_depth[ns] = start + place / max(min(cloud_depth, _ONE), np.float32(1e-12))
     write(row, RADIANCE, radiance)
