@@ -15,9 +15,9 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport import swim
+from openswim.transport import swim_view
 from openswim.transport.grid_light import GridLight
-from openswim.transport.march import DEGREE, PACK, Shells, Volume, view_kernel
+from openswim.transport.march import DEGREE, NO_LIMIT, PACK, Shells, Volume, view_kernel
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
@@ -146,7 +146,7 @@ class PackField:
     def _tiles(self, rays: Rays) -> Iterator[Any]:
         """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
         plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
-        if plane_parallel and self.light is not None:
+        if plane_parallel and self.light is not None and self.light.moments is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
@@ -155,43 +155,27 @@ class PackField:
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
         origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)  # own, writable
-        n, nw = len(rays), PACK
-        scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        samples = np.zeros(n, np.int64)
-        swim_mode = self.solver.name == "swim" and self.medium is not None
-        depth_limit = 2.0 if swim_mode else 1e30
-        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
-        seen_shells = swim.cloud_only(shells) if swim_mode else shells
-        view_kernel(
-            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance,
-            scaled,
-            full, depth, front, distance, samples,
-        )  # fmt: skip
-        np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
-        if swim_mode:
-            clear = self._clear_view(origin, direction, shells)
-            swim.merge(self, direction, origin, radiance, full, depth, front, clear)
+        if self.solver.name == "swim" and self.medium is not None:
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
+            scaled = full
+        else:
+            n, nw = len(rays), PACK
+            radiance, scaled, full, front = (np.zeros((n, nw), np.float32) for _ in range(4))
+            distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
+            samples = np.zeros(n, np.int64)
+            view_kernel(
+                origin, direction, self.sun, self.table, shells, self.volume, NO_LIMIT, self.solver.step, radiance,
+                scaled, full, depth, front, distance, samples,
+            )  # fmt: skip
+            np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
         hit = np.flatnonzero(distance >= 0)
-        position = np.full((n, 3), np.nan)
+        position = np.full((len(rays), 3), np.nan)
         if hit.size:
             position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            through = full[hit] if swim_mode else scaled[hit]
-            radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
+            radiance[hit] += scaled[hit] * shade(self, shells, position[hit], direction[hit])
         out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
         out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
         return int(samples.sum())
-
-    def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
-        """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
-        n = len(direction)
-        volume = self.volume._replace(fields=np.zeros((1, 1, 1, PACK), np.float32))
-        radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
-        view_kernel(
-            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, radiance, scaled, full,
-            np.zeros((n, max(1, volume.species)), np.float32), front, np.zeros(n), np.zeros(n, np.int64),
-        )  # fmt: skip
-        return radiance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
@@ -201,8 +185,9 @@ class PackField:
         dark = np.zeros_like(self.table)
         lifted = place + np.array([0.0, 0.0, 1.0])
         view_kernel(
-            lifted, np.tile(self.sun, (n, 1)), self.sun, dark, self.shells, self.volume, 1e30, 2.0, work[0], work[1],
-            work[2], np.zeros((n, max(1, self.volume.species)), np.float32), work[3], distance, np.zeros(n, np.int64),
+            lifted, np.tile(self.sun, (n, 1)), self.sun, dark, self.shells, self.volume, NO_LIMIT, 2.0, work[0],
+            work[1], work[2], np.zeros((n, max(1, self.volume.species)), np.float32), work[3], distance,
+            np.zeros(n, np.int64),
         )  # fmt: skip
         return work[1] * (distance < 0)[:, None]
 

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics import Background
-from openswim.transport.march import PACK, SHELL_TABLE_PER_M, Shells, Volume, ground_radiance_rows, view_kernel
+from openswim.transport.march import (
+    NO_LIMIT,
+    PACK,
+    SHELL_TABLE_PER_M,
+    Shells,
+    Volume,
+    ground_radiance_rows,
+    view_kernel,
+)
 from openswim.transport.ordinates import hemisphere_product
 from openswim.transport.scalar import harmonics_symmetric
 
@@ -233,7 +241,7 @@ def clear_radiance(origin: Array, direction: Array, sun: Array, shells: Shells, 
     radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
     distance = np.zeros(n)
     view_kernel(
-        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), 1e30, scale, radiance,
+        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), NO_LIMIT, scale, radiance,
         scaled, full, np.zeros((n, 1), np.float32), front, distance, np.zeros(n, np.int64),
     )  # fmt: skip
     hit = np.flatnonzero(distance >= 0)

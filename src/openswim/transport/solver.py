@@ -44,6 +44,7 @@ class Solver:
     step: float = 1.0
     most_sweeps: int = 60
     fine_sweeps: int = 3
+    paper_phases: bool = False
 
     def __post_init__(self) -> None:
         if self.name == "reference":
