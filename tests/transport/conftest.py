@@ -7,8 +7,6 @@ KNOWN_DEFECTS = {
     "test_direct_flux_is_what_a_ray_to_the_sun_lets_through[haze]": "clear scenes: direct_bottom is delta-scaled",
     "test_an_empty_grid_changes_nothing[haze-open sky]": "the haze's peak is read at the nodes' own angles",
     "test_an_empty_grid_changes_nothing[haze-aureole]": "the haze's peak is read at the nodes' own angles",
-    "test_wavelengths_do_not_know_of_each_other[one]": "sweeps stop before thick cloud has converged",
-    "test_wavelengths_do_not_know_of_each_other[five]": "sweeps stop before thick cloud has converged",
     "test_horizon_dips_as_the_earth_curves[3000.0]": "rays in vacuum may stall on the round ground",
 }
 
