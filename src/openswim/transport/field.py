@@ -15,14 +15,14 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport import swim
+from openswim.transport import swim_view
 from openswim.transport.grid_light import GridLight
 from openswim.transport.march import NO_LIMIT, march_rays
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
-from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.volume import DEGREE, Shells, Volume
 
 if TYPE_CHECKING:
     from openswim.transport.solver import Solver
@@ -148,7 +148,7 @@ class PackField:
     def _tiles(self, rays: Rays) -> Iterator[Any]:
         """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
         plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
-        if plane_parallel and self.light is not None:
+        if plane_parallel and self.light is not None and self.light.moments is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
@@ -157,30 +157,25 @@ class PackField:
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()
-        swim_mode = self.solver.name == "swim" and self.medium is not None
-        seen = march_rays(
-            origin, direction, self.sun, self.table, swim.cloud_only(shells) if swim_mode else shells, self.volume,
-            self.solver.step, 2.0 if swim_mode else NO_LIMIT, out.species_depth.shape[1],
-        )  # fmt: skip
-        radiance = seen.radiance
-        np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
-        if swim_mode:
-            clear = self._clear_view(origin, direction, shells)
-            swim.merge(self, direction, origin, radiance, seen.full, seen.species_depth, seen.front, clear)
-        hit = np.flatnonzero(seen.distance_m >= 0)
+        if self.solver.name == "swim" and self.medium is not None:
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
+            scaled = full
+        else:
+            seen = march_rays(
+                origin, direction, self.sun, self.table, shells, self.volume, self.solver.step, NO_LIMIT,
+                out.species_depth.shape[1],
+            )  # fmt: skip
+            radiance, scaled, full, depth = seen.radiance, seen.scaled, seen.full, seen.species_depth
+            distance, samples = seen.distance_m, seen.samples
+            np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
+        hit = np.flatnonzero(distance >= 0)
         position = np.full((len(rays), 3), np.nan)
         if hit.size:
-            position[hit] = origin[hit] + direction[hit] * seen.distance_m[hit, None]
-            through = seen.full[hit] if swim_mode else seen.scaled[hit]
-            radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
-        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, seen.full, seen.distance_m
-        out.species_depth[part], out.hit[part], out.position[part] = seen.species_depth, seen.distance_m >= 0, position
-        return int(seen.samples.sum())
-
-    def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
-        """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
-        volume = self.volume._replace(fields=blank_fields((1, 1, 1), 1))
-        return march_rays(origin, direction, self.sun, self.table, shells, volume, self.solver.step).radiance
+            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
+            radiance[hit] += scaled[hit] * shade(self, shells, position[hit], direction[hit])
+        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
+        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
+        return int(samples.sum())
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""

@@ -46,6 +46,7 @@ class Solver:
     tolerance: float = 0.04
     step: float = 1.0
     most_sweeps: int = 60
+    paper_phases: bool = False
 
     def __post_init__(self) -> None:
         if self.name == "reference":
