@@ -11,6 +11,7 @@ from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
 
 if TYPE_CHECKING:
+    from openswim.ground import Ground
     from openswim.scene import Scene
 
 __all__ = ["Reader", "SceneInfo", "describe", "open_scene", "readers"]
@@ -18,12 +19,17 @@ __all__ = ["Reader", "SceneInfo", "describe", "open_scene", "readers"]
 ENTRY_POINT_GROUP = "openswim.readers"
 
 
-def open_scene(path: str | os.PathLike[str], time: Time = None) -> Scene:
+def open_scene(path: str | os.PathLike[str], time: Time = None, ground: Ground | None = None) -> Scene:
     """Open a model's file, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
     time : UTC; one of the file's times to within 1 s (default: its first).
+    ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     """
-    return _reader_of(Path(path)).read(Path(path), time)
+    if ground is not None:
+        ground.open()
+    scene = _reader_of(Path(path)).read(Path(path), time)
+    scene.ground = ground
+    return scene
 
 
 def describe(path: str | os.PathLike[str]) -> SceneInfo:

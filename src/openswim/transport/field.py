@@ -155,13 +155,29 @@ class PackField:
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
         origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)  # own, writable
-        n, nw = len(rays), PACK
+        n = len(rays)
+        depth = np.zeros((n, out.species_depth.shape[1]), np.float32)
+        radiance, through, full, distance, samples = self._march(origin, direction, shells, depth)
+        hit = np.flatnonzero(distance >= 0)
+        position = np.full((n, 3), np.nan)
+        if hit.size:
+            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
+            width = np.broadcast_to(rays.width_rad, n)[hit] * distance[hit]
+            eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
+            radiance[hit] += through[hit] * shade(self, shells, position[hit], direction[hit], width, eye)
+        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
+        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
+        return samples
+
+    def _march(self, origin: F64, direction: F64, shells: Shells, depth: F32) -> tuple[F32, F32, F32, F64, int]:
+        """Radiance without the ground's (n, PACK), what is left of the ground's light and of the sun's, distance (n,)
+        to the ground or -1, samples; fills in the depth of each species (n, ns)."""
+        n, nw = len(direction), PACK
         scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        samples = np.zeros(n, np.int64)
+        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
+        distance, samples = np.zeros(n), np.zeros(n, np.int64)
         swim_mode = self.solver.name == "swim" and self.medium is not None
         depth_limit = 2.0 if swim_mode else 1e30
-        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
         seen_shells = swim.cloud_only(shells) if swim_mode else shells
         view_kernel(
             origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance,
@@ -172,15 +188,20 @@ class PackField:
         if swim_mode:
             clear = self._clear_view(origin, direction, shells)
             swim.merge(self, direction, origin, radiance, full, depth, front, clear)
-        hit = np.flatnonzero(distance >= 0)
-        position = np.full((n, 3), np.nan)
+        return radiance, full if swim_mode else scaled, full, distance, int(samples.sum())
+
+    def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
+        """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
+        the ground or -1; what water mirrors."""
+        if self.light is not None:
+            self.light.aim(self.volume, eye, False)
+        depth = np.zeros((len(direction), max(self.volume.species, 1)), np.float32)
+        radiance, through, _, distance, _ = self._march(origin, direction, shells, depth)
+        hit = np.flatnonzero(distance > 0)
         if hit.size:
-            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            through = full[hit] if swim_mode else scaled[hit]
-            radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
-        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
-        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
-        return int(samples.sum())
+            place = origin[hit] + direction[hit] * distance[hit, None]
+            radiance[hit] += through[hit] * shade(self, shells, place, direction[hit], 0.01 * distance[hit])
+        return radiance, distance
 
     def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
         """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
