@@ -28,7 +28,8 @@ def open_scene(path: str | os.PathLike[str], time: Time = None, ground: Ground |
     if ground is not None:
         ground.open()
     scene = _reader_of(Path(path)).read(Path(path), time)
-    scene.ground = ground
+    if ground is not None:
+        scene.ground = ground
     return scene
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
+from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport.march import PACK, Shells
@@ -191,6 +192,10 @@ def shade(
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
     footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
     sample = surface_properties(scene, lat, lon, wl, footprint)
+    maps = height_maps(scene)
+    if maps:
+        own, known = mapped_normals(maps, frame, place, up, footprint)
+        normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
