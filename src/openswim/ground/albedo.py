@@ -200,7 +200,7 @@ def _snow_covered(
     cover = snow.resolved_cover(mean, _favour(data, near))
     bright = _snow_level(data, near, fraction, default.albedo, wavelengths)
     if "surface_albedo" not in data:
-        bright = land + snow.out_of_the_snow(default.albedo.mean(axis=1))[:, None] * (bright - land)
+        bright = land + _forest_stands_out(near, default.albedo)[:, None] * (bright - land)
     own = cover * (1 - default.snow)
     return land + own[:, None] * np.maximum(bright - land, 0.0), default.snow + own
 
@@ -224,6 +224,12 @@ def _favour(data: xr.Dataset, near: _Places) -> FloatArray:
     deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), 50.0**2))
     above = bilinear((height - mean) / deviation, near.ix, near.iy)
     return 0.75 * np.clip(above, -2.5, 2.5) + 0.66 * noise
+
+
+def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
+    """What snow lends of its albedo to the land (n,), by how green it is; woods and clearings are finer than the map."""
+    chance = normal_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)
+    return snow.out_of_the_snow(colour.mean(axis=1) * np.exp(0.35 * chance))
 
 
 def _land_level(

@@ -49,9 +49,9 @@ def out_of_the_snow(visible_albedo: FloatArray) -> FloatArray:
     """What snow lends of its albedo to land of a snow-free visible albedo (n,): .3 of it to forest, all to bare ground.
 
     Trees stand out of it: snow-covered evergreen forest has .2 to .3 in the visible, grassland .7 to .9 (MODIS,
-    Gao et al. 2005); the darkest green of a map (.03) is forest, .08 is not.
+    Gao et al. 2005); the darkest green of a map (.03) is forest, .1 is not.
     """
-    return np.interp(visible_albedo, [0.03, 0.08], [0.3, 1.0])
+    return np.interp(visible_albedo, [0.03, 0.1], [0.3, 1.0])
 
 
 def resolved_cover(fraction: FloatArray, favour: FloatArray) -> FloatArray:
