@@ -227,7 +227,7 @@ def _favour(data: xr.Dataset, near: _Places) -> FloatArray:
 
 
 def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
-    """What snow lends of its albedo to the land (n,), by how green it is; woods and clearings are finer than the map."""
+    """What snow lends of its albedo to land (n,), by how green it is; woods and clearings are finer than the map."""
     chance = normal_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)
     return snow.out_of_the_snow(colour.mean(axis=1) * np.exp(0.35 * chance))
 
