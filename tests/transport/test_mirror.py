@@ -47,7 +47,7 @@ def glance(azimuth_deg, depression_deg, height_m=300.0):
 def sky(field, place, direction):
     """What an eye at the water sees along the mirrored rays, each for itself."""
     up = direction * [1.0, 1.0, -1.0]
-    above = place + [0.0, 0.0, 1.0]
+    above = place + np.array([0.0, 0.0, 1.0])
     views = [field.view(Rays(above[n : n + 1], up[n : n + 1])).radiance for n in range(len(place))]
     return np.concatenate(views)
 
