@@ -65,15 +65,14 @@ def test_calm_water_is_a_mirror(lake) -> None:
     )
 
 
-def test_the_cloud_is_mirrored_where_it_stands(lake) -> None:
-    """Toward the north, at the altitude of the cloud's sunlit side, and not to either side of it."""
+def test_what_is_mirrored_is_where_it_stands(lake) -> None:
+    """Up over the northern horizon, under the cloud and past it: as the mirrored rays see it, each for itself."""
     depression = np.arange(8.0, 40.0, 2.0)
     eye, place, direction = glance(np.zeros(depression.size), depression)
     seen, there = mirrored(lake, eye, place, direction, 0.0)[:, 0], sky(lake, place, direction)[:, 0]
-    assert there.max() > 3 * there.min()  # a cloud and blue sky
-    assert depression[seen.argmax()] == pytest.approx(depression[there.argmax()], abs=4.0)
-    assert seen.max() > 0.6 * there.max()
-    assert np.corrcoef(seen, there)[0, 1] > 0.85
+    assert there.max() > 2 * there.min()  # there is something to be seen
+    assert np.corrcoef(seen, there)[0, 1] > 0.9
+    np.testing.assert_allclose(seen, there, rtol=0.4)  # slopes of 2 degrees smear the cloud's edge
 
 
 def test_waves_smear_the_image_and_keep_its_light(lake) -> None:
