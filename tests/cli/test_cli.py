@@ -35,7 +35,7 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[])
     scene = SimpleNamespace(grid=None, notes=["no ice species in the file: none assumed"])
 
-    def open_scene(path, time=None, around=None):
+    def open_scene(path, time=None, around=None, ground=None):
         calls.times.append(time)
         calls.places.append(around)
         return scene

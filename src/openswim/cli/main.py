@@ -93,6 +93,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
 @click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
 @click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option(
+    "--albedo", "albedo_maps", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of the ground's colour: GeoTIFF in any projection, Blue Marble tile or aerial photograph; may "
+    "be given several times.",
+)  # fmt: skip
+@click.option(
+    "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
+    help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
+)  # fmt: skip
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,

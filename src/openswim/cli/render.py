@@ -43,6 +43,8 @@ class RenderRequest:
     size: str | None = None
     solver: str = "fast"
     exposure: float | None = None
+    albedo_maps: tuple[Path, ...] = ()
+    height_maps: tuple[Path, ...] = ()
 
 
 def run(request: RenderRequest) -> None:
@@ -57,7 +59,11 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
 
-    scene = openswim.open_scene(request.file, time=request.time, around=neighbourhood(request, camera))
+    given = request.albedo_maps or request.height_maps
+    ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
+    scene = openswim.open_scene(
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+    )
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:

@@ -157,25 +157,43 @@ class PackField:
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()
-        if self.solver.name == "swim" and self.medium is not None:
-            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
-            scaled = full
-        else:
-            seen = march_rays(
-                origin, direction, self.sun, self.table, shells, self.volume, self.solver.step, NO_LIMIT,
-                out.species_depth.shape[1],
-            )  # fmt: skip
-            radiance, scaled, full, depth = seen.radiance, seen.scaled, seen.full, seen.species_depth
-            distance, samples = seen.distance_m, seen.samples
-            np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
+        n = len(rays)
+        radiance, through, full, distance, depth, samples = self._march(origin, direction, shells)
         hit = np.flatnonzero(distance >= 0)
-        position = np.full((len(rays), 3), np.nan)
+        position = np.full((n, 3), np.nan)
         if hit.size:
             position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            radiance[hit] += scaled[hit] * shade(self, shells, position[hit], direction[hit])
+            width = np.broadcast_to(rays.width_rad, n)[hit] * distance[hit]
+            eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
+            radiance[hit] += through[hit] * shade(self, shells, position[hit], direction[hit], width, eye)
         out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
         out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
-        return int(samples.sum())
+        return samples
+
+    def _march(self, origin: F64, direction: F64, shells: Shells) -> tuple[F32, F32, F32, F64, F32, int]:
+        """Radiance without the ground's (n, PACK), what is left of the ground's light and of the sun's, distance (n,)
+        to the ground or -1, depth of each species (n, ns), samples."""
+        if self.solver.name == "swim" and self.medium is not None:
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
+            return radiance, full, full, distance, depth, int(samples.sum())
+        seen = march_rays(
+            origin, direction, self.sun, self.table, shells, self.volume, self.solver.step, NO_LIMIT,
+            max(self.volume.species, 1),
+        )  # fmt: skip
+        radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
+        return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
+
+    def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
+        """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
+        the ground or -1; what water mirrors."""
+        if self.light is not None:
+            self.light.aim(self.volume, eye, False)
+        radiance, through, _, distance, _, _ = self._march(origin, direction, shells)
+        hit = np.flatnonzero(distance > 0)
+        if hit.size:
+            place = origin[hit] + direction[hit] * distance[hit, None]
+            radiance[hit] += through[hit] * shade(self, shells, place, direction[hit], 0.01 * distance[hit])
+        return radiance, distance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
