@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read when miepython is first imported
 
 @pytest.fixture(scope="session")
 def shared() -> Path:

@@ -32,11 +32,12 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
 @pytest.fixture
 def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
-    calls = SimpleNamespace(cameras=[], solvers=[], times=[])
+    calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[])
     scene = SimpleNamespace(grid=None, notes=["no ice species in the file: none assumed"])
 
-    def open_scene(path, time=None):
+    def open_scene(path, time=None, around=None):
         calls.times.append(time)
+        calls.places.append(around)
         return scene
 
     def render(scene, camera, solver="fast"):
@@ -49,6 +50,17 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     monkeypatch.setitem(vars(openswim), "render", render)
     monkeypatch.chdir(tmp_path)
     return calls
+
+
+def test_of_large_domains_the_part_that_the_view_needs_is_read(world) -> None:
+    assert run(["render", "file.nc", *ARGUMENTS, "-o", "a.png"]) == 0
+    assert run(["render", "file.nc", *ARGUMENTS, "--height", "10000", "--view", "panorama", "-o", "b.png"]) == 0
+    assert run(["render", "file.nc", "--x", "0", "--y", "0", "-o", "c.png"]) == 0
+    ground, aloft, flat = world.places
+    assert (ground.lat, ground.lon) == (world.cameras[0].lat, world.cameras[0].lon)
+    assert ground.if_large
+    assert ground.radius_m < aloft.radius_m < 1e6
+    assert flat is None
 
 
 def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

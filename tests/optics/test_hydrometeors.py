@@ -114,10 +114,29 @@ def test_ice_against_baum_habit_mixture():
         pytest.skip(f"no {path}")
     with xr.open_dataset(path) as data:
         i = int(np.abs(data.wavelength.values - data.wavelength.dtype.type(550e-9)).argmin())
-        row = data.isel(wavenumber=i).sel(effective_radius=34e-6, method="nearest").load()
-    assert phase_function("ice", 550.0).asymmetry == pytest.approx(float(row.asymmetry_factor), abs=0.01)
+        rows = data.isel(wavenumber=i).sel(effective_radius=[5e-6, 15e-6, 35e-6, 60e-6], method="nearest").load()
+    for radius, g in zip(rows.effective_radius.values, rows.asymmetry_factor.values, strict=True):
+        assert phase_function("ice", 550.0, float(radius)).asymmetry == pytest.approx(float(g), abs=0.006)
+    row = rows.isel(effective_radius=2)
     ours = float(extinction_per_m("ice", 1e-3, float(row.effective_radius)))
     assert ours == pytest.approx(float(row.mass_extinction_coefficient) * 1e-3, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "low", "high"),
+    # Josset et al. (2012): cirrus 33 +- 5; Pinnick et al. (1983), O'Connor et al. (2004): water clouds 18.5 +- 2
+    [("ice", 28, 38), ("liquid", 16, 21)],
+)
+def test_lidar_ratios(kind, low, high):
+    """Extinction over backscatter at 532 nm, sr."""
+    assert low < 4 * np.pi / phase_function(kind, 532.0).value(-1.0) < high
+
+
+def test_ice_has_no_bow():
+    """Side and back are smooth and flat within a factor of three, as roughened crystals are (Baum et al. 2014)."""
+    value = phase_function("ice", 550.0).value(np.cos(np.radians(np.arange(90, 176, 1.0))))
+    assert value.max() < 3 * value.min()
+    assert (np.diff(np.sign(np.diff(value))) != 0).sum() <= 1
 
 
 def test_water_hardly_absorbs():

@@ -328,6 +328,6 @@ def test_readers_of_other_packages_come_first(tmp_path, monkeypatch):
     (tmp_path / "scene.txt").write_text("clouds")
     try:
         assert open_scene(tmp_path / "scene.txt", "now") == "read scene.txt at now"
-        assert [reader.name for reader in readers.readers()] == ["texts", "WRF", "scene layout"]
+        assert readers.readers()[0].name == "texts"
     finally:
         readers.readers.cache_clear()

@@ -63,17 +63,19 @@ def demo(folder: Path) -> None:
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
+@click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
 @_debug
-def info(file: Path) -> None:
-    """Say what a file holds, and what will be assumed where it lacks something."""
-    from openswim.readers import describe
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+    """Say what FILES hold, and what will be assumed where they lack something."""
+    from openswim.cli.info import run
 
-    click.echo(str(describe(file)))
+    run(files, picture, time)
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--lat", type=float, help="Observer's latitude, degrees north.")
 @click.option("--lon", type=float, help="Observer's longitude, degrees east.")
 @click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
@@ -104,11 +106,14 @@ def info(file: Path) -> None:
     help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
 )  # fmt: skip
 @_debug
-def render(file: Path, outputs: tuple[Path, ...], **options: Any) -> None:
-    """Render what an observer in FILE would see."""
+def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) -> None:
+    """Render what an observer in FILE would see.
+
+    Several files of one model, or a pattern in quotes, are one series of times or the parts of one state.
+    """
     from openswim.cli.render import RenderRequest, run
 
-    run(RenderRequest(file=file, outputs=outputs, **options))
+    run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
 
 
 @cli.command()
@@ -122,6 +127,51 @@ def validate(directory: Path, solver: str, json_path: Path | None, seconds: floa
     from openswim.cli.validate import run
 
     run(directory, solver, json_path, seconds)
+
+
+@cli.group()
+def aerosol() -> None:
+    """Aerosol types, and phase functions from size and refractive index."""
+
+
+@aerosol.command("types")
+@_debug
+def aerosol_types() -> None:
+    """List the aerosol types that can be named wherever an aerosol is described."""
+    from openswim.cli.aerosol import list_types
+
+    list_types()
+
+
+@aerosol.command("fit")
+@click.option(
+    "--mode", "modes", multiple=True, metavar="RADIUS,STD[,AMOUNT]",
+    help="A lognormal mode: median radius in um, geometric standard deviation (above 1), relative amount (1). "
+    "May be given several times.",
+)  # fmt: skip
+@click.option("--by", type=click.Choice(("number", "volume")), default="number", show_default=True,
+              help="What --mode describes: median radius and amount by number or by volume.")  # fmt: skip
+@click.option(
+    "--index", "indices", multiple=True, metavar="[WAVELENGTH:]N+Ki",
+    help="Complex refractive index, such as 1.5+0.01i; one for all, or several such as 440:1.56+0.003i in nm.",
+)  # fmt: skip
+@click.option("--irregular", is_flag=True, help="Particles of size parameters above 3-8 are irregular, as dust is.")
+@click.option("--type", "type_name", help="Fit the phase function of a named type in place of --mode and --index.")
+@click.option("--wavelengths", default="615,546,450", show_default=True, help="Wavelengths in nm.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the fit to this file.")
+@click.option("--plot", "plot_path", type=click.Path(path_type=Path), help="Also draw the fit as this picture (.png).")
+@_debug
+def aerosol_fit(**options: Any) -> None:
+    """Fit the double Henyey-Greenstein function to Mie theory for given particles.
+
+    Prints g_1 (sharp lobe), g_2 (broad lobe), f_c (share of the sharp lobe) and f_b of Albers et al. 2020, Eq. 28, the
+    root mean square of ln(fit/Mie) over 1-180 degrees, and the single-scattering albedo.
+
+    Example: openswim aerosol fit --mode 0.12,1.5,0.03 --mode 2.3,1.8,0.47 --by volume --index 1.56+0.002i
+    """
+    from openswim.cli.aerosol import FitRequest, fit
+
+    fit(FitRequest(**options))
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from openswim.cameras import Camera
+    from openswim.readers import Neighbourhood
     from openswim.scene import Scene
     from openswim.transport import Solver
 
@@ -28,7 +29,7 @@ DARK_SUN_DEG = -6.0
 class RenderRequest:
     """The options of `openswim render`; None: not given."""
 
-    file: Path
+    file: Path | tuple[Path, ...]
     outputs: tuple[Path, ...]
     lat: float | None = None
     lon: float | None = None
@@ -61,8 +62,7 @@ def run(request: RenderRequest) -> None:
     from openswim.cli.estimate import announce
 
     solver = solver_of(request)
-
-    scene = openswim.open_scene(request.file, time=request.time)
+    scene = openswim.open_scene(request.file, time=request.time, around=neighbourhood(request, camera))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
@@ -73,6 +73,15 @@ def run(request: RenderRequest) -> None:
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
+    """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
+    from openswim.readers.neighbourhood import Neighbourhood, reach_m
+
+    if request.lat is None or request.lon is None:
+        return None
+    return Neighbourhood(request.lat, request.lon, reach_m(camera.height_m), if_large=True)
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":

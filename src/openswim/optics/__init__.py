@@ -1,5 +1,7 @@
 """Optical properties of air, aerosol, cloud and precipitation."""
 
+from openswim.optics.aerosol import aerosol_optics, aerosol_profile, aerosol_type
+from openswim.optics.fit import DoubleHGFit, fit_double_hg
 from openswim.optics.phase import (
     AlbersDHG,
     DoubleHenyeyGreenstein,
@@ -14,6 +16,7 @@ from openswim.optics.species import Background, OpticalSpecies, background, scen
 __all__ = [
     "AlbersDHG",
     "Background",
+    "DoubleHGFit",
     "DoubleHenyeyGreenstein",
     "HenyeyGreenstein",
     "Mixture",
@@ -21,6 +24,10 @@ __all__ = [
     "PhaseFunction",
     "Rayleigh",
     "TablePhase",
+    "aerosol_optics",
+    "aerosol_profile",
+    "aerosol_type",
     "background",
+    "fit_double_hg",
     "scene_optics",
 ]

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.optics.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, phases_at
+from openswim.optics.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, TablePhase, phases_at
 from openswim.scene.atmosphere import AerosolProfile
 
+if TYPE_CHECKING:
+    from openswim.scene.scene import Optics
+
+FloatArray = NDArray[np.float64]
+
 BACKSCATTER_FRACTION = 0.125  # b of Albers et al. 2020, Eq. 4
+
+# Made from size distribution and refractive index by tools/make_aerosol_tables.py, which names the sources.
+TABULATED = ("dust", "smoke", "sea_salt", "sulphate", "pollution")
+NAMES = ("continental", *TABULATED, "colorado_dust", "saudi_dust_pollution")
 
 
 @dataclass(frozen=True)
@@ -24,6 +36,22 @@ class AerosolType:
     angstrom_exponent: float
 
 
+class AerosolPhase(TablePhase):
+    """Phase function of a tabulated aerosol type at one of the table's wavelengths; saved by its name."""
+
+    def __init__(self, name: str, wavelength_nm: float):
+        tables = _tables()
+        known = tables["wavelength_nm"]
+        if name not in TABULATED or wavelength_nm not in known:
+            raise UserError(f"no aerosol table {name!r} at {wavelength_nm:g} nm")
+        self.name, self.wavelength_nm = name, float(wavelength_nm)
+        row = tables[f"{name}_log_value"][int(np.argmax(known == wavelength_nm))]
+        super().__init__(tables["angle_deg"], np.exp(row.astype(float)))
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"type": "aerosol", "name": self.name, "wavelength_nm": self.wavelength_nm}
+
+
 def double_hg(sharp_g: float, broad_g: float, sharp_fraction: float, f_b: float) -> PhaseFunction:
     """Pair of double Henyey-Greenstein functions (Albers et al. 2020, Eq. 28, corrected).
 
@@ -32,11 +60,13 @@ def double_hg(sharp_g: float, broad_g: float, sharp_fraction: float, f_b: float)
     return Mixture((sharp_fraction, 1 - sharp_fraction), (AlbersDHG(sharp_g, f_b), AlbersDHG(broad_g, f_b)))
 
 
+@cache
 def aerosol_type(name: str = "continental") -> AerosolType:
-    """A named type: "continental" (the default), "colorado_dust" or "saudi_dust_pollution".
+    """A named type, one of `NAMES`; "continental" is the default.
 
-    The dusts are Albers et al. 2020, Table 3 (corrected: its g_1 and g_2 columns are swapped relative to Eq.
-    28); the paper gives no Angstrom exponents, .6 (coarse and fine mixed) is ours.
+    dust, smoke, sea_salt, sulphate, pollution: Mie theory, large dust irregular (docs/optics.md). colorado_dust,
+    saudi_dust_pollution: Albers et al. 2020, Table 3 (corrected: its g_1 and g_2 columns are swapped relative to
+    Eq. 28); the paper gives no Angstrom exponents, .6 (coarse and fine mixed) is ours.
     """
     match name:
         case "continental":
@@ -55,7 +85,26 @@ def aerosol_type(name: str = "continental") -> AerosolType:
                 450.0: double_hg(0.933, 0.29, 0.53, 0.558),
             }
             return AerosolType(phase, 0.96, 0.6)
-    raise UserError(f"unknown aerosol type {name!r}; known: continental, colorado_dust, saudi_dust_pollution")
+        case _ if name in TABULATED:
+            return _tabulated(name)
+    raise UserError(f"unknown aerosol type {name!r}; known: {', '.join(NAMES)}")
+
+
+def _tabulated(name: str) -> AerosolType:
+    tables = _tables()
+    wavelengths = tables["wavelength_nm"].tolist()
+    slope = np.polyfit(np.log(wavelengths), np.log(tables[f"{name}_efficiency"]), 1)[0]
+    return AerosolType(
+        {wl: AerosolPhase(name, wl) for wl in wavelengths},
+        dict(zip(wavelengths, tables[f"{name}_albedo"].tolist(), strict=True)),
+        round(-float(slope), 3),
+    )
+
+
+@cache
+def _tables() -> dict[str, FloatArray]:
+    with (files("openswim.optics") / "data" / "mie_aerosol.npz").open("rb") as stream:
+        return dict(np.load(stream))
 
 
 def aerosol_profile(
@@ -76,6 +125,14 @@ def aerosol_profile(
     )
 
 
+def aerosol_optics(name: str) -> Optics:
+    """What `Scene(optics=...)` takes for `aerosol_extinction` or an `extinction_<name>` at 550 nm of a named type."""
+    from openswim.scene.scene import Optics
+
+    kind = aerosol_type(name)
+    return Optics(kind.single_scattering_albedo, kind.phase, "aerosol", kind.angstrom_exponent)
+
+
 def type_of_profile(profile: AerosolProfile | None) -> AerosolType:
     """The optical character of a 1-D profile; continental where it, or its phase function, is not given."""
     default = aerosol_type()
@@ -85,7 +142,7 @@ def type_of_profile(profile: AerosolProfile | None) -> AerosolType:
     return AerosolType(phase, profile.single_scattering_albedo, profile.angstrom_exponent)
 
 
-def spectral_albedo(kind: AerosolType, wavelengths_nm: ArrayLike) -> NDArray[np.float64]:
+def spectral_albedo(kind: AerosolType, wavelengths_nm: ArrayLike) -> FloatArray:
     """Single-scattering albedo at each wavelength, (nwl,)."""
     return interpolate_spectral(kind.single_scattering_albedo, wavelengths_nm)
 
@@ -95,11 +152,8 @@ def spectral_phase(kind: AerosolType, wavelengths_nm: ArrayLike) -> list[PhaseFu
     return phases_at(kind.phase, wavelengths_nm)
 
 
-def interpolate_spectral(
-    value: float | Mapping[float, float], wavelengths_nm: ArrayLike
-) -> NDArray[np.float64]:
-    """A constant, or a {wavelength_nm: value} mapping interpolated linearly (constant beyond its ends), as
-    (nwl,)."""
+def interpolate_spectral(value: float | Mapping[float, float], wavelengths_nm: ArrayLike) -> FloatArray:
+    """A constant, or a {wavelength_nm: value} mapping interpolated linearly (constant beyond its ends), as (nwl,)."""
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     if not isinstance(value, Mapping):
         return np.full(wavelengths.shape, float(value))

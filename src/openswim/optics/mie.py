@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 
 import numpy as np
@@ -11,36 +11,63 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.optics.phase import TablePhase
 
-KINDS = ("liquid", "rain")
+FloatArray = NDArray[np.float64]
+
+DEFAULT_RADIUS_M = {"liquid": 10e-6, "rain": 750e-6}
+KINDS = tuple(DEFAULT_RADIUS_M)
 
 
-@cache
-def phase_function(kind: str, wavelength_nm: float) -> TablePhase:
-    """Phase function of a size distribution of spheres; 400-700 nm, the nearest end beyond.
+@lru_cache(maxsize=256)
+def phase_function(kind: str, wavelength_nm: float, effective_radius_m: float | None = None) -> TablePhase:
+    """Phase function of a size distribution of spheres; 400-700 nm and the table's radii, the nearest end beyond.
 
-    "liquid": r_eff 10 um, effective variance .1. "rain": r_eff 750 um, exponential, averaged over the solar
-    disc. Logarithm interpolated linearly in wavelength between 400, 450, 500, 546, 580, 615, 660 and 700 nm.
+    "liquid": effective radius 2.5-40 um (default 10), gamma distribution of variance .1. "rain": 60-1200 um (750),
+    exponential, averaged over the solar disc. The logarithm is interpolated linearly in wavelength and in ln radius.
     """
-    tables = _tables()
-    position = _position(np.asarray(wavelength_nm, float))
-    lower = min(int(position), tables["wavelength_nm"].size - 2)
+    log_value = _tables()[f"{_checked(kind)}_log_value"]
+    blended = _between(kind, log_value, np.array([wavelength_nm]), _radius(kind, effective_radius_m))[0]
+    return TablePhase(_tables()[f"{kind}_angle_deg"], np.exp(blended))
+
+
+def single_scattering_albedo(
+    kind: str, wavelengths_nm: ArrayLike, effective_radius_m: float | None = None
+) -> FloatArray:
+    """Scattered share of the extinguished light, (nwl,); above .9995 in the visible."""
+    table = _tables()[f"{_checked(kind)}_albedo"]
+    return _between(kind, table, np.atleast_1d(np.asarray(wavelengths_nm, float)), _radius(kind, effective_radius_m))
+
+
+def extinction_efficiency(
+    kind: str, wavelength_nm: float, effective_radius_m: ArrayLike | None = None
+) -> NDArray[np.floating]:
+    """Extinction over geometric cross section (shape of the radius): 2 for large drops, 2.09 at 10 um, 2.2 at 3 um."""
+    table = _tables()[f"{_checked(kind)}_efficiency"]
+    (row,) = _at_wavelengths(table, np.array([float(wavelength_nm)]))
+    radius = np.asarray(_radius(kind, None) if effective_radius_m is None else effective_radius_m)
+    value = np.interp(radius, _tables()[f"{kind}_radius_um"] * 1e-6, row)
+    return value.astype(radius.dtype) if radius.dtype == np.float32 else value
+
+
+def _radius(kind: str, effective_radius_m: float | None) -> float:
+    return DEFAULT_RADIUS_M[kind] if effective_radius_m is None else float(effective_radius_m)
+
+
+def _between(kind: str, table: FloatArray, wavelengths_nm: FloatArray, radius_m: float) -> FloatArray:
+    """Table (nwl, nr, ...) at wavelengths (n,) and one radius: (n, ...)."""
+    log_radius = np.log(_tables()[f"{kind}_radius_um"] * 1e-6)
+    position = float(np.interp(np.log(radius_m), log_radius, np.arange(log_radius.size)))
+    lower = min(int(position), log_radius.size - 2)
     share = position - lower
-    log_value = tables[f"{_checked(kind)}_log_value"].astype(float)
-    blended = (1 - share) * log_value[lower] + share * log_value[lower + 1]
-    return TablePhase(tables[f"{kind}_angle_deg"], np.exp(blended))
+    return _at_wavelengths((1 - share) * table[:, lower] + share * table[:, lower + 1], wavelengths_nm)
 
 
-def single_scattering_albedo(kind: str, wavelengths_nm: ArrayLike) -> NDArray[np.float64]:
-    """Scattered share of the extinguished light, (nwl,); above .9997 in the visible."""
-    albedo = _tables()[f"{_checked(kind)}_albedo"]
-    return np.interp(
-        _position(np.atleast_1d(np.asarray(wavelengths_nm, float))), np.arange(albedo.size), albedo
-    )
-
-
-def _position(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at_wavelengths(table: FloatArray, wavelengths_nm: FloatArray) -> FloatArray:
+    """Table (nwl, ...) interpolated linearly to wavelengths (n,), the nearest end beyond."""
     known = _tables()["wavelength_nm"]
-    return np.interp(wavelength_nm, known, np.arange(known.size))
+    position = np.interp(wavelengths_nm, known, np.arange(known.size))
+    lower = np.minimum(position.astype(int), known.size - 2)
+    share = (position - lower).reshape(-1, *(1,) * (table.ndim - 1))
+    return np.asarray((1 - share) * table[lower] + share * table[lower + 1], float)
 
 
 def _checked(kind: str) -> str:
@@ -50,6 +77,6 @@ def _checked(kind: str) -> str:
 
 
 @cache
-def _tables() -> dict[str, NDArray[np.float64]]:
+def _tables() -> dict[str, FloatArray]:
     with (files("openswim.optics") / "data" / "mie_water.npz").open("rb") as stream:
         return dict(np.load(stream))

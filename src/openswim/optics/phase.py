@@ -189,7 +189,11 @@ class TablePhase(PhaseFunction):
             raise UserError("phase table: the values must be finite and positive")
         self.angle_deg = angle
         self._log_value = np.log(table)
-        self._log_value -= np.log(self._integrals(1)[0])
+        mean = float(self._integrals(1)[0])
+        if abs(mean - 1) > 1e-12:  # a saved table is left as it is, to the last bit
+            table = table / mean
+            self._log_value = np.log(table)
+        self._value = table
 
     def value(self, cos_scattering_angle: ArrayLike) -> FloatArray:
         mu = np.clip(np.asarray(cos_scattering_angle, float), -1.0, 1.0)
@@ -226,7 +230,7 @@ class TablePhase(PhaseFunction):
         return {
             "type": "table",
             "angle_deg": self.angle_deg.tolist(),
-            "value": np.exp(self._log_value).tolist(),
+            "value": self._value.tolist(),
         }
 
 
@@ -243,6 +247,10 @@ def phase_from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
             return Rayleigh(saved["depolarisation"])
         case "table":
             return TablePhase(saved["angle_deg"], saved["value"])
+        case "aerosol":
+            from openswim.optics.aerosol import AerosolPhase
+
+            return AerosolPhase(saved["name"], saved["wavelength_nm"])
         case unknown:
             raise UserError(f"unknown phase function type {unknown!r}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from openswim.scene.scene import Optics, Scene
 
 FloatArray = NDArray[np.float64]
+
+REFERENCE_NM = 550.0
+SPLIT_SPREAD = 0.25  # standard deviation of ln(effective radius) above which droplets are two species
 
 
 @dataclass
@@ -60,52 +64,95 @@ def scene_optics(scene: Scene, wavelengths_nm: ArrayLike) -> list[OpticalSpecies
     `scene.optics[name]`.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    found = [_hydrometeor(scene, kind, wavelengths) for kind in hydrometeors.HYDROMETEORS]
-    found.append(_aerosol(scene, wavelengths))
+    found = [one for kind in hydrometeors.HYDROMETEORS for one in _hydrometeor(scene, kind, wavelengths)]
+    found += _aerosol(scene, wavelengths)
     prefix = "extinction_"
     for name in map(str, scene.data.data_vars):
         if name.startswith(prefix):
             found.append(_direct(scene, name.removeprefix(prefix), wavelengths))
-    return [species for species in found if species is not None and species.extinction_per_m.any()]
+    return [species for species in found if species.extinction_per_m.any()]
 
 
-def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> OpticalSpecies | None:
+def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> list[OpticalSpecies]:
+    """One species at the mean effective radius; two where the model's own liquid radii differ much (`size_bins`)."""
     content = _field(scene, f"{kind}_content")
     if content is None:
-        return None
-    extinction = hydrometeors.extinction_per_m(
-        kind, content, _field(scene, f"{kind}_effective_radius"), _field(scene, f"{kind}_number")
-    )
+        return []
+    present = content > 0
+    if not present.any():
+        return []
+    own, number = (_field(scene, f"{kind}_{what}") for what in ("effective_radius", "number"))
+    given = tuple(None if field is None else field[present] for field in (own, number))
+    radius = hydrometeors.effective_radius_m(kind, content[present], *given)
+    extinction = hydrometeors.extinction_per_m(kind, content[present], *given)
+    extinction *= hydrometeors.extinction_factor(kind, REFERENCE_NM, radius)
+    informed = own is not None or number is not None
+    found = []
+    for name, mean_m, weight in size_bins(kind, radius, extinction, SPLIT_SPREAD if informed else np.inf):
+        on_grid = np.zeros(content.shape, np.float32)
+        on_grid[present] = extinction * weight
+        found.append(_of_size(name, kind, on_grid, mean_m, wavelengths))
+    return found
+
+
+def size_bins(
+    kind: str, radius_m: NDArray[np.floating], extinction: NDArray[np.floating], split_spread: float
+) -> list[tuple[str, float, NDArray[np.floating] | float]]:
+    """(name, effective radius, share of the extinction) of the species that stand for particles of many sizes.
+
+    The mean and standard deviation of ln radius are weighted by extinction. A standard deviation below
+    `split_spread`, or particles other than liquid: one species at the mean. Above: two, 1.25 standard deviations to
+    either side, with shares linear in ln radius between them. Where both are present their cloudbows and glories add.
+    """
+    log_radius, weight = np.log(radius_m, dtype=float), extinction / extinction.sum(dtype=float)
+    mean = float((weight * log_radius).sum())
+    spread = float(np.sqrt((weight * (log_radius - mean) ** 2).sum()))
+    if kind != "liquid" or spread <= max(split_spread, 1e-3):
+        return [(kind, float(np.exp(mean)), 1.0)]
+    low, high = mean - 1.25 * spread, mean + 1.25 * spread
+    large = np.clip((log_radius - low) / (high - low), 0.0, 1.0)
+    return [(f"{kind}, small", float(np.exp(low)), 1 - large), (f"{kind}, large", float(np.exp(high)), large)]
+
+
+def _of_size(
+    name: str, kind: str, extinction: NDArray[np.float32], radius_m: float, wavelengths: FloatArray
+) -> OpticalSpecies:
+    reference = hydrometeors.extinction_factor(kind, REFERENCE_NM, radius_m)
+    relative = [hydrometeors.extinction_factor(kind, float(wl), radius_m) / reference for wl in wavelengths]
     return OpticalSpecies(
-        name=kind,
+        name=name,
         kind=kind,
-        extinction_per_m=extinction.astype(np.float32),
-        relative_extinction=np.ones_like(wavelengths),
-        single_scattering_albedo=hydrometeors.single_scattering_albedo(kind, wavelengths),
-        phase=[hydrometeors.phase_function(kind, float(wl)) for wl in wavelengths],
+        extinction_per_m=extinction,
+        relative_extinction=np.array(relative, float),
+        single_scattering_albedo=hydrometeors.single_scattering_albedo(kind, wavelengths, radius_m),
+        phase=[hydrometeors.phase_function(kind, float(wl), radius_m) for wl in wavelengths],
         backscatter_fraction=hydrometeors.HYDROMETEORS[kind].backscatter_fraction,
     )
 
 
-def _aerosol(scene: Scene, wavelengths: FloatArray) -> OpticalSpecies | None:
+def _aerosol(scene: Scene, wavelengths: FloatArray) -> list[OpticalSpecies]:
     """3-D aerosol: optics of the scene if it gives them, else of its background aerosol, else continental."""
     extinction = _field(scene, "aerosol_extinction")
     if extinction is None:
-        return None
+        return []
     profile = None if scene.atmosphere is None else scene.atmosphere.aerosol
     character = aerosol.type_of_profile(profile)
     own = scene.optics.get("aerosol")
-    return OpticalSpecies(
-        name="aerosol",
-        kind="aerosol",
-        extinction_per_m=extinction,
-        relative_extinction=(wavelengths / 550.0) ** -character.angstrom_exponent,
-        single_scattering_albedo=aerosol.spectral_albedo(character, wavelengths)
-        if own is None
-        else _albedo("aerosol", own, wavelengths),
-        phase=phases_at(character.phase if own is None else own.phase, wavelengths),
-        backscatter_fraction=aerosol.BACKSCATTER_FRACTION,
-    )
+    exponent = own.angstrom_exponent if own is not None else None
+    exponent = character.angstrom_exponent if exponent is None else exponent
+    return [
+        OpticalSpecies(
+            name="aerosol",
+            kind="aerosol",
+            extinction_per_m=extinction,
+            relative_extinction=(wavelengths / REFERENCE_NM) ** -exponent,
+            single_scattering_albedo=aerosol.spectral_albedo(character, wavelengths)
+            if own is None
+            else _albedo("aerosol", own, wavelengths),
+            phase=phases_at(character.phase if own is None else own.phase, wavelengths),
+            backscatter_fraction=aerosol.BACKSCATTER_FRACTION,
+        )
+    ]
 
 
 def _direct(scene: Scene, name: str, wavelengths: FloatArray) -> OpticalSpecies:
@@ -118,7 +165,7 @@ def _direct(scene: Scene, name: str, wavelengths: FloatArray) -> OpticalSpecies:
         name=name,
         kind=optics.kind,
         extinction_per_m=extinction,
-        relative_extinction=np.ones_like(wavelengths),
+        relative_extinction=(wavelengths / REFERENCE_NM) ** -(optics.angstrom_exponent or 0.0),
         single_scattering_albedo=_albedo(name, optics, wavelengths),
         phase=phase,
         backscatter_fraction=_backscatter_fraction(optics.kind, phase),
@@ -135,6 +182,8 @@ def _backscatter_fraction(kind: str, phase: list[PhaseFunction]) -> float:
 
 
 def _albedo(name: str, optics: Optics, wavelengths: FloatArray) -> FloatArray:
+    if isinstance(optics.single_scattering_albedo, Mapping):
+        return aerosol.interpolate_spectral(optics.single_scattering_albedo, wavelengths)
     albedo = np.asarray(optics.single_scattering_albedo, float)
     if albedo.ndim and albedo.shape != wavelengths.shape:
         raise UserError(

@@ -1,34 +1,76 @@
-"""Readers turn a model's file into a Scene. Each looks at the content of a file, never at its name."""
+"""Readers turn a model's files into a Scene. Each looks at the content of a file, never at its name."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 from functools import cache
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
+from openswim.readers.neighbourhood import Neighbourhood, part_of
 
 if TYPE_CHECKING:
     from openswim.scene import Scene
 
-__all__ = ["Reader", "SceneInfo", "describe", "open_scene", "readers"]
+__all__ = ["Neighbourhood", "Reader", "SceneInfo", "describe", "open_scene", "readers"]
 
 ENTRY_POINT_GROUP = "openswim.readers"
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
-def open_scene(path: str | os.PathLike[str], time: Time = None) -> Scene:
-    """Open a model's file, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
+def open_scene(
+    path: Paths,
+    time: Time = None,
+    around: tuple[float, float] | Neighbourhood | None = None,
+    radius_km: float | None = None,
+) -> Scene:
+    """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
-    time : UTC; one of the file's times to within 1 s (default: its first).
+    path : one file, a pattern such as "wrfout_d01_*", or a list of files of one model: a time series, or the parts of
+        one state (pressure levels and surface).
+    time : UTC; one of the files' times to within 1 s (default: the first).
+    around : (latitude, longitude): only the part of the domain around this place, to `radius_km` (default 200 km) to
+        the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
+        followed on domains up to 130 degrees wide. Domains without a place on Earth are laid around it.
     """
-    return _reader_of(Path(path)).read(Path(path), time)
+    paths = files_of(path)
+    return _open(_reader_of_all(paths), paths, time, _neighbourhood(around, radius_km))
 
 
-def describe(path: str | os.PathLike[str]) -> SceneInfo:
-    """What a file holds and what will be assumed; `print(describe(path))` is `openswim info path`."""
-    return _reader_of(Path(path)).describe(Path(path))
+def describe(path: Paths) -> SceneInfo:
+    """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
+    paths = files_of(path)
+    reader: Any = _reader_of_all(paths)
+    if len(paths) == 1:
+        info: SceneInfo = reader.describe(paths[0])
+    elif hasattr(reader, "describe_parts"):
+        info = reader.describe_parts(paths)
+    else:
+        from openswim.readers.series import describe_series
+
+        info = describe_series(reader, paths)
+    return info
+
+
+def files_of(path: Paths) -> list[Path]:
+    """The files that a name, a pattern with * ? [ ], or a list of these stands for; each once, in order."""
+    given = [path] if isinstance(path, str | os.PathLike) else list(path)
+    found: list[Path] = []
+    for each in map(Path, given):
+        if each.exists() or not any(mark in str(each) for mark in "*?["):
+            found.append(each)
+            continue
+        hits = sorted(Path(each.anchor or ".").glob(str(each.relative_to(each.anchor) if each.anchor else each)))
+        if not hits:
+            raise UserError(f"{each}: no file matches this pattern")
+        found += hits
+    if not found:
+        raise UserError("no file given: name a model's file")
+    return list(dict.fromkeys(found))
 
 
 @cache
@@ -37,13 +79,69 @@ def readers() -> tuple[Reader, ...]:
     from importlib.metadata import entry_points
 
     from openswim.readers.cf import CFReader
+    from openswim.readers.cosp import COSPReader
+    from openswim.readers.grib import GRIBReader
+    from openswim.readers.gridded import GriddedReader
+    from openswim.readers.ifs_columns import IFSColumnsReader
+    from openswim.readers.laps import LAPSReader
+    from openswim.readers.les_text import LESTextReader
+    from openswim.readers.rams import RAMSReader
     from openswim.readers.wrf import WRFReader
 
     others: list[Reader] = []
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         made = entry.load()
         others.append(made() if isinstance(made, type) else made)
-    return (*others, WRFReader(), CFReader())
+    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader())
+    return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
+
+
+def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> Scene:
+    scene: Scene
+    if hasattr(reader, "read_parts"):
+        scene = reader.read_parts(paths, time, place)
+        return scene
+    if len(paths) > 1:
+        from openswim.readers.series import file_at
+
+        path, time = file_at(reader, paths, time, place)
+    else:
+        path = paths[0]
+    if place is None:
+        scene = reader.read(path, time)
+        return scene
+    if "around" in signature(reader.read).parameters:
+        scene = reader.read(path, time, around=place)
+        return scene
+    return part_of(reader.read(path, time), place)
+
+
+def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km: float | None) -> Neighbourhood | None:
+    if around is None:
+        if radius_km is not None:
+            raise UserError("radius_km needs around=(latitude, longitude)")
+        return None
+    if isinstance(around, Neighbourhood):
+        return around
+    return Neighbourhood(*around) if radius_km is None else Neighbourhood(*around, radius_m=1e3 * radius_km)
+
+
+def _reader_of_all(paths: Sequence[Path]) -> Reader:
+    """The reader that knows the files; one that joins parts may know some by the company they keep only."""
+    if len(paths) == 1:
+        return _reader_of(paths[0])
+    for path in paths:
+        if not path.exists():
+            raise UserError(unreadable(path))
+    known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
+    first = next((reader for reader in known.values() if reader is not None), None)
+    if first is None:
+        raise UserError(_why_unknown(paths[0]))
+    for path, reader in known.items():
+        joins: Any = getattr(first, "joins", None)
+        if reader is not first and not (reader is None and joins is not None and joins(path)):
+            raise UserError(f"{path}: not of the same model as the other files ({first.name}): open them one by one")
+    return first
 
 
 def _reader_of(path: Path) -> Reader:
@@ -56,14 +154,12 @@ def _reader_of(path: Path) -> Reader:
 
 
 def _why_unknown(path: Path) -> str:
-    from openswim.readers.base import open_netcdf
+    from openswim.readers.opening import opened
 
-    if path.is_dir():
-        return unreadable(path)
     names = ", ".join(reader.name for reader in readers())
-    with open_netcdf(path) as file:  # raises where the file is damaged or something else
-        found = ", ".join(list(file.variables)[:5]) or "no variables"
+    with opened(path, decode=False) as data:  # raises where the file is damaged or something else
+        found = ", ".join(list(map(str, data.variables))[:5]) or "no variables"
     return (
-        f"{path}: no reader ({names}) knows this netCDF file, which holds {found} ...: give a WRF file, or "
-        "write the layout of docs/scene-format.md"
+        f"{path}: no reader ({names}) knows this file, which holds {found} ...: docs/models.md says what each takes; "
+        "any model can write the layout of docs/scene-format.md"
     )

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 Time = str | np.datetime64 | datetime | None
 MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
+PLAUSIBLE_ELEMENTS = 20_000_000  # up to here no file is doubted
+_VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
 
 
 @runtime_checkable
@@ -103,7 +105,7 @@ def unreadable(path: Path) -> str:
     if magic.startswith((b"CDF", b"\x89HDF")):
         return f"{path}: truncated or damaged netCDF file: copy or download it again"
     if magic.startswith(b"GRIB"):
-        return f"{path}: a GRIB file, but no GRIB reader is installed: convert it (docs/scene-format.md)"
+        return f"{path}: damaged GRIB file: copy or download it again"
     return f"{path}: neither a netCDF file nor a Zarr folder"
 
 
@@ -116,6 +118,19 @@ def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:
             f"{path}: {name} declares {declared} values, more than {MAX_ELEMENTS:.0e}: damaged header, "
             "or crop the file first"
         )
+    if elements > PLAUSIBLE_ELEMENTS and elements > _VALUES_PER_BYTE * _packed_bytes(path):
+        declared = " x ".join(map(str, shape))
+        raise UserError(f"{path}: {name} declares {declared} values, more than the file can hold: damaged header")
+
+
+def _packed_bytes(path: Path) -> float:
+    """Size of a netCDF or HDF5 file; infinite for anything else, whose data may lie elsewhere."""
+    try:
+        with path.open("rb") as file:
+            packed = file.read(4) in (b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF")
+        return path.stat().st_size if packed else np.inf
+    except OSError:
+        return np.inf
 
 
 def parse_time(time: Time) -> np.datetime64 | None:

@@ -18,17 +18,15 @@ from openswim.readers.base import (
     iso,
     levels_text,
     naming,
-    open_netcdf,
     pick_time,
     place_text,
     spacing_text,
-    unreadable,
 )
 from openswim.readers.cf_fields import atmosphere_of, fields_of, optics_of
 from openswim.readers.cf_grid import grid_of, upright
+from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
 from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
-from openswim.scene.files import ZARR_MARKS
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
 _HELPERS = {
@@ -45,6 +43,7 @@ _HELPERS = {
     AEROSOL,
     *PROFILES,
 }
+_NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"
 
 
 class CFReader:
@@ -55,7 +54,7 @@ class CFReader:
     def detects(self, path: Path) -> bool:
         """True for files that say so, and for those with dimensions z, y, x and a variable of the layout."""
         try:
-            with _opened(path) as data:
+            with opened(path, decode=False) as data:
                 on_levels = set(LEVEL_DIMS) <= set(data.dims)
                 known = any(is_known(str(name)) for name in data.variables)
                 return "openswim_layout" in data.attrs or (on_levels and known)
@@ -69,7 +68,7 @@ class CFReader:
             for name in data.variables:
                 check_size(path, str(name), data[name].shape)
             notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
-            with _reading(path):
+            with reading(path, _NOT_THE_LAYOUT):
                 data = upright(data)
                 grid = grid_of(data, notes)
                 fields = fields_of(data, grid, notes)
@@ -91,7 +90,7 @@ class CFReader:
             times = _times(whole)
             data = upright(_at_time(path, whole, None)[0])
             notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
-            with _reading(path):
+            with reading(path, _NOT_THE_LAYOUT):
                 grid = grid_of(data, notes)
             names = [str(name) for name in data.data_vars if is_known(str(name))]
             expected = [f"{species}_content" for species in HYDROMETEORS] + [
@@ -119,38 +118,17 @@ class CFReader:
 @contextmanager
 def _opened(path: Path) -> Iterator[xr.Dataset]:
     """The file as a lazy dataset; missing values become NaN, times datetime64."""
-    if path.is_dir():
-        if not any((path / mark).exists() for mark in ZARR_MARKS):
-            raise UserError(unreadable(path))
-        engine = "zarr"
-    else:
-        open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
-        engine = "netcdf4"
-    try:
-        data = xr.open_dataset(path, engine=engine, decode_timedelta=False, chunks=None)
-    except Exception as error:  # the back ends raise anything on damaged files
-        raise UserError(f"{path}: cannot be opened ({_one_line(error)})") from error
-    with data:
+    with opened(path) as data:
         layout = data.attrs.get("openswim_layout", LAYOUT)
-        if int(layout) > LAYOUT:
+        try:
+            known = int(layout) <= LAYOUT
+        except (TypeError, ValueError):
+            raise UserError(f"{path}: openswim_layout is {str(layout)[:20]!r}, not a number: damaged file") from None
+        if not known:
             raise UserError(
                 f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
             )
         yield data
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise UserError(
-            f"{path}: cannot be read ({_one_line(error)}): damaged, or not as docs/scene-format.md describes"
-        ) from error
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:160]
 
 
 def _times(data: xr.Dataset) -> NDArray[np.datetime64]:

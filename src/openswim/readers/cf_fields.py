@@ -43,21 +43,27 @@ def fields_of(data: xr.Dataset, grid: Grid | None, notes: list[str]) -> xr.Datas
 
 def optics_of(data: xr.Dataset) -> dict[str, Optics]:
     """Optical properties kept as attributes of extinction_<name> (and of aerosol_extinction)."""
+    from openswim.optics.aerosol import aerosol_optics
     from openswim.optics.phase import phase_from_dict
 
     found = {}
     for name, field in data.data_vars.items():
         if str(name) != "aerosol_extinction" and not str(name).startswith(DIRECT_PREFIX):
             continue
+        species = "aerosol" if str(name) == "aerosol_extinction" else str(name).removeprefix(DIRECT_PREFIX)
+        if "aerosol_type" in field.attrs:
+            found[species] = aerosol_optics(str(field.attrs["aerosol_type"]))
+            continue
         if "phase_function" not in field.attrs:
             if str(name) == "aerosol_extinction":
                 continue
             raise UserError(
                 f"{name} lacks the attribute phase_function, for example "
-                '\'{"type": "henyey_greenstein", "g": 0.85}\''
+                '\'{"type": "henyey_greenstein", "g": 0.85}\', or aerosol_type, for example "dust"'
             )
-        species = "aerosol" if str(name) == "aerosol_extinction" else str(name).removeprefix(DIRECT_PREFIX)
-        albedo = field.attrs.get("single_scattering_albedo", 1.0)
+        albedo = _maybe_json(str(name), "single_scattering_albedo", field.attrs.get("single_scattering_albedo", 1.0))
+        if isinstance(albedo, dict):
+            albedo = {float(wavelength): float(value) for wavelength, value in albedo.items()}
         phase: Any = _json(str(name), "phase_function", field.attrs["phase_function"])
         if "spectral" in phase:
             phase = {
@@ -65,10 +71,12 @@ def optics_of(data: xr.Dataset) -> dict[str, Optics]:
             }
         else:
             phase = phase_from_dict(phase)
+        exponent = field.attrs.get("angstrom_exponent")
         found[species] = Optics(
-            albedo if np.ndim(albedo) == 0 else np.asarray(albedo, float),
+            albedo if isinstance(albedo, dict) or np.ndim(albedo) == 0 else np.asarray(albedo, float),
             phase,
             str(field.attrs.get("kind", "other")),
+            None if exponent is None else float(exponent),
         )
     return found
 
@@ -81,9 +89,9 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     if AEROSOL in data.variables:
         known = AerosolProfile.__dataclass_fields__
         described = {
-            key: _maybe_json(AEROSOL, key, value)
+            key: value if key == "aerosol_type" else _maybe_json(AEROSOL, key, value)
             for key, value in data[AEROSOL].attrs.items()
-            if key in known
+            if key in known or key == "aerosol_type"
         }
         aerosol = AerosolProfile.from_dict(described)
     if not any(name in data.variables for name in PROFILES):

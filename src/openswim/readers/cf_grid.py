@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,13 +62,16 @@ def _crs(data: xr.Dataset) -> CRS | None:
         for field in data.data_vars.values()
     }
     name = next(iter(named - {""}), GRID_MAPPING)
-    if name not in data.variables:
-        return None
+    return crs_from_cf(name, data[name].attrs) if name in data.variables else None
+
+
+def crs_from_cf(name: str, attributes: Mapping[Any, Any]) -> CRS:
+    """The projection that the attributes of a CF grid mapping variable describe."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     try:
-        return CRS.from_cf(dict(data[name].attrs))
+        return CRS.from_cf(dict(attributes))
     except (CRSError, KeyError, ValueError, TypeError) as error:
         raise UserError(
             f"the grid mapping {name} is not understood ({' '.join(str(error).split())[:120]}): "
@@ -78,6 +82,11 @@ def _crs(data: xr.Dataset) -> CRS | None:
 def _earth_radius_m(data: xr.Dataset, crs: CRS | None, notes: list[str]) -> float:
     if "earth_radius_m" in data.attrs:
         return float(data.attrs["earth_radius_m"])
+    return sphere_of(crs, notes)
+
+
+def sphere_of(crs: CRS | None, notes: list[str]) -> float:
+    """Radius [m] of the sphere that a projection stands on; 6371 km for none and for ellipsoids."""
     if crs is None or crs.ellipsoid is None:
         return EARTH_RADIUS_M
     if crs.ellipsoid.inverse_flattening == 0.0:

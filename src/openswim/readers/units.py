@@ -6,8 +6,8 @@ import re
 
 # canonical unit: {spelling: (factor, offset)}
 _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
-    "kg m-3": {"g m-3": (1e-3, 0.0), "mg m-3": (1e-6, 0.0)},
-    "m": {"km": (1e3, 0.0), "cm": (1e-2, 0.0), "mm": (1e-3, 0.0), "um": (1e-6, 0.0)},
+    "kg m-3": {"g m-3": (1e-3, 0.0), "mg m-3": (1e-6, 0.0), "ug m-3": (1e-9, 0.0)},
+    "m": {"km": (1e3, 0.0), "cm": (1e-2, 0.0), "mm": (1e-3, 0.0), "um": (1e-6, 0.0), "gpm": (1.0, 0.0)},
     "nm": {"um": (1e3, 0.0), "m": (1e9, 0.0)},
     "m-3": {"cm-3": (1e6, 0.0), "l-1": (1e3, 0.0)},
     "m-1": {"km-1": (1e-3, 0.0), "Mm-1": (1e-6, 0.0)},
@@ -16,6 +16,10 @@ _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
     "1": {"%": (1e-2, 0.0)},
     "m s-1": {"km h-1": (1.0 / 3.6, 0.0), "knot": (1852.0 / 3600.0, 0.0)},
     "degrees": {},
+    "kg kg-1": {"1": (1.0, 0.0), "g kg-1": (1e-3, 0.0), "mg kg-1": (1e-6, 0.0), "ug kg-1": (1e-9, 0.0)},
+    "kg-1": {},
+    "m2 s-2": {"gpm": (9.80665, 0.0)},
+    "kg m-2 s-1": {},
 }
 _SPELLING = {
     "meter": "m",
@@ -38,6 +42,12 @@ _SPELLING = {
     "pascal": "Pa",
     "mb": "mbar",
     "millibar": "mbar",
+    "millibars": "mbar",
+    "hectopascals": "hPa",
+    "degrees kelvin": "K",
+    "kelvins": "K",
+    "deg k": "K",
+    "degk": "K",
     "kelvin": "K",
     "celsius": "degC",
     "degree_celsius": "degC",
@@ -49,6 +59,10 @@ _SPELLING = {
     "-": "1",
     "none": "1",
     "fraction": "1",
+    "fractional": "1",
+    "(0 - 1)": "1",
+    "proportion": "1",
+    "boolean": "1",
     "dimensionless": "1",
     "degree": "degrees",
     "degrees_east": "degrees",
@@ -60,16 +74,22 @@ _SPELLING = {
 }
 
 
+_TERMS = {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s", "seconds": "s", "\u00b5g": "ug"}
+
+
 def canonical(units: str) -> str:
     """One spelling of a unit: "kg/m^3", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
     text = re.sub(r"\*\*|\^", "", units.strip()).replace(".", " ").replace("*", " ").replace("#", "1")
     above, _, below = text.partition("/")
-    terms = [term for term in above.split() if term != "1" or not below]
+    terms = [term for term in above.split() if term != "1"]
     terms += [
         re.sub(r"(\d*)$", lambda power: f"-{power[1] or 1}", term, count=1)
         for term in re.split(r"[ /]+", below)
         if term
     ]
+    terms = terms or ["1"]
+    if len(terms) > 1:  # single ones are in the table
+        terms = [re.sub(r"^[a-z\u00b5]+", lambda word: _TERMS.get(word[0], word[0]), term) for term in terms]
     joined = " ".join(terms)
     return _SPELLING.get(joined, _SPELLING.get(joined.lower(), joined))
 

@@ -10,6 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.aerosol_species import AerosolSum
+from openswim.readers.air import relative_humidity
 from openswim.readers.base import (
     SceneInfo,
     Time,
@@ -21,37 +23,20 @@ from openswim.readers.base import (
 )
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
-from openswim.scene import Grid, Scene
-from openswim.scene.checks import checked_values
-from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS, Variable
+from openswim.readers.wrf_particles import AEROSOL, CONTENTS, EXPECTED, aerosol, hydrometeors, mixing_ratio
+from openswim.scene import Grid, Optics, Scene
+from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
-CONTENTS = {
-    "QCLOUD": "liquid",
-    "QRAIN": "rain",
-    "QICE": "ice",
-    "QSNOW": "snow",
-    "QGRAUP": "graupel",
-    "QHAIL": "graupel",
-}
-NUMBERS = {
-    "QNCLOUD": "liquid",
-    "QNDROP": "liquid",
-    "QNRAIN": "rain",
-    "QNICE": "ice",
-    "QNSNOW": "snow",
-    "QNGRAUPEL": "graupel",
-}
-RADII = {"RE_CLOUD": "liquid", "RE_ICE": "ice", "RE_SNOW": "snow"}
 SURFACE_FIELDS = ("HGT", "LANDMASK", "XLAND", "SNOWC", "SEAICE", "ALBEDO", "U10", "V10")
 LOW_TOP_M = 10_000.0
+_FULL_COVER_SNOW_KG_M2 = np.float32(15.0)
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1, these four as in WRF share/module_model_constants.F
 VAPOUR_GAS_CONSTANT = 461.6
 HEAT_CAPACITY = 7.0 * DRY_AIR_GAS_CONSTANT / 2.0
 REFERENCE_PRESSURE_PA = 1e5
 BASE_THETA_K = 300.0
-_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
 
 
 class WRFReader:
@@ -76,8 +61,11 @@ class WRFReader:
             valid = file.go_to(time)
             notes: list[str] = []
             grid = wrf_grid(file, notes)
-            levels, air = _air(file, notes)
-            levels |= _hydrometeors(file, air, notes)
+            levels, air, humidity = _air(file, notes)
+            levels |= hydrometeors(file, air, notes)
+            haze = aerosol(file, air, humidity, notes)
+            if haze is not None:
+                levels["aerosol_extinction"] = haze.extinction_per_m
             surface = _surface(file, grid, notes)
             notes += _absences(file)
             top_m = float(np.max(grid.height_m[-1]))
@@ -88,11 +76,24 @@ class WRFReader:
             return Scene(
                 grid,
                 xr.Dataset(fields),
-                _atmosphere(notes),
+                _atmosphere(notes, haze),
+                _optics(haze),
                 time=valid,
                 source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
                 notes=notes,
             )
+
+    def times(self, path: Path) -> list[np.datetime64]:
+        """Valid times of a file, UTC."""
+        with WRFFile(path) as file, naming(path):
+            return list(file.times())
+
+    def grid(self, path: Path, time: Time = None) -> Grid:
+        """The grid at one time (nests move)."""
+        with WRFFile(path) as file, naming(path):
+            _need(file)
+            file.go_to(time)
+            return wrf_grid(file, [])
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents of a file, from its header and the geopotential of the first time."""
@@ -105,7 +106,7 @@ class WRFReader:
             _atmosphere(notes)
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
-            everything = (*NEEDED, "QVAPOR", *(name for name in CONTENTS if name != "QHAIL"), *SURFACE_FIELDS)
+            everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
             return SceneInfo(
                 path=str(path),
                 model=str(file.attr("TITLE", "WRF")).strip(),
@@ -114,7 +115,8 @@ class WRFReader:
                 spacing=spacing_text(grid),
                 levels=levels_text(grid),
                 times=times,
-                species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file],
+                species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file]
+                + [f"aerosol ({name})" for name in AEROSOL if name in file],
                 surface=[name for name in SURFACE_FIELDS if name in file],
                 missing=[name for name in everything if name not in file],
                 assumed=notes,
@@ -130,8 +132,10 @@ def _need(file: WRFFile) -> None:
         )
 
 
-def _air(file: WRFFile, notes: list[str]) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32]]:
-    """Pressure [Pa] and temperature [K] as scene variables, and the density of dry air [kg m-3].
+def _air(
+    file: WRFFile, notes: list[str]
+) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.float32]]:
+    """Pressure [Pa] and temperature [K] as scene variables, the density of dry air [kg m-3], relative humidity.
 
     Density includes the vapour: rho_d = p/(R_d T (1 + r_v R_v/R_d)).
     """
@@ -142,42 +146,11 @@ def _air(file: WRFFile, notes: list[str]) -> tuple[dict[str, NDArray[np.float32]
     temperature = theta * (pressure / np.float32(REFERENCE_PRESSURE_PA)) ** np.float32(
         DRY_AIR_GAS_CONSTANT / HEAT_CAPACITY
     )
-    vapour = _mixing_ratio(file, "QVAPOR", notes) if "QVAPOR" in file else np.zeros_like(pressure)
+    vapour = mixing_ratio(file, "QVAPOR", notes) if "QVAPOR" in file else np.zeros_like(pressure)
     moist = 1.0 + vapour * np.float32(VAPOUR_GAS_CONSTANT / DRY_AIR_GAS_CONSTANT)
     dry_density = (pressure / (DRY_AIR_GAS_CONSTANT * temperature * moist)).astype(np.float32)
-    return {"air_pressure": pressure, "air_temperature": temperature}, dry_density
-
-
-def _mixing_ratio(file: WRFFile, name: str, notes: list[str]) -> NDArray[np.float32]:
-    return checked_values(name, file.field(name, MASS_LEVELS, "kg kg-1"), _MIXING_RATIO, notes)
-
-
-def _hydrometeors(
-    file: WRFFile, dry_density: NDArray[np.float32], notes: list[str]
-) -> dict[str, NDArray[np.float32]]:
-    """Contents [kg m-3], numbers [m-3] and effective radii [m] in the file; hail joins graupel."""
-    fields: dict[str, NDArray[np.float32]] = {}
-    for name, species in CONTENTS.items():
-        if name in file:
-            content = _mixing_ratio(file, name, notes) * dry_density
-            target = f"{species}_content"
-            fields[target] = fields[target] + content if target in fields else content
-    if fields and not any(content.any() for content in fields.values()):
-        notes.append("all cloud and precipitation fields are zero: a clear sky")
-    if "QHAIL" in file:
-        notes.append("QHAIL is counted as graupel")
-    for name, species in NUMBERS.items():
-        mixed = species == "graupel" and "QHAIL" in file  # the number would describe only part of the mass
-        if name in file and f"{species}_content" in fields and not mixed:
-            fields[f"{species}_number"] = np.maximum(file.field(name, MASS_LEVELS, "kg-1"), 0.0) * dry_density
-    for name, species in RADII.items():
-        if name in file and f"{species}_content" in fields:
-            radius = file.field(name, MASS_LEVELS, "m")
-            if radius.any():
-                fields[f"{species}_effective_radius"] = radius
-            else:
-                notes.append(f"{name} is zero everywhere: effective radius of {species} from its content")
-    return fields
+    humidity = relative_humidity(pressure, temperature, (vapour / (1 + vapour)).astype(np.float32))
+    return {"air_pressure": pressure, "air_temperature": temperature}, dry_density, humidity
 
 
 def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[np.float32]]:
@@ -190,6 +163,9 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
     ):
         if name in file:
             fields[target] = file.field(name, SURFACE, units)
+    if "SNOWC" not in file and "SNOW" in file:
+        fields["snow_area_fraction"] = np.clip(file.field("SNOW", SURFACE, "kg m-2") / _FULL_COVER_SNOW_KG_M2, 0.0, 1.0)
+        notes.append("snow cover from SNOW: 15 kg m-2 hide the ground")
     if "LANDMASK" in file:
         fields["land_area_fraction"] = file.field("LANDMASK", SURFACE)
     elif "XLAND" in file:
@@ -213,14 +189,14 @@ def _absences(file: WRFFile) -> list[str]:
     notes = []
     if "QVAPOR" not in file:
         notes.append("no QVAPOR in the file: dry air assumed for density")
-    absent = {name: species for name, species in CONTENTS.items() if name not in file and name != "QHAIL"}
+    absent = {name: CONTENTS[name] for name in EXPECTED if name not in file}
     if absent:
         notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
     if "HGT" not in file:
         notes.append("no HGT in the file: terrain height from the ground map")
     if "LANDMASK" not in file and "XLAND" not in file:
         notes.append("no LANDMASK or XLAND in the file: land and water from the ground map")
-    if "SNOWC" not in file:
+    if "SNOWC" not in file and "SNOW" not in file:
         notes.append("no SNOWC in the file: no snow on the ground assumed")
     if "SEAICE" not in file:
         notes.append("no SEAICE in the file: no sea ice assumed")
@@ -231,8 +207,20 @@ def _absences(file: WRFFile) -> list[str]:
     return notes
 
 
-def _atmosphere(notes: list[str]) -> Any:
-    from openswim.scene.atmosphere import Atmosphere
+def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Any:
+    """The default gas; the default aerosol where the model has none, and under the model's smoke."""
+    from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 
-    notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-    return Atmosphere.us_standard()
+    if haze is None or haze.labels == ["smoke"]:
+        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+        return Atmosphere.us_standard()
+    notes.append("gas background: US standard atmosphere")
+    return Atmosphere.us_standard(aerosol=AerosolProfile(optical_depth=0.0, angstrom_exponent=haze.angstrom))
+
+
+def _optics(haze: AerosolSum | None) -> dict[str, Optics]:
+    if haze is None:
+        return {}
+    from openswim.optics.phase import HenyeyGreenstein
+
+    return {"aerosol": Optics(haze.albedo, HenyeyGreenstein(haze.asymmetry), "aerosol")}

@@ -48,7 +48,7 @@ class AerosolProfile:
     Extinction is ~ exp(-(z - base) / scale height) above the base, constant below it, zero above 30 km; the
     optical depth is that of the column above the base. `single_scattering_albedo` and `phase` are one value
     for all wavelengths, or a mapping {wavelength_nm: value} that is interpolated; `phase=None` means HG with
-    g = .65.
+    g = .65. `openswim.optics.aerosol_profile("dust", .3)` makes one of a named type.
     """
 
     optical_depth: float = 0.05
@@ -97,16 +97,24 @@ class AerosolProfile:
 
     @staticmethod
     def from_dict(saved: Mapping[str, Any]) -> AerosolProfile:
+        """The profile that `to_dict` described; "aerosol_type" names a type that gives what else is lacking."""
+        from openswim.optics.aerosol import aerosol_profile
         from openswim.optics.phase import phase_from_dict
 
         kwargs = dict(saved)
-        albedo, phase = kwargs.get("single_scattering_albedo"), kwargs.get("phase")
+        if (name := kwargs.pop("aerosol_type", None)) is not None:
+            named = aerosol_profile(str(name))
+            for key in ("angstrom_exponent", "single_scattering_albedo", "phase"):
+                kwargs.setdefault(key, getattr(named, key))
+        albedo = kwargs.get("single_scattering_albedo")
         if isinstance(albedo, Mapping):
             kwargs["single_scattering_albedo"] = {float(wl): value for wl, value in albedo.items()}
-        if phase is not None and "spectral" in phase:
-            kwargs["phase"] = {float(wl): phase_from_dict(p) for wl, p in phase["spectral"].items()}
-        elif phase is not None:
-            kwargs["phase"] = phase_from_dict(phase)
+        if isinstance(saved.get("phase"), Mapping):
+            spectral = saved["phase"].get("spectral")
+            if spectral is None:
+                kwargs["phase"] = phase_from_dict(saved["phase"])
+            else:
+                kwargs["phase"] = {float(wl): phase_from_dict(p) for wl, p in spectral.items()}
         return AerosolProfile(**kwargs)
 
 

@@ -61,9 +61,11 @@ def to_dataset(scene: Scene) -> xr.Dataset:
         albedo = optics.single_scattering_albedo
         data[target].attrs |= {
             "kind": optics.kind,
-            "single_scattering_albedo": albedo if isinstance(albedo, float) else [float(a) for a in albedo],
+            "single_scattering_albedo": _albedo_attribute(albedo),
             "phase_function": json.dumps(_phase_dict(optics.phase)),
         }
+        if optics.angstrom_exponent is not None:
+            data[target].attrs["angstrom_exponent"] = float(optics.angstrom_exponent)
     data.attrs = {
         "Conventions": "CF-1.11",
         "title": "OpenSWIm scene",
@@ -117,6 +119,12 @@ def _with_grid(data: xr.Dataset, grid: Grid) -> xr.Dataset:
     )
     data[GRID_MAPPING] = ((), np.int32(0), _plain(grid.crs.to_cf()))
     return data
+
+
+def _albedo_attribute(albedo: Any) -> Any:
+    if isinstance(albedo, Mapping):
+        return json.dumps({str(wavelength): float(value) for wavelength, value in albedo.items()})
+    return albedo if isinstance(albedo, float) else [float(a) for a in albedo]
 
 
 def _phase_dict(phase: Any) -> dict[str, Any]:

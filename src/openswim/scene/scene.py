@@ -30,19 +30,27 @@ DEFAULT_ALBEDO = 0.15
 class Optics:
     """Optical properties of a species given directly by its extinction.
 
-    single_scattering_albedo : scalar, or one value for each wavelength that will be asked for.
+    single_scattering_albedo : scalar, one value for each wavelength that will be asked for, or {wavelength_nm: value}.
     phase : its phase function (mean 1 over the sphere), or {wavelength_nm: phase function}.
     kind : "liquid", "ice", "rain", "snow", "graupel", "aerosol" or "other".
+    angstrom_exponent : the field is extinction at 550 nm, and follows this power; None: the same at all wavelengths
+        (of "aerosol": as the background aerosol's).
+
+    `openswim.optics.aerosol_optics` makes one from the name of an aerosol type.
     """
 
-    single_scattering_albedo: float | NDArray[np.float64]
+    single_scattering_albedo: float | NDArray[np.float64] | Mapping[float, float]
     phase: PhaseFunction | Mapping[float, PhaseFunction]
     kind: str = "other"
+    angstrom_exponent: float | None = None
 
     def __post_init__(self) -> None:
-        albedo = np.asarray(self.single_scattering_albedo, dtype=np.float64)
+        given = self.single_scattering_albedo
+        albedo = np.asarray(list(given.values()) if isinstance(given, Mapping) else given, dtype=np.float64)
         if albedo.ndim > 1 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
             raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
+        if isinstance(given, Mapping):
+            return
         object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
 
 

@@ -19,7 +19,7 @@ from openswim.optics.phase import PhaseFunction
 
 F64 = NDArray[np.float64]
 
-HALF_NODES = 1024  # nodes from 0 to 90 degrees, at q = (i/n)^4, and mirrored from 90 to 180
+HALF_NODES = 1536  # nodes from 0 to 90 degrees, at q = (i/n)^4, and mirrored from 90 to 180
 _GUIDES = 1024
 
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)

@@ -1,0 +1,63 @@
+"""Several files of one model as one series of times, and the finest of several nested domains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from openswim.errors import UserError
+from openswim.readers.base import SceneInfo, Time, iso, parse_time, times_text
+from openswim.readers.neighbourhood import Neighbourhood
+
+
+def file_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> tuple[Path, Time]:
+    """The file that holds a time (default: the first of all), and that time.
+
+    Where several do (nested domains), the finest that covers the place; without a place, the coarsest.
+    """
+    times = {path: _times(reader, path) for path in paths}
+    everything = np.unique(np.concatenate([np.asarray(each, "datetime64[ms]") for each in times.values()]))
+    if not everything.size:
+        raise UserError(f"{paths[0]}: several files without times: open them one by one")
+    wanted = parse_time(time)
+    if wanted is None:
+        wanted = everything[0]
+    near = everything[np.argmin(np.abs(everything - wanted))]
+    if abs(near - wanted) > np.timedelta64(1, "s"):
+        raise UserError(f"{paths[0]}: no time {iso(wanted)} in it and the others; they have {times_text(everything)}")
+    holding = [path for path in paths if near in np.asarray(times[path], "datetime64[ms]")]
+    if len(holding) > 1:
+        return _nested(reader, holding, near, place), near
+    return holding[0], near
+
+
+def describe_series(reader: Any, paths: Sequence[Path]) -> SceneInfo:
+    """The first file's description, with the times of all."""
+    first: SceneInfo = reader.describe(paths[0])
+    times = sorted({time for path in paths for time in reader.describe(path).times})
+    return replace(first, path=f"{paths[0]} and {len(paths) - 1} more", times=times)
+
+
+def _times(reader: Any, path: Path) -> list[np.datetime64]:
+    if hasattr(reader, "times"):
+        return list(reader.times(path))
+    return [np.datetime64(time, "ms") for time in reader.describe(path).times]
+
+
+def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neighbourhood | None) -> Path:
+    if not hasattr(reader, "grid"):
+        raise UserError(f"{paths[0]} and {paths[1]} both hold {iso(time)}: open one of them")
+    grids = {path: reader.grid(path, time) for path in paths}
+    by_cell = sorted(paths, key=lambda path: grids[path].spacing_m()[0])
+    if place is None:
+        return by_cell[-1]
+    for path in by_cell:
+        ix, iy = grids[path].index(place.lon, place.lat)
+        _, ny, nx = grids[path].shape
+        if 0 <= ix <= nx - 1 and 0 <= iy <= ny - 1:
+            return path
+    return by_cell[-1]

@@ -1,0 +1,147 @@
+"""Parts of domains: cut across the date line, resampled round the poles; fields stay where they lie on Earth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from openswim import Scene
+from openswim.errors import UserError
+from openswim.readers.neighbourhood import LARGE_COLUMNS, Mesh, Neighbourhood, is_large, part_of, reach_m, select
+from openswim.scene.grid import great_circle_m
+
+SPHERE = CRS.from_proj4("+proj=longlat +R=6371000 +no_defs")
+
+
+def _globe(step=1.0, first=0.0):
+    return Mesh(first + np.arange(0.0, 360.0, step), np.linspace(-90.0, 90.0, round(180 / step) + 1), SPHERE)
+
+
+def _sphere(lon, lat):
+    """A field that is smooth everywhere on the sphere, poles and date line included."""
+    lon, lat = np.radians(lon), np.radians(lat)
+    x, y, z = np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)
+    return 100 * x + 40 * y * z + 70 * z + 30 * x * y
+
+
+def _field(mesh):
+    return _sphere(*np.meshgrid(mesh.x, mesh.y)).astype(np.float32)
+
+
+def _truth(part):
+    grid = part.grid(np.array([0.0, 1.0]))
+    return _sphere(*grid.lonlat(np.arange(part.x.size), np.arange(part.y.size)[:, None]))
+
+
+@pytest.mark.parametrize("first", [0.0, -180.0])
+@pytest.mark.parametrize("place", [(10, 0.2), (10, 179.9), (10, -179.9), (-12, 359.8), (0, -0.2), (3, 77)])
+def test_cut_is_the_field_itself_wherever_the_seam_is(place, first):
+    part = select(_globe(first=first), Neighbourhood(*place, radius_m=8e5))
+    assert not part.nodes
+    grid = part.grid(np.array([0.0, 1.0]))
+    ix, iy = grid.index(place[1], place[0])
+    assert abs(ix - grid.centre_index[0]) <= 1
+    assert abs(iy - grid.centre_index[1]) <= 1
+    np.testing.assert_allclose(part.take(_field(_globe(first=first))), _truth(part), atol=1e-4)
+
+
+@pytest.mark.parametrize("place", [(90, 0), (-90, 10), (88, 179), (-85, -90), (60, 180), (47, 8)])
+def test_resampled_where_cells_narrow(place):
+    mesh = _globe()
+    part = select(mesh, Neighbourhood(*place, radius_m=1.5e6))
+    assert part.nodes
+    grid = part.grid(np.array([0.0, 1.0]))
+    assert grid.spacing_m() == pytest.approx((111195, 111195), rel=0.01)
+    centre = grid.lonlat(*grid.centre_index)
+    assert great_circle_m([float(centre[0]), place[1]], [float(centre[1]), place[0]], 6.371e6) < 1000
+    # linear interpolation over a degree: f'' h^2 / 8
+    np.testing.assert_allclose(part.take(_field(mesh)), _truth(part), atol=0.03)
+
+
+def test_a_hemisphere_is_averaged_on_wider_cells_and_keeps_its_mean():
+    mesh = _globe(step=0.25)
+    rng = np.random.default_rng(1)
+    noise = rng.uniform(0, 1, mesh.shape).astype(np.float32)
+    part = select(mesh, Neighbourhood(40.0, -100.0, radius_m=9e6))
+    assert max(part.shape) <= 421
+    coarse = part.take(noise)
+    assert float(coarse.mean()) == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("step", [0.25, 1.0, 2.5])
+@pytest.mark.parametrize("lat", [0.0, 40.0, -90.0])
+def test_the_widest_part_is_what_transport_takes(step, lat):
+    part = select(_globe(step), Neighbourhood(lat, -100.0, radius_m=9e6)).grid(np.array([0.0, 1.0]))
+    lon, lat = part.lonlat([0, part.x.size - 1], [0, part.y.size - 1])
+    assert 6.371e6 * np.radians(115) < great_circle_m(lon, lat, 6.371e6) < 6.371e6 * np.radians(130)
+
+
+def test_only_the_needed_part_is_asked_for():
+    mesh = _globe(step=0.25)
+    whole, asked = _field(mesh), []
+
+    def get(rows, columns):
+        asked.append((rows.stop - rows.start) * (columns.stop - columns.start))
+        return whole[rows, columns]
+
+    part = select(mesh, Neighbourhood(10.0, 180.0))
+    np.testing.assert_allclose(part.read(get), _truth(part), atol=1e-4)
+    assert sum(asked) < 400
+
+
+def test_stacks_and_gaps():
+    mesh = _globe()
+    field = _field(mesh)
+    part = select(mesh, Neighbourhood(80.0, 0.0))
+    np.testing.assert_array_equal(part.take(np.stack([field, 2 * field]))[1], 2 * part.take(field))
+    field[-8:, 40:] = np.nan
+    taken = part.take(field)
+    assert np.isnan(taken).any()
+    assert np.isfinite(taken).any()
+    kept = np.isfinite(taken)
+    np.testing.assert_allclose(taken[kept], _truth(part)[kept], atol=2.5)  # within a cell of the gap's edge
+
+
+def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
+    crs = CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229")
+    mesh = Mesh(3000.0 * np.arange(1799) - 2.7e6, 3000.0 * np.arange(1059) - 1.6e6, crs, 6371229.0)
+    assert is_large(mesh)
+    part = select(mesh, Neighbourhood(40.0, -105.0, if_large=True))
+    assert set(part.shape) <= {135, 136}  # 200 km to each side
+    edge = select(mesh, Neighbourhood(*(float(v) for v in reversed(mesh.grid().lonlat(3, 500)))))
+    assert edge.columns[0].start == 0
+    with pytest.raises(UserError, match="outside the domain: it covers about latitude 2"):
+        select(mesh, Neighbourhood(50.0, 10.0))
+
+
+def test_small_domains_stay_whole_unless_asked():
+    mesh = Mesh(np.arange(0.0, 20.0, 0.25), np.arange(35.0, 60.0, 0.25), SPHERE)
+    assert mesh.x.size * mesh.y.size < LARGE_COLUMNS
+    assert select(mesh, Neighbourhood(47.0, 8.0, if_large=True)).shape == mesh.shape
+    assert max(select(mesh, Neighbourhood(47.0, 8.0)).shape) < 40
+
+
+def test_reach_grows_with_height():
+    assert reach_m(2.0) == pytest.approx(205e3, rel=0.01)
+    assert reach_m(10_000.0) == pytest.approx(200e3 + 357e3, rel=0.01)
+    assert reach_m(35_786_000.0) == 4.95e6
+
+
+def test_places_that_are_none_are_refused():
+    with pytest.raises(UserError, match="no place on Earth"):
+        Neighbourhood(91.0, 0.0)
+    with pytest.raises(UserError, match="radius_km"):
+        Neighbourhood(0.0, 0.0, radius_m=-1.0)
+
+
+def test_part_of_any_scene():
+    mesh = _globe(step=2.0)
+    field = np.maximum(np.stack([_field(mesh)] * 3), 0) * 1e-6
+    scene = Scene.from_arrays({}, mesh.x, mesh.y, [0.0, 1e3, 2e3], crs=SPHERE, fields={"liquid_content": field},
+                              surface_albedo=np.stack([np.abs(_field(mesh)) / 300] * 3, axis=-1))  # fmt: skip
+    part = part_of(scene, Neighbourhood(5.0, 179.0, radius_m=1e6))
+    lon, lat = part.grid.lonlat(np.arange(part.grid.x.size), np.arange(part.grid.y.size)[:, None])
+    np.testing.assert_allclose(part.data.liquid_content[1], np.maximum(_sphere(lon, lat), 0) * 1e-6, atol=1e-10)
+    np.testing.assert_allclose(part.data.surface_albedo[..., 2], np.abs(_sphere(lon, lat)) / 300, atol=1e-5)
+    assert any("neighbourhood" in note for note in part.notes)
