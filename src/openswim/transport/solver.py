@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.moments import Moments
+from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
@@ -31,15 +33,19 @@ from openswim.transport.volume import DEGREE, Shells
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-NAMES = ("swim", "fast")
+NAMES = ("swim", "fast", "reference")
 
 
 @dataclass(frozen=True)
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: error of the field, relative, at which
-    sweeps end, estimated before a last correction that leaves about a quarter of it. step: eye-ray step in cells.
+    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo). tolerance: error of
+    the field, relative, at which sweeps end, estimated before a last correction that leaves about a quarter of it.
+    step: eye-ray step in cells.
+
+    Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
+    seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
     """
 
     name: str = "fast"
@@ -47,25 +53,39 @@ class Solver:
     step: float = 1.0
     most_sweeps: int = 60
     paper_phases: bool = False
+    paths: int | None = None
+    seed: int = 0
+    target_error: float | None = None
+    seconds: float | None = None
+    checkpoint: str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
-        if self.name == "reference":
-            raise UserError("solver 'reference' (Monte Carlo) is not available in this version: use 'fast' or 'swim'")
         if self.name not in NAMES:
             raise UserError(f"unknown solver {self.name!r}: choose one of {', '.join(NAMES)}")
+        given = [self.paths, self.target_error, self.seconds, self.checkpoint]
+        if self.name != "reference" and (self.seed or any(option is not None for option in given)):
+            raise UserError("paths, seed, target_error, seconds and checkpoint belong to solver 'reference'")
+        if self.paths is not None and self.paths < 2:
+            raise UserError(f"paths = {self.paths}: give at least 2 per pixel, or there is no error to tell")
+        if self.target_error is not None and not 0 < self.target_error < 1:
+            raise UserError(f"target_error = {self.target_error:g}: give a share of the radiance, such as 0.01")
+        if not 0 <= self.seed < 2**31:
+            raise UserError(f"seed = {self.seed}: give a whole number from 0 to 2147483647")
 
     def solve(
         self,
         scene: Scene,
         sun_direction: ArrayLike,
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
-    ) -> Field:
+    ) -> Field | ReferenceField:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame)."""
         sun = np.asarray(sun_direction, float)
         sun = sun / np.linalg.norm(sun)
         wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
+        if self.name == "reference":
+            return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else _grid_field
         return Field(
