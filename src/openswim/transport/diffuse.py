@@ -146,8 +146,8 @@ class Sweeper:
     ) -> tuple[F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image) adds to a sweep's result what is yet to follow from its change. The error is that of
-        the worst level, since little light under a thick cloud is seen too.
+        correct(change, image) adds to a sweep's result what is yet to follow from its change. Levels count by their
+        change relative to their light, since little light under a thick cloud is seen too.
         """
         level = np.nonzero(self.place >= 0)[0]
         images: list[F32] = []
@@ -162,7 +162,7 @@ class Sweeper:
                 np.bincount(level, np.einsum("nci,nci->n", a, a), len(self.place)) for a in (image[:, :4], residual)
             )
             floor = 1e-12 * size.max(initial=0.0) + 1e-30
-            if float(np.sqrt((change / np.maximum(size, floor)).max(initial=0.0))) < tolerance:
+            if float(np.sqrt(change.sum() / max(size.sum(), 1e-30))) < tolerance:
                 return image, n
             spare = images[0] if len(images) == memory else None
             images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
@@ -232,7 +232,7 @@ class _Correction:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         restrict(get_num_threads(), place, change, 2, self.fine.grid.beam.shape[2], self.dark.place, self.means)
-        self.add(self.dark, self.dark.answer(self.means, 0.1, 20), image, self.levels)
+        self.add(self.dark, self.dark.answer(self.means, 0.2, 5), image, self.levels)
 
     def add(self, coarse: Sweeper, values: F32, out: F32, levels: slice = slice(None)) -> None:
         """Add what a coarse sweeper knows to the moments of the full grid."""

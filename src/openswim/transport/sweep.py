@@ -406,7 +406,7 @@ def _kept_end(place, block):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _coarse_row(k, j, degree, sigma, factor, coarser, parts, whole, scratch, terms, sums, lines, out):
+def _coarse_row(k, j, degree, sigma, coarser, parts, whole, scratch, terms, sums, lines, out):
     """Source (ordinate, nx + 2) per unit of a medium that scatters ``sigma`` (M,), from the coarser field at row j.
 
     Row j is one of the coarser grid; what it brings is stretched to the nodes of the finer one.
@@ -421,11 +421,13 @@ def _coarse_row(k, j, degree, sigma, factor, coarser, parts, whole, scratch, ter
             _term(terms[index, :nx], terms[degree * degree, :nx], scratch[index], harmonic, row_t)
     lines[:, :] = _ZERO
     add_products(parts, whole, terms, 0, sums, lines, 0, nx)
-    for i in range(out.shape[1] - 2):
-        m, share = between(i, factor, nx)
-        last = min(m + 1, nx - 1)
-        for n in range(out.shape[0]):
-            out[n, i + 1] = lines[n, m] + share * (lines[n, last] - lines[n, m])
+    far, near = np.float32(0.25), np.float32(0.75)
+    for n in range(out.shape[0]):
+        line, row = lines[n], out[n]
+        for i in range(out.shape[1] - 2):
+            m = i // 2
+            aside = min(nx - 1, m + 1) if i % 2 else max(0, m - 1)
+            row[i + 1] = near * line[m] + far * line[aside]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -550,10 +552,10 @@ def _coarse_rows(first, last, k, grid, parts, whole, coarser, scratch, terms, su
             sigma = grid.air_scattering[k] if s == 0 else grid.scattering[s - 1]
             if s == 0 and sigma[0] == _ZERO:
                 continue
-            if s > 0 and not grid.cloudy[k].any():
+            if s > 0 and grid.extinction[s - 1, k].max() == _ZERO:
                 continue
             _coarse_row(
-                k, j, degree, sigma, coarser.factor, coarser, parts, whole, scratch, terms, sums, lines, planes[s, j]
+                k, j, degree, sigma, coarser, parts, whole, scratch, terms, sums, lines, planes[s, j]
             )  # fmt: skip
 
 
