@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 
@@ -19,73 +18,52 @@ from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+from openswim.transport.march import DEGREE, PACK, Shells
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.moments import Moments
-from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.ordinates import Ordinates, ordinates_for
-from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
 from openswim.transport.sweep import OpticalGrid
-from openswim.transport.volume import DEGREE, Shells
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-NAMES = ("swim", "fast", "reference")
+NAMES = ("swim", "fast")
 
 
 @dataclass(frozen=True)
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo). tolerance: error of
-    the field, relative, at which sweeps end, estimated before a last correction that leaves about a quarter of it.
-    step: eye-ray step in cells.
-
-    Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
-    seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
+    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: error of the field, relative, at which
+    sweeps end, estimated before a last correction that leaves about a quarter of it. step: eye-ray step in cells.
     """
 
     name: str = "fast"
     tolerance: float = 0.04
     step: float = 1.0
     most_sweeps: int = 60
-    paper_phases: bool = False
-    paths: int | None = None
-    seed: int = 0
-    target_error: float | None = None
-    seconds: float | None = None
-    checkpoint: str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
+        if self.name == "reference":
+            raise UserError("solver 'reference' (Monte Carlo) is not available in this version: use 'fast' or 'swim'")
         if self.name not in NAMES:
             raise UserError(f"unknown solver {self.name!r}: choose one of {', '.join(NAMES)}")
-        given = [self.paths, self.target_error, self.seconds, self.checkpoint]
-        if self.name != "reference" and (self.seed or any(option is not None for option in given)):
-            raise UserError("paths, seed, target_error, seconds and checkpoint belong to solver 'reference'")
-        if self.paths is not None and self.paths < 2:
-            raise UserError(f"paths = {self.paths}: give at least 2 per pixel, or there is no error to tell")
-        if self.target_error is not None and not 0 < self.target_error < 1:
-            raise UserError(f"target_error = {self.target_error:g}: give a share of the radiance, such as 0.01")
-        if not 0 <= self.seed < 2**31:
-            raise UserError(f"seed = {self.seed}: give a whole number from 0 to 2147483647")
 
     def solve(
         self,
         scene: Scene,
         sun_direction: ArrayLike,
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
-    ) -> Field | ReferenceField:
+    ) -> Field:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame)."""
         sun = np.asarray(sun_direction, float)
         sun = sun / np.linalg.norm(sun)
         wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
-        if self.name == "reference":
-            return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else _grid_field
         return Field(
@@ -137,7 +115,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
-    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
+    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, table[-1:], count)
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
     result.reach_deg = float(reach)
