@@ -202,7 +202,7 @@ def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool 
     """
     if fine.grid.periodic or min(fine.grid.beam.shape[1:]) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        values, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
+        values, n = fine.solve(fine.nothing(), 0.02 * tolerance, most)
         return Solution(Moments(fine.place, values), fine.coarser, [n])
     base = fine.coarsened()
     below = coarse_to_fine(base, tolerance, most, True)
