@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit, prange
 
 from openswim.transport.march import PEAK_INNER, PEAK_OUTER
-from openswim.transport.moments import moment_row
 from openswim.transport.scalar import harmonics, smoothstep
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
@@ -42,9 +41,7 @@ def view_source(
     air_forward,
     beam,
     sun_harmonics,
-    kept,
-    values,
-    coarser,
+    moments,
     axes,
     place,
     levels_m,
@@ -59,7 +56,6 @@ def view_source(
 ):
     """Smooth source toward one eye at every node, and the haze's forward peak, into fields[..., channel].
 
-    kept, values, coarser: `Moments` and what they leave out.
     axes (ny, nx, 3, 3): the columns' own axes (rows) in the scene frame; place (ny, nx, 3): their sea-level points.
     eye: the eye's position, or its viewing direction where ``parallel_view``. haze_table (angle, depth, PACK).
     """
@@ -68,10 +64,7 @@ def view_source(
     degree = air_scattering.shape[1]
     for j in prange(ny):
         harmonic = np.zeros(degree * degree)
-        scratch = np.empty((degree * degree, coarser.beam.shape[2]), np.float32)
-        moments = np.empty((degree * degree, nx), np.float32)
         for k in range(nz):
-            moment_row(kept, values, coarser, k, j, scratch, moments)
             for i in range(nx):
                 a = axes[j, i]
                 if parallel_view:
@@ -97,7 +90,7 @@ def view_source(
                     part = 0.0
                     for index in range(ell * ell, (ell + 1) * (ell + 1)):
                         part += harmonic[index] * (
-                            moments[index, i] + _FOUR_PI * sun_harmonics[index, j, i] * beam[k, j, i]
+                            moments[k, j, index, i] + _FOUR_PI * sun_harmonics[index, j, i] * beam[k, j, i]
                         )
                     total += sigma * part
                 if air_forward[k] > 0.0:

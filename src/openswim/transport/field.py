@@ -119,7 +119,7 @@ class PackField:
     lighting: Lighting
     medium: Medium | None = None
     timings: dict[str, float] = field(default_factory=dict)
-    sweeps: list[list[int]] = field(default_factory=list)  # of each wavelength, from the coarsest grid on
+    sweeps: dict[str, list[int]] = field(default_factory=dict)
     light: GridLight | None = None
     reach_deg: float = CLEAR_REACH_DEG  # how far round the Earth the shells' diffuse field is solved
     space_shells: Shells | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from openswim.transport import diffuse, swim
 from openswim.transport.eye_source import view_source
 from openswim.transport.march import DEGREE, PACK, Shells, Volume
 from openswim.transport.medium import Medium
-from openswim.transport.moments import Coarser, Moments
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.peak import peak_tables
 from openswim.transport.sun import direct_beam, sun_sweep, terrain_shadow
@@ -29,7 +28,7 @@ class GridLight:
 
     medium: Medium
     beams: list[F32]
-    moments: list[Moments] | None
+    moments: list[F32] | None
     coefficients: list[diffuse.Coefficients]
     sun_harmonics: F32
     sun: F64
@@ -37,7 +36,6 @@ class GridLight:
     count: int
     shadow_m: F64
     ridge_m: F64
-    coarser: list[Coarser] = field(default_factory=list)
     _aimed: tuple[bytes, bool] | None = None
 
     def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
@@ -52,8 +50,8 @@ class GridLight:
                 continue
             view_source(
                 m.extinction, c.scattering, c.air_scattering, c.air_forward, self.beams[w], self.sun_harmonics,
-                *self.moments[w], self.coarser[w], m.axes, m.place, m.levels_m, np.asarray(eye, float), parallel,
-                self.sun, self.haze, w, int(volume.forward_channel[w]), PACK + w, volume.fields,
+                self.moments[w], m.axes, m.place, m.levels_m, np.asarray(eye, float), parallel, self.sun, self.haze, w,
+                int(volume.forward_channel[w]), PACK + w, volume.fields,
             )  # fmt: skip
         self._aimed = key
 

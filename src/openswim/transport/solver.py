@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,12 +20,10 @@ from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.march import DEGREE, PACK, Shells
 from openswim.transport.medium import Medium, air_of, build_medium
-from openswim.transport.moments import Moments
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
-from openswim.transport.sweep import OpticalGrid
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -37,14 +35,15 @@ NAMES = ("swim", "fast")
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: error of the field, relative, at which
-    sweeps end, estimated before a last correction that leaves about a quarter of it. step: eye-ray step in cells.
+    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: change of the field at which sweeps
+    end. step: eye-ray step in cells. shadows, ground: whether terrain shades and rays reflect off the ground.
     """
 
     name: str = "fast"
-    tolerance: float = 0.1
+    tolerance: float = 1e-2
     step: float = 1.0
     most_sweeps: int = 60
+    fine_sweeps: int = 3
 
     def __post_init__(self) -> None:
         if self.name == "reference":
@@ -140,45 +139,57 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 def _diffuse(
     solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int
-) -> list[list[int]]:
-    """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on."""
+) -> dict[str, list[int]]:
+    """Coarse-to-fine sweeps of every wavelength; each starts from the field of the one before."""
     medium = light.medium
     nz, ny, nx = medium.shape
     ordinates = ordinates_for(medium.cell_m, medium.levels_m)
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
+    coarse_first = ny > 8 and nx > 8 and not medium.periodic
+    solution: diffuse.Solution | None = None
+    counts: dict[str, list[int]] = {"coarse": [], "fine": []}
     light.moments = []
-    light.coarser = []
-    counts: list[list[int]] = []
-    cloudy = diffuse.near_blocks(np.asarray((medium.extinction > 0).any(axis=0)), medium.periodic)
-    row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
-    plane_parallel = (ny, nx) == (1, 1)
+    if coarse_first:
+        coarse_extinction = diffuse.coarsen(medium.extinction)
+        coarse_sun = diffuse.coarsen(light.sun_harmonics)
+        coarse_node = np.ascontiguousarray(ground_node[::2, ::2])
+    cell = np.array(medium.cell_m, float)
+    moments = np.zeros((nz, ny, DEGREE**2, nx) if not coarse_first else 0, np.float32)
     with job("diffuse light", count) as meter:
         for w in range(PACK):
             if w >= count:
                 light.moments.append(light.moments[-1])
-                light.coarser.append(light.coarser[-1])
                 lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
                 continue
-            c = light.coefficients[w]
-            grid = OpticalGrid(
-                medium.extinction, c.scaled, c.scattering, c.air_extinction, c.air_scattering, light.beams[w],
-                row_harmonics, medium.levels_m, np.array(medium.cell_m, float), medium.periodic, ground_node, cloudy,
+            albedo, direct = lighting.albedo[w], lighting.direct_horizontal(w)
+            fine = diffuse.Sweeper(
+                medium.extinction, light.coefficients[w], light.beams[w], light.sun_harmonics, medium.levels_m, cell,
+                medium.periodic, np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, ordinates,
+                DEGREE,
             )  # fmt: skip
-            sweeper = diffuse.Sweeper.of(
-                grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
-            )
-            if plane_parallel:
-                values, n = sweeper.solve(sweeper.nothing(), 0.002 * solver.tolerance, 400, 12)
-                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n])
+            if coarse_first:
+                coarse = replace(
+                    fine, extinction=coarse_extinction, beam=diffuse.coarsen(light.beams[w]), sun_harmonics=coarse_sun,
+                    cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
+                    direct_flux=diffuse.coarsen(direct),
+                )  # fmt: skip
+                solution = diffuse.coarse_to_fine(
+                    coarse, fine, solution, solver.tolerance, solver.most_sweeps, solver.fine_sweeps
+                )
+                moments = solution.fine
+                counts["coarse"].append(solution.coarse_sweeps)
+                counts["fine"].append(solution.fine_sweeps)
             else:
-                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps)
-            light.moments.append(solution.moments)
-            light.coarser.append(solution.coarser)
-            counts.append(solution.sweeps)
-            lighting.diffuse[w] = sweeper.down_flux
-            lighting.up_top[w] = sweeper.up_flux
+                plane_parallel = (ny, nx) == (1, 1)
+                moments, n = fine.solve(
+                    moments, (2e-4 if plane_parallel else 0.02) * solver.tolerance, 400, 12 if plane_parallel else 3
+                )
+                counts["fine"].append(n)
+            light.moments.append(moments)
+            lighting.diffuse[w] = fine.down_flux
+            lighting.up_top[w] = fine.up_flux
             meter.advance()
     lighting.correct_quadrature(ordinates, inflow, shells, sun)
     return counts
