@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera as Camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.errors import UserError as UserError
+    from openswim.ground import Ground as Ground
     from openswim.readers import open_scene as open_scene
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Camera": "openswim.cameras",
+    "Ground": "openswim.ground",
     "Scene": "openswim.scene",
     "Solver": "openswim.transport",
     "UserError": "openswim.errors",
@@ -32,7 +34,7 @@ _HOME = {
     "to_rgb": "openswim.colour",
 }
 
-__all__ = ["Camera", "Scene", "Solver", "UserError", "__version__", "open_scene", "render", "to_rgb"]
+__all__ = ["Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "open_scene", "render", "to_rgb"]
 
 
 def __getattr__(name: str) -> Any:

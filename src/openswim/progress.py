@@ -114,6 +114,12 @@ def job(label: str, total: float | None = None) -> Iterator[Meter]:
         meter.close()
 
 
+def relabel(meter: Meter, label: str) -> None:
+    """Show what a running job has come to; meters without a label stay as they are."""
+    if isinstance(meter, Bar):
+        meter.label = label
+
+
 def track(items: Iterable[Item], label: str, total: float | None = None) -> Iterator[Item]:
     """Yield `items`, one step each. `total` is taken from `len(items)` where it has one."""
     if total is None and isinstance(items, Sized):

@@ -17,7 +17,8 @@ from openswim.irradiance import broadband, quadrature_directions, spectral_irrad
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
-from openswim.transport import Field, Solver
+from openswim.transport import Field, ReferenceField, Solver
+from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.surface import bilinear
 
 F64 = NDArray[np.float64]
@@ -41,7 +42,7 @@ class LitScene:
     """A scene with its field of light solved: render it from as many cameras as you like."""
 
     scene: Scene
-    field: Field
+    field: Field | ReferenceField
     daylight: Daylight
     time: np.datetime64 | None
 
@@ -94,13 +95,14 @@ def render(
 ) -> xr.Dataset:
     """Image of a scene: what a calibrated camera would measure.
 
-    Parameters: a scene (or the result of `light`, then the other options are taken from it); a camera; "fast" or
-    "swim" or a `Solver`; wavelengths (nm, any number); time (UTC, default the scene's); sun = (azimuth, altitude) in
-    degrees instead of a time.
+    Parameters: a scene (or the result of `light`, then the other options are taken from it); a camera; "fast",
+    "swim", "reference" or a `Solver`; wavelengths (nm, any number); time (UTC, default the scene's);
+    sun = (azimuth, altitude) in degrees instead of a time.
 
     Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
     al. 2020, Eq. 2); on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the ray ends on
-    the ground; attributes with place, time, sun, solver and the irradiance at the observer.
+    the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
+    ``radiance_standard_error``, the paths per pixel and the mean error.
     """
     lit = scene if isinstance(scene, LitScene) else light(scene, solver, wavelengths_nm, time, sun)
     field, frame = lit.field, lit.field.frame
@@ -115,7 +117,24 @@ def render(
     height = camera.height_above_sea_m(ground_m)
     if height < _SPACE_M:
         attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
-    return _dataset(lit, pixels, relative, view, attrs)
+    image = _dataset(lit, pixels, relative, view, attrs)
+    if isinstance(view, ReferenceView):
+        _add_errors(image, pixels, view, lit.field.solver.seed)
+    return image
+
+
+def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) -> None:
+    """What Monte Carlo knows of its own noise."""
+    scale = (image["solar_irradiance"].values / (4 * np.pi)).astype(np.float32)
+    image["radiance_standard_error"] = (
+        ("y", "x", "wavelength"), pixels.image(view.sigma * scale),
+        {"long_name": "standard error of the spectral radiance", "units": "W m-2 sr-1 nm-1"},
+    )  # fmt: skip
+    image["radiance"].attrs["ancillary_variables"] = "radiance_standard_error"
+    image.attrs |= {
+        "paths_per_pixel": view.paths, "seed": seed, "interrupted": int(view.interrupted),
+        "mean_error_percent": round(100 * view.mean_error, 4),
+    }  # fmt: skip
 
 
 def _ground_below(lit: LitScene, camera: Camera) -> float:

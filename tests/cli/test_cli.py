@@ -35,7 +35,7 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[])
     scene = SimpleNamespace(grid=None, notes=["no ice species in the file: none assumed"])
 
-    def open_scene(path, time=None, around=None):
+    def open_scene(path, time=None, around=None, ground=None):
         calls.times.append(time)
         calls.places.append(around)
         return scene
@@ -116,7 +116,10 @@ def test_a_flat_scene_takes_metres(world) -> None:
     [
         (["-o", "x.bmp"], "suffix"),
         (["-o", "missing/x.png"], "does not exist"),
-        (["-o", "x.png", "--solver", "reference"], "not available in this version"),
+        (["-o", "x.png", "--paths", "100"], "--paths belongs to --solver reference"),
+        (["-o", "x.png", "--seed", "3", "--solver", "swim"], "--seed belongs to --solver reference"),
+        (["-o", "x.png", "--solver", "reference", "--paths", "1"], "paths = 1"),
+        (["-o", "x.png", "--solver", "reference", "--error", "150"], "target_error"),
         (["-o", "x.png", "--size", "big"], "--size"),
         (["-o", "x.png", "--size", "20x30"], "square"),
         (["-o", "x.png", "--azimuth", "3"], "has no --azimuth"),
@@ -230,7 +233,8 @@ def test_a_file_that_is_none(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 
 
 def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run(["validate", str(tmp_path), "--solver", "reference"]) == 2
+    assert run(["validate", str(tmp_path), "--seconds", "1"]) == 2
+    assert "--seconds belongs to --solver reference" in capsys.readouterr().err
     assert run(["validate", str(tmp_path), "--json", str(tmp_path / "no" / "rows.json")]) == 2
     assert "--json" in capsys.readouterr().err
 

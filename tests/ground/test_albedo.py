@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from openswim.errors import UserError
-from openswim.ground import earth, spectra
+from openswim.ground import earth, snow, spectra
 from openswim.ground.albedo import surface_properties
 from openswim.scene.grid import Grid
 
@@ -22,12 +22,13 @@ def lonlat_scene(**fields):
     data = xr.Dataset(
         {name: (("y", "x"), np.broadcast_to(value, (LAT.size, LON.size))) for name, value in fields.items()}
     )
-    return SimpleNamespace(grid=grid, data=data)
+    return SimpleNamespace(grid=grid, data=data, ground=None, time=None)
 
 
 def flat_scene(albedo, dims=("y", "x"), periodic=False):
     grid = Grid(np.array([0.0, 100.0]), np.array([0.0, 100.0]), np.array([0.0, 1.0]), periodic=periodic)
-    return SimpleNamespace(grid=grid, data=xr.Dataset({"surface_albedo": (dims, np.asarray(albedo, float))}))
+    data = xr.Dataset({"surface_albedo": (dims, np.asarray(albedo, float))})
+    return SimpleNamespace(grid=grid, data=data, ground=None)
 
 
 def test_flat_ground_is_exactly_its_albedo():
@@ -60,7 +61,7 @@ def test_spectral_albedo_is_interpolated():
         {"surface_albedo": (("wavelength",), [0.5, 0.1])},
         coords={"wavelength": ("wavelength", [600.0, 500.0])},
     )
-    scene = SimpleNamespace(grid=None, data=data)
+    scene = SimpleNamespace(grid=None, data=data, ground=None)
     sample = surface_properties(scene, [10.0, 20.0], [0.0, 0.0], [450.0, 525.0, 700.0])
     np.testing.assert_allclose(sample.albedo, [[0.1, 0.2, 0.5]] * 2)
 
@@ -164,18 +165,61 @@ def test_spectral_model_albedo_is_used_as_it_is():
     )
 
 
-def test_snow_and_sea_ice_of_the_model():
-    bare, half = (
-        surface_properties(lonlat_scene(snow_area_fraction=s), [45.0], [5.0], WAVELENGTHS) for s in (0.0, 0.5)
+def test_snow_lies_on_the_heights_first():
+    rng = np.random.default_rng(2)
+    height = 800.0 + 400.0 * rng.standard_normal((LAT.size, LON.size))
+    scene = lonlat_scene(snow_area_fraction=0.5, surface_altitude=height)
+    y, x = np.meshgrid(LAT[4:-4], LON[4:-4], indexing="ij")
+    cover = surface_properties(scene, y.ravel(), x.ravel(), WAVELENGTHS).snow
+    assert np.corrcoef(cover, height[4:-4, 4:-4].ravel())[0, 1] > 0.5
+
+
+def test_the_edge_of_a_models_snow_is_not_its_cells():
+    """A straight edge between full and no cover: within two cells of it both occur, farther away neither."""
+    scene = lonlat_scene(snow_area_fraction=np.where(LON > 5.0, 1.0, 0.0))
+    lat = np.linspace(44.4, 45.6, 4000)
+    across = {lon: surface_properties(scene, lat, np.full(lat.size, lon), WAVELENGTHS).snow for lon in (4.6, 5.05, 5.5)}
+    assert across[4.6].max() < 0.05
+    assert across[5.5].min() > 0.95
+    assert (across[5.05] > 0.8).mean() > 0.05
+    assert (across[5.05] < 0.2).mean() > 0.05
+
+
+def test_a_models_snow_does_not_end_with_its_domain():
+    scene = lonlat_scene(snow_area_fraction=1.0)
+    cover = surface_properties(scene, np.full(300, 45.0), np.linspace(6.0, 12.0, 300), WAVELENGTHS).snow
+    assert cover[:20].min() > 0.9  # a few cells out
+    assert cover[-20:].max() < 0.05
+    assert np.abs(np.diff(np.convolve(cover, np.ones(25) / 25, "valid"))).max() < 0.1
+
+
+def test_depth_stands_in_for_a_fraction():
+    deep, thin, none = (
+        surface_properties(lonlat_scene(snow_depth=d), [45.0], [5.0], WAVELENGTHS).snow for d in (0.5, 0.003, 0.0)
     )
-    assert (half.albedo > bare.albedo + 0.3).all()
-    assert half.snow == pytest.approx(0.5)
+    assert deep > 0.99
+    assert thin < 0.3
+    assert none == 0
+
+
+def test_old_snow_is_darker():
+    fresh, old = (
+        surface_properties(lonlat_scene(snow_area_fraction=1.0, snow_age=a), [45.0], [5.0], WAVELENGTHS).albedo
+        for a in (0.0, 30.0)
+    )
+    assert (fresh > old + 0.05).all()
+    assert (old > 0.4).all()
+
+
+def test_sea_ice_of_the_model():
     ice = surface_properties(
         lonlat_scene(land_area_fraction=0.0, sea_ice_area_fraction=0.75), [45.0], [5.0], WAVELENGTHS
     )
     assert ice.water == pytest.approx(0.25)
     assert ice.sea_ice == pytest.approx(0.75)
-    np.testing.assert_allclose(ice.albedo[0], spectra.sea_ice(WAVELENGTHS))
+    closed, scattered = snow.sea_ice_albedo(WAVELENGTHS, [1.0, 0.1])
+    assert (scattered < ice.albedo[0]).all()
+    assert (ice.albedo[0] < closed).all()
 
 
 def test_model_albedo_ignores_its_water_cells_on_land():

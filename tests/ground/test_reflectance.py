@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from openswim.ground import water
+from openswim.ground import spectra, water
 from openswim.ground.albedo import SurfaceSample
 from openswim.ground.reflectance import (
     bidirectional_reflectance,
@@ -25,7 +25,7 @@ WIND = st.floats(0.0, 30.0)
 def sample(n=1, albedo=(0.3, 0.2, 0.1), wet=0.0, snow=0.0, wind=5.0, lambertian=False):
     full = np.full
     return SurfaceSample(
-        np.tile(albedo, (n, 1)), full(n, wet), full(n, snow), np.zeros(n), full(n, wind), lambertian
+        np.tile(albedo, (n, 1)), full(n, wet), full(n, snow), np.zeros(n), full(n, wind), full(n, 0.2), lambertian
     )
 
 
@@ -42,6 +42,34 @@ def hemispherical_mean(factor):
 @pytest.mark.parametrize("mu_sun", [0.06, 0.13, 0.37, 0.62, 0.81, 1.0])
 def test_anisotropy_keeps_the_albedo(factor, mu_sun):
     assert hemispherical_mean(lambda mu, az: factor(mu_sun, mu, az)) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("factor", [land_factor, snow_factor])
+@given(mu_sun=MU, mu_view=MU, azimuth=AZIMUTH)
+def test_land_and_snow_are_reciprocal_and_never_negative(factor, mu_sun, mu_view, azimuth):
+    """Helmholtz: sun and viewer may change places."""
+    there = factor(mu_sun, mu_view, azimuth)
+    assert there == pytest.approx(factor(mu_view, mu_sun, azimuth), rel=1e-9)
+    assert 0 < there < 60
+    assert np.isfinite(there)
+
+
+@pytest.mark.parametrize("factor", [land_factor, snow_factor])
+def test_isotropic_light_is_reflected_alike_in_all_directions(factor):
+    """Which follows from reciprocity and an albedo that does not depend on the sun."""
+    for mu_view in (0.1, 0.5, 0.9):
+        assert hemispherical_mean(lambda mu, az, view=mu_view: factor(mu, view, az)) == pytest.approx(1, abs=3e-3)
+
+
+@pytest.mark.parametrize("chlorophyll", [0.03, 0.2, 1.0, 3.0])
+def test_water_leaving_light_follows_the_chlorophyll(chlorophyll):
+    """Clear water is blue and productive water green; the ocean-colour algorithm OC4 (O'Reilly et al. 2000) finds the
+    chlorophyll again to within a factor of two."""
+    blue1, blue2, blue3, green = spectra.water_leaving([443.0, 490.0, 510.0, 555.0], chlorophyll)[0]
+    ratio = np.log10(max(blue1, blue2, blue3) / green)
+    found = 10 ** np.polynomial.polynomial.polyval(ratio, [0.366, -3.067, 1.930, 0.649, -1.532])
+    assert 0.5 < found / chlorophyll < 2.0
+    assert (spectra.water_leaving(np.arange(400.0, 701.0, 20), chlorophyll) > 0).all()
 
 
 def test_land_is_brightest_at_the_hot_spot_and_snow_toward_the_sun():
@@ -171,7 +199,7 @@ def test_energy_is_conserved_under_any_light(ground):
             many = SurfaceSample(
                 *(
                     np.repeat(getattr(ground, name), views[0].size, axis=0)
-                    for name in ("albedo", "water", "snow", "sea_ice", "wind_speed")
+                    for name in ("albedo", "water", "snow", "sea_ice", "wind_speed", "chlorophyll")
                 )
             )
             return bidirectional_reflectance(many, mu_sun, *views, WAVELENGTHS)[:, 0].reshape(shape)

@@ -170,12 +170,12 @@ def empty_and_none(request) -> tuple[Field, Field]:
 
 @pytest.mark.parametrize("near_the_sun", [False, True], ids=["open sky", "aureole"])
 def test_an_empty_grid_changes_nothing(empty_and_none, near_the_sun: bool) -> None:
-    """Linear interpolation between nodes 100 m high and 500 m wide: 3 % everywhere."""
+    """Linear interpolation between nodes 100 m high and 500 m wide: 1 % everywhere."""
     d = sky_directions([0.0, 30.0, 50.0, 60.0, 70.0, 80.0, 88.0], np.arange(5.0, 360.0, 15.0))
     d = d[(d @ EMPTY_SUN > np.cos(np.radians(25.0))) == near_the_sun]
     a, b = (field.view(Rays(np.array([0.0, 0.0, 2.0]), d)) for field in empty_and_none)
-    np.testing.assert_allclose(a.transmittance, b.transmittance, rtol=0.03)
-    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.03)
+    np.testing.assert_allclose(a.transmittance, b.transmittance, rtol=0.01)
+    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.01)
 
 
 def test_an_empty_grid_takes_no_light_from_the_ground(empty_and_none) -> None:
@@ -246,10 +246,9 @@ def test_aerosol_species_and_clouds_may_share_a_scene() -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["reference", "fats"])
-def test_unknown_solvers_are_refused(name: str) -> None:
+def test_unknown_solvers_are_refused() -> None:
     with pytest.raises(UserError, match="fast"):
-        Solver(name)
+        Solver("fats")
 
 
 @pytest.mark.parametrize("wavelengths", [[], [0.55], [np.nan], [5000.0]])

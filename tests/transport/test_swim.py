@@ -8,7 +8,7 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.swim import henyey_greenstein, thin_phase, venus_phase
+from openswim.transport.swim_phase import henyey_greenstein, sunlit_phase, thin_phase
 
 ANGLE = np.linspace(0, np.pi, 2_000_001)
 MU = np.cos(ANGLE)
@@ -67,12 +67,12 @@ def test_asymmetry_of_thin_liquid_follows_the_wavelength() -> None:
 )
 def test_sunlit_side_by_hand(phase_angle: float, by_hand: float) -> None:
     mu = np.cos(np.radians(180.0 - phase_angle))
-    assert float(venus_phase(np.array(mu))) == pytest.approx(by_hand, rel=1e-4)
+    assert float(sunlit_phase(np.array(mu))) == pytest.approx(by_hand, rel=1e-4)
 
 
 def test_sunlit_side_is_capped_near_the_sun() -> None:
-    assert np.isfinite(venus_phase(MU)).all()
-    assert venus_phase(MU).max() <= 12.0
+    assert np.isfinite(sunlit_phase(MU)).all()
+    assert sunlit_phase(MU).max() <= 12.0
 
 
 def overcast(tau: float, zenith: float, levels: int = 257) -> Field:

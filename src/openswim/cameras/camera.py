@@ -199,7 +199,8 @@ class Camera:
             "camera: the scene is curved, give lat and lon" if frame.curved else FLAT_NEEDS_XY,
         )
         origin = frame.position(north, east, self.height_above_sea_m(ground_height_m))
-        return Rays(origin, pixels.direction[pixels.inside] @ frame.enu(north, east))
+        width = 2 * np.radians(np.broadcast_to(pixels.half_width_deg, pixels.inside.shape)[pixels.inside])
+        return Rays(origin, pixels.direction[pixels.inside] @ frame.enu(north, east), width)
 
     def height_above_sea_m(self, ground_height_m: float = 0.0) -> float:
         """Height of the camera above sea level, metres."""

@@ -10,11 +10,13 @@ class Rays:
     """n rays away from the observer, in the scene frame.
 
     `origin_m` is one point (3,) or a point per ray (n, 3), metres; `direction` one unit vector (3,), a
-    parallel view, or one per ray (n, 3).  At least one of them has n rows.
+    parallel view, or one per ray (n, 3).  At least one of them has n rows. `width_rad`: the side of
+    what a ray stands for, one number or (n,).
     """
 
     origin_m: np.ndarray
     direction: np.ndarray
+    width_rad: float | np.ndarray = 0.0
 
     def __post_init__(self) -> None:
         self.origin_m = np.asarray(self.origin_m, dtype=float)
@@ -33,7 +35,8 @@ class Rays:
         """Some of the rays: `rays[i:j]`, or those of an index array."""
         origin = self.origin_m[part] if self.origin_m.ndim == 2 else self.origin_m
         direction = self.direction[part] if self.direction.ndim == 2 else self.direction
-        return Rays(origin, direction)
+        width = self.width_rad if np.ndim(self.width_rad) == 0 else np.asarray(self.width_rad)[part]
+        return Rays(origin, direction, width)
 
     def origins(self) -> np.ndarray:
         """Origins (n, 3), repeated where common (a view, not a copy)."""

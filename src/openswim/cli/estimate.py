@@ -17,6 +17,9 @@ LARGE_BYTES = 1_000_000_000
 # Measured on two cores (benchmarks/): what the estimate stands on.
 _VIEW_SAMPLES_PER_S = 40e6
 _SOLVE_S_PER_NODE = 2.0e-6  # `fast`, per node of the grid and wavelength, all sweeps
+_PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
+_CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
+REFERENCE_PATHS = 256
 _START_S = 2.0
 _NODE_BYTES = 250  # optics, moments and scratch per node and wavelength
 _PIXEL_BYTES = 60
@@ -39,19 +42,23 @@ class Estimate:
 
 
 def estimate(
-    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS
+    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores."""
     nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
     solve_s = _SOLVE_S_PER_NODE * nodes * wavelengths if solver == "fast" else 0.1e-6 * nodes * wavelengths
+    if solver == "reference":
+        speed = _PATHS_PER_S if nodes else _CLEAR_PATHS_PER_S
+        seconds = _START_S + pixels * (paths or REFERENCE_PATHS) / speed
+        return Estimate(seconds, 2e8 + nodes * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
     seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
     return Estimate(seconds, 2e8 + nodes * wavelengths * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
 
 
-def announce(scene: "Scene", camera: "Camera", solver: str) -> None:
+def announce(scene: "Scene", camera: "Camera", solver: str, paths: int | None = None) -> None:
     """Print the estimate of a large job to stderr."""
-    expected = estimate(scene, camera, solver)
+    expected = estimate(scene, camera, solver, paths=paths)
     if expected.large:
         click.echo(str(expected), err=True)

@@ -93,6 +93,22 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
 @click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
 @click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option(
+    "--albedo", "albedo_maps", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of the ground's colour: GeoTIFF in any projection, Blue Marble tile or aerial photograph; may "
+    "be given several times.",
+)  # fmt: skip
+@click.option(
+    "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
+    help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
+)  # fmt: skip
+@click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
+@click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
+@click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
+@click.option(
+    "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
+    help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
+)  # fmt: skip
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
@@ -113,12 +129,13 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the rows to this file.")
+@click.option("--seconds", type=float, help="Of --solver reference: CPU seconds per view.  [default: 3]")
 @_debug
-def validate(directory: Path, solver: str, json_path: Path | None) -> None:
+def validate(directory: Path, solver: str, json_path: Path | None, seconds: float | None) -> None:
     """Compare with every reference file below DIRECTORY; print a table, worst first."""
     from openswim.cli.validate import run
 
-    run(directory, solver, json_path)
+    run(directory, solver, json_path, seconds)
 
 
 @cli.group()

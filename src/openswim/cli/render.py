@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera
     from openswim.readers import Neighbourhood
     from openswim.scene import Scene
+    from openswim.transport import Solver
 
 DEFAULT_HEIGHT_M = 2.0
 SATELLITE_HEIGHT_M = 35_786_000.0
@@ -42,14 +43,19 @@ class RenderRequest:
     fov_deg: float | None = None
     size: str | None = None
     solver: str = "fast"
+    paths: int | None = None
+    seed: int = 0
+    error_percent: float | None = None
+    checkpoint: Path | None = None
     exposure: float | None = None
+    albedo_maps: tuple[Path, ...] = ()
+    height_maps: tuple[Path, ...] = ()
 
 
 def run(request: RenderRequest) -> None:
     """Render and write; whatever can be wrong with the request is found before any work is done."""
     from openswim.colour import check_writable
 
-    check_solver(request.solver)
     for output in request.outputs:
         check_writable(output)
     camera = camera_of(request)
@@ -57,14 +63,19 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
 
-    scene = openswim.open_scene(request.file, time=request.time, around=neighbourhood(request, camera))
+    solver = solver_of(request)
+    given = request.albedo_maps or request.height_maps
+    ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
+    scene = openswim.open_scene(
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+    )
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene)
-    announce(scene, camera, request.solver)
+    announce(scene, camera, request.solver, request.paths)
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=request.solver)
+    image = openswim.render(scene, camera, solver=solver)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
@@ -90,9 +101,19 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
     return replace(camera, fov_deg=min(fov, camera.fov_deg))
 
 
-def check_solver(name: str) -> None:
-    if name == "reference":
-        raise UserError("solver 'reference' is not available in this version; use --solver fast or --solver swim")
+def solver_of(request: RenderRequest) -> "Solver":
+    """The solver that the options describe."""
+    from openswim.transport import Solver
+
+    given = {"--paths": request.paths, "--error": request.error_percent, "--checkpoint": request.checkpoint}
+    if request.solver != "reference":
+        for name in [n for n, value in given.items() if value is not None] + ["--seed"] * (request.seed != 0):
+            raise UserError(f"{name} belongs to --solver reference; leave it out with {request.solver}")
+        return Solver(request.solver)
+    target = None if request.error_percent is None else request.error_percent / 100
+    return Solver(
+        "reference", paths=request.paths, seed=request.seed, target_error=target, checkpoint=request.checkpoint
+    )
 
 
 def camera_of(request: RenderRequest) -> "Camera":
@@ -167,6 +188,11 @@ def report(image: "xr.Dataset") -> None:
         )
         if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
             click.echo("note: it is night there; moon, stars and city lights are not simulated yet", err=True)
+    if "mean_error_percent" in attributes:
+        cut = ", interrupted" if attributes.get("interrupted") else ""
+        click.echo(
+            f"paths: {attributes['paths_per_pixel']} a pixel, mean error {attributes['mean_error_percent']:.2g} %{cut}"
+        )
     line = irradiance_line(image)
     if line:
         click.echo(line)

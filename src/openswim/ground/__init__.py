@@ -1,6 +1,7 @@
 """The ground: what it is made of, and how it reflects sun and sky."""
 
 from openswim.ground.albedo import SurfaceSample, surface_properties
+from openswim.ground.maps import Ground
 from openswim.ground.reflectance import (
     bidirectional_reflectance,
     diffuse_reflectance,
@@ -9,6 +10,7 @@ from openswim.ground.reflectance import (
 )
 
 __all__ = [
+    "Ground",
     "SurfaceSample",
     "bidirectional_reflectance",
     "diffuse_reflectance",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.ground import earth, spectra
+from openswim.ground import earth, snow, spectra
+from openswim.ground.fields import bilinear, blurred, filled, normal_noise
+from openswim.ground.maps import Ground, mapped_albedo, textured
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,8 +21,10 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 DEFAULT_WIND_M_S = 5.0
-_WIND_CELLS = 30.0
-_EDGE_CELLS = 3.0  # width over which the domain's ground fades into the default Earth
+SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
+_FADE_CELLS = 30.0  # how far beyond the domain its wind, snow and brightness are felt
+_EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
+_BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
 
 @dataclass
@@ -28,8 +32,8 @@ class SurfaceSample:
     """The ground at n places.
 
     albedo: (n, nwl) of all that is not open water (land, snow, ice); water: open-water fraction; snow: share
-    of the rest that reflects like snow; sea_ice: sea-ice fraction of the place; wind_speed: m/s at 10 m; all
-    (n,). lambertian: reflect the same in all directions (reference cases).
+    of the rest that reflects like snow; sea_ice: sea-ice fraction of the place; wind_speed: m/s at 10 m;
+    chlorophyll: mg m-3 in the water; all (n,). lambertian: reflect the same in all directions (reference cases).
     """
 
     albedo: FloatArray
@@ -37,38 +41,74 @@ class SurfaceSample:
     snow: FloatArray
     sea_ice: FloatArray
     wind_speed: FloatArray
+    chlorophyll: FloatArray
     lambertian: bool = False
 
 
-def surface_properties(scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike) -> SurfaceSample:
+def surface_properties(
+    scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0
+) -> SurfaceSample:
     """The ground at places (n,), in degrees; in flat scenes `lat` and `lon` are y and x in metres.
 
-    - A scene that is flat, has no grid, or gives `surface_albedo` without `land_area_fraction` has exactly
-    that
+    - A scene that is flat, has no grid, or gives `surface_albedo` without `land_area_fraction` has exactly that
       albedo, Lambertian, and nothing else; beyond its grid the nearest value holds (or the period repeats).
-    - Otherwise the model's fields hold in its domain and the default Earth (`openswim.ground.earth`) outside
-    and
-      for what the model lacks, without sea ice, and with the model's mean wind, which becomes 5 m/s
-      some 30 cells away; they blend over the outermost three cells.
+    - Otherwise the user's maps come first (`openswim.ground.Ground`), then the model's fields in its domain, then the
+      default Earth (`openswim.ground.earth`). Shores blend over the outermost three cells; the model's snow, wind and
+      brightness fade out over some 30 cells beyond it.
     - A spectral `surface_albedo` (y, x, wavelength) is used as it is. A broadband one sets the visible level
-      (`spectra.visible_from_broadband`); the default Earth and the model's snow give the colour.
+      (`spectra.visible_from_broadband`) of land and of snow; maps and the model's snow give the colour.
+    - Snow of a fraction of a cell lies where it is higher than its neighbourhood, and by chance (`snow`).
+
+    footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     lat_, lon_ = np.atleast_1d(np.asarray(lat, float)), np.atleast_1d(np.asarray(lon, float))
+    footprint = np.broadcast_to(np.asarray(footprint_m, float), lat_.shape)
     data, grid = scene.data, scene.grid
     if grid is None or not grid.curved:
         return _plain(data, grid, lat_, lon_, wavelengths)
     ix, iy = grid.index(lon_, lat_)
     if "surface_albedo" in data and "land_area_fraction" not in data:
         return _plain_at(data, ix, iy, wavelengths, lat_.size)
-    outside = _default_earth(lat_, lon_, wavelengths)
-    outside.wind_speed[:] = _wind_around(data, ix, iy, grid)
-    inside = _inside_weight(ix, iy, grid)
-    hit = inside > 0
-    if not hit.any():
-        return outside
-    model = _model_ground(data, ix[hit], iy[hit], _subset(outside, hit), wavelengths)
-    return _blended(outside, model, hit, inside[hit])
+    ground = scene.ground or Ground()
+    sample, mapped = _without_model(ground, scene, lat_, lon_, wavelengths, footprint)
+    ix, iy = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
+    near = _Places(lat_, lon_, ix, iy, _away(ix, iy, grid), footprint, min(grid.spacing_m()))
+    sample.wind_speed[:] = _wind(data, near)
+    hit = near.fade > 0.01
+    if hit.any():
+        model = _with_model(data, near.where(hit), _subset(sample, hit), wavelengths, mapped[hit])
+        inside = _inside_weight(ix[hit], iy[hit], grid)
+        _blend(sample, model, hit, inside)
+    textures = ground.maps_for(scene.time, texture=True)
+    if textures:
+        base = earth.PIXEL_M if not mapped.any() else ground.maps_for(scene.time, texture=False)[-1].pixel_m
+        base = min(base, near.cell_m) if "surface_albedo" in data else base
+        bright = textured(sample.albedo, textures, lat_, lon_, wavelengths, footprint, base)
+        sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
+    return sample
+
+
+@dataclass
+class _Places:
+    """Places (n,) by degrees and grid index, and how many cells they are `away` from the domain."""
+
+    lat: FloatArray
+    lon: FloatArray
+    ix: FloatArray
+    iy: FloatArray
+    away: FloatArray
+    footprint_m: FloatArray
+    cell_m: float
+
+    @property
+    def fade(self) -> FloatArray:
+        """What is left of the model's say (n,): 1 inside, 0 far away."""
+        return np.exp(-((np.minimum(self.away, 1e3) / _FADE_CELLS) ** 2))
+
+    def where(self, some: NDArray[np.bool_]) -> _Places:
+        arrays = (f.name for f in fields(self) if f.name != "cell_m")
+        return replace(self, **{name: getattr(self, name)[some] for name in arrays})
 
 
 def _plain(data: xr.Dataset, grid: Grid | None, y: FloatArray, x: FloatArray, wavelengths: FloatArray) -> SurfaceSample:
@@ -91,80 +131,160 @@ def _plain_at(
         values = _spectral(data["surface_albedo"], wavelengths)
         if periodic:
             values = np.pad(values, ((0, 1), (0, 1), (0, 0)), mode="wrap")
-        albedo = _bilinear(values, ix, iy)
+        albedo = bilinear(values, ix, iy)
     else:
         albedo = np.broadcast_to(_spectral(data["surface_albedo"], wavelengths), (n, wavelengths.size)).copy()
-    return SurfaceSample(albedo, zero, zero, zero, zero, lambertian=True)
+    return SurfaceSample(albedo, zero, zero, zero, zero, zero + SEA_CHLOROPHYLL, lambertian=True)
 
 
-def _default_earth(lat: FloatArray, lon: FloatArray, wavelengths: FloatArray) -> SurfaceSample:
-    water = earth.water_fraction(lat, lon)
+def _without_model(
+    ground: Ground, scene: Scene, lat: FloatArray, lon: FloatArray, wavelengths: FloatArray, footprint: FloatArray
+) -> tuple[SurfaceSample, FloatArray]:
+    """The user's maps over the default Earth, and the share (n,) of each place that the maps show."""
+    water, lake = earth.water_fraction(lat, lon), earth.lake_fraction(lat, lon)
     albedo = np.broadcast_to(spectra.generic_land(wavelengths), (lat.size, wavelengths.size)).copy()
     land = water < 1
     if land.any():
-        albedo[land] = earth.land_albedo(lat[land], lon[land], wavelengths)
+        albedo[land] = earth.land_albedo(lat[land], lon[land], wavelengths, footprint[land])
+    maps = ground.maps_for(scene.time, texture=False)
+    mapped = np.zeros(lat.size)
+    if maps:
+        own, mapped = mapped_albedo(maps, lat, lon, wavelengths, footprint)
+        albedo += mapped[:, None] * (own - albedo)
     # Only ice sheets and permanent snow are both as bright as this.
-    snow = np.where(land, np.clip((albedo.min(axis=1) - 0.55) / 0.2, 0.0, 1.0), 0.0)
-    albedo += snow[:, None] * (spectra.snow(wavelengths) - albedo)
-    return SurfaceSample(albedo, water, snow, np.zeros(lat.size), np.full(lat.size, DEFAULT_WIND_M_S))
+    icy = np.where(land, np.clip((albedo.min(axis=1) - 0.55) / 0.2, 0.0, 1.0), 0.0)
+    albedo += icy[:, None] * (snow.snow_albedo(wavelengths) - albedo)
+    green = np.where(lake > 0.5, LAKE_CHLOROPHYLL, SEA_CHLOROPHYLL)
+    if ground.chlorophyll_mg_m3 is not None:
+        green = np.full(lat.size, ground.chlorophyll_mg_m3)
+    wind = np.full(lat.size, DEFAULT_WIND_M_S)
+    return SurfaceSample(albedo, water, icy, np.zeros(lat.size), wind, green), mapped
 
 
-def _model_ground(
-    data: xr.Dataset, ix: FloatArray, iy: FloatArray, default: SurfaceSample, wavelengths: FloatArray
+def _with_model(
+    data: xr.Dataset, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
 ) -> SurfaceSample:
-    """The model's fields at fractional indices, `default` (at the same places) filling the gaps."""
+    """The model's fields over `default` (at the same places)."""
+    ix, iy = near.ix, near.iy
     dry = 1.0 - default.water
     if "land_area_fraction" in data:
         land = _surface(data, "land_area_fraction")
-        dry = _bilinear(land, ix, iy)
+        dry = bilinear(land, ix, iy)
         if np.isin(land, (0.0, 1.0)).all():
             dry = earth.sharpened(dry)
     ice = np.zeros(ix.size)
     if "sea_ice_area_fraction" in data:
-        ice = _bilinear(_surface(data, "sea_ice_area_fraction"), ix, iy)
-    albedo, snow = default.albedo, default.snow
-    if "snow_area_fraction" in data:
-        cover = _bilinear(_surface(data, "snow_area_fraction"), ix, iy)
-        albedo = albedo + (cover * (1 - snow))[:, None] * np.maximum(spectra.snow(wavelengths) - albedo, 0.0)
-        snow = np.maximum(snow, cover)
-    if "surface_albedo" in data:
-        albedo = _with_model_albedo(data, ix, iy, albedo, wavelengths)
+        ice = bilinear(_surface(data, "sea_ice_area_fraction"), ix, iy)
+    albedo, cover = _snow_covered(data, near, default, wavelengths, mapped)
     frozen = (1 - dry) * ice
     solid = dry + frozen
     share = np.divide(frozen, solid, out=np.zeros_like(solid), where=solid > 0)
-    albedo = albedo + share[:, None] * (spectra.sea_ice(wavelengths) - albedo)
-    return SurfaceSample(albedo, 1 - solid, snow + share * (1 - snow), frozen, _wind(data, ix, iy))
+    albedo = albedo + share[:, None] * (snow.sea_ice_albedo(wavelengths, ice) - albedo)
+    # water that the default Earth has as land is a lake
+    green = np.where((dry < 0.5) & (default.water < 0.5), LAKE_CHLOROPHYLL, default.chlorophyll)
+    return SurfaceSample(
+        albedo, 1 - solid, cover + share * (1 - cover), frozen, default.wind_speed,
+        np.where(default.chlorophyll == SEA_CHLOROPHYLL, green, default.chlorophyll),
+    )  # fmt: skip
 
 
-def _with_model_albedo(
-    data: xr.Dataset, ix: FloatArray, iy: FloatArray, colour: FloatArray, wavelengths: FloatArray
-) -> FloatArray:
-    """Spectral albedo of the land: the model's own, or its broadband level in the colour of the land."""
+def _snow_covered(
+    data: xr.Dataset, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Albedo of land under the model's snow, and the share that reflects like snow."""
+    fraction = _snow_fraction(data)
+    if fraction is None:
+        return _land_level(data, near, default.albedo, wavelengths, mapped, None), default.snow
+    land = _land_level(data, near, default.albedo, wavelengths, mapped, fraction)
+    mean = near.fade * bilinear(blurred(fraction), near.ix, near.iy)
+    cover = snow.resolved_cover(mean, _favour(data, near))
+    bright = _snow_level(data, near, fraction, default.albedo, wavelengths)
+    if "surface_albedo" not in data:
+        bright = land + _forest_stands_out(near, default.albedo)[:, None] * (bright - land)
+    own = cover * (1 - default.snow)
+    return land + own[:, None] * np.maximum(bright - land, 0.0), default.snow + own
+
+
+def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
+    """Share of every node (ny, nx) under snow, by its fraction or its depth; None where the model has neither."""
+    if "snow_area_fraction" in data:
+        return _surface(data, "snow_area_fraction")
+    if "snow_depth" in data:
+        return snow.fraction_from_depth(_surface(data, "snow_depth"))
+    return None
+
+
+def _favour(data: xr.Dataset, near: _Places) -> FloatArray:
+    """How much likelier snow lies here than nearby: height above the neighbourhood, and chance; standard normal."""
+    noise = normal_noise(near.lat, near.lon, 3 * near.cell_m, near.footprint_m)
+    if "surface_altitude" not in data:
+        return noise
+    height = _surface(data, "surface_altitude")
+    mean = blurred(blurred(height))
+    deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), 50.0**2))
+    above = bilinear((height - mean) / deviation, near.ix, near.iy)
+    return 0.75 * np.clip(above, -2.5, 2.5) + 0.66 * noise
+
+
+def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
+    """What snow lends of its albedo to land (n,), by how green it is; woods and clearings are finer than the map."""
+    chance = normal_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)
+    return snow.out_of_the_snow(colour.mean(axis=1) * np.exp(0.35 * chance))
+
+
+def _land_level(
+    data: xr.Dataset, near: _Places, colour: FloatArray, wavelengths: FloatArray, mapped: FloatArray,
+    snowy: FloatArray | None,
+) -> FloatArray:  # fmt: skip
+    """Albedo of snow-free land: the user's maps, else the model's own, or its broadband level in the map's colour."""
+    if "surface_albedo" not in data:
+        return colour
     field = data["surface_albedo"]
-    land = _surface(data, "land_area_fraction") >= 0.5
+    bare = _surface(data, "land_area_fraction") >= 0.5
+    if snowy is not None and "wavelength" not in field.dims:
+        bare &= snowy < _BARE
+    if not bare.any():
+        return colour
+    share = (near.fade * (1 - mapped))[:, None]
     if "wavelength" in field.dims:
-        return _bilinear(_spectral(field, wavelengths), ix, iy, land)
-    level = spectra.visible_from_broadband(_bilinear(_surface(data, "surface_albedo"), ix, iy, land))
-    return np.clip(colour * (level / np.maximum(colour.mean(axis=1), 1e-3))[:, None], 0.0, 0.98)
+        own, known = filled(_spectral(field, wavelengths), bare, near.ix, near.iy, near.away)
+        return colour + share * known[:, None] * (own - colour)
+    visible = spectra.visible_from_broadband(_surface(data, "surface_albedo"))
+    level, known = filled(visible, bare, near.ix, near.iy, near.away)
+    ratio = level / np.maximum(colour.mean(axis=1), 1e-3)
+    return np.clip(colour * (1 + share * known[:, None] * (ratio[:, None] - 1)), 0.0, 0.98)
 
 
-def _wind(data: xr.Dataset, ix: FloatArray, iy: FloatArray) -> FloatArray:
+def _snow_level(
+    data: xr.Dataset, near: _Places, fraction: FloatArray, colour: FloatArray, wavelengths: FloatArray
+) -> FloatArray:
+    """Albedo (n, nwl) of the snow: by its age, dimmed to the model's broadband level (forest stands out of it)."""
+    age = np.full(near.ix.size, snow.FRESH_DAYS)
+    if "snow_age" in data:
+        age = bilinear(_surface(data, "snow_age"), near.ix, near.iy)
+    pure = snow.snow_albedo(wavelengths, age)
+    if "surface_albedo" not in data or "wavelength" in data["surface_albedo"].dims:
+        return pure
+    white = (fraction > 0.5) & (_surface(data, "land_area_fraction") >= 0.5)
+    if not white.any():
+        return pure
+    visible = spectra.visible_from_broadband(_surface(data, "surface_albedo"))
+    # what the rest of the cell reflects is taken off
+    level, known = filled((visible - (1 - fraction) * 0.08) / np.maximum(fraction, 0.5), white, near.ix, near.iy,
+                          near.away)  # fmt: skip
+    share = np.clip((level - 0.08) / (pure.mean(axis=1) - 0.08), 0.0, 1.1)[:, None]
+    seen = colour + share * (pure - colour)
+    return np.clip(pure + known[:, None] * (seen - pure), 0.0, 0.98)
+
+
+def _wind(data: xr.Dataset, near: _Places) -> FloatArray:
+    """10-m wind speed (n,): the model's, beyond its domain its mean, which fades into the default."""
     if "wind_east_10m" not in data or "wind_north_10m" not in data:
-        return np.full(ix.size, DEFAULT_WIND_M_S)
+        return np.full(near.ix.size, DEFAULT_WIND_M_S)
     speed = np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m"))
-    return _bilinear(speed, ix, iy)
-
-
-def _wind_around(data: xr.Dataset, ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
-    """Wind (n,) beyond the domain: its mean, fading into the default away from it, so that the glint has no edge."""
-    _, ny, nx = grid.shape
-    x, y = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
-    away = np.hypot(x - np.clip(x, 0, nx - 1), y - np.clip(y, 0, ny - 1))
-    if "wind_east_10m" in data and "wind_north_10m" in data:
-        mean = float(np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m")).mean())
-    else:
-        mean = DEFAULT_WIND_M_S
-    return DEFAULT_WIND_M_S + np.exp(-((away / _WIND_CELLS) ** 2)) * (mean - DEFAULT_WIND_M_S)
+    here = bilinear(speed, near.ix, near.iy)
+    here += np.clip(near.away / _EDGE_CELLS, 0.0, 1.0) * (speed.mean() - here)
+    return DEFAULT_WIND_M_S + near.fade * (here - DEFAULT_WIND_M_S)
 
 
 def _surface(data: xr.Dataset, name: str) -> FloatArray:
@@ -180,45 +300,26 @@ def _spectral(field: xr.DataArray, wavelengths: FloatArray) -> FloatArray:
     return spectra.at_wavelengths(known, np.asarray(field.values, float), wavelengths)
 
 
-def _bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: NDArray[np.bool_] | None = None) -> FloatArray:
-    """(ny, nx[, k]) at fractional indices, the edge holding beyond; only among `valid` nodes where there are
-    any."""
-    ny, nx = values.shape[:2]
-    x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
-    i, j = np.minimum(x.astype(int), nx - 2), np.minimum(y.astype(int), ny - 2)
-    fx, fy = x - i, y - j
-    rows, columns = np.stack([j, j, j + 1, j + 1]), np.stack([i, i + 1, i, i + 1])
-    weights = np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
-    if valid is not None:
-        kept = weights * valid[rows, columns]
-        weights = np.where(kept.sum(axis=0) > 1e-6, kept, weights)
-        weights = weights / weights.sum(axis=0)
-    corners = values[rows, columns]
-    return (corners * weights.reshape(weights.shape + (1,) * (corners.ndim - 2))).sum(axis=0)
+def _away(ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
+    """Cells (n,) from a place to the domain; 0 inside."""
+    _, ny, nx = grid.shape
+    return np.hypot(ix - np.clip(ix, 0, nx - 1), iy - np.clip(iy, 0, ny - 1))
 
 
 def _inside_weight(ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
     """1 well within the domain, 0 outside, a ramp over the outermost cells."""
     _, ny, nx = grid.shape
-    with np.errstate(invalid="ignore"):
-        depth = np.minimum.reduce([ix, nx - 1 - ix, iy, ny - 1 - iy])
-    width = min(_EDGE_CELLS, 0.25 * (min(nx, ny) - 1))
-    return np.clip(np.nan_to_num(depth, nan=-1.0, neginf=-1.0) / width, 0.0, 1.0)
+    depth = np.minimum.reduce([ix, nx - 1 - ix, iy, ny - 1 - iy])
+    return np.clip(depth / min(_EDGE_CELLS, 0.25 * (min(nx, ny) - 1)), 0.0, 1.0)
 
 
 def _subset(sample: SurfaceSample, where: NDArray[np.bool_]) -> SurfaceSample:
-    return SurfaceSample(
-        sample.albedo[where],
-        sample.water[where],
-        sample.snow[where],
-        sample.sea_ice[where],
-        sample.wind_speed[where],
-    )
+    arrays = (f.name for f in fields(sample) if f.name != "lambertian")
+    return replace(sample, **{name: getattr(sample, name)[where] for name in arrays})
 
 
-def _blended(outside: SurfaceSample, model: SurfaceSample, hit: NDArray[np.bool_], share: FloatArray) -> SurfaceSample:
-    for name in ("albedo", "water", "snow", "sea_ice", "wind_speed"):
-        target, own = getattr(outside, name), getattr(model, name)
-        weight = share[:, None] if own.ndim == 2 else share
-        target[hit] += weight * (own - target[hit])
-    return outside
+def _blend(sample: SurfaceSample, model: SurfaceSample, hit: NDArray[np.bool_], share: FloatArray) -> None:
+    """Put the model's ground in: shores by `share`, land and snow as far as they reach."""
+    sample.albedo[hit], sample.snow[hit], sample.chlorophyll[hit] = model.albedo, model.snow, model.chlorophyll
+    sample.water[hit] += share * (model.water - sample.water[hit])
+    sample.sea_ice[hit] += share * (model.sea_ice - sample.sea_ice[hit])

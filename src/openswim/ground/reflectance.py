@@ -18,8 +18,7 @@ from openswim.ground.albedo import SurfaceSample
 FloatArray = NDArray[np.float64]
 SkyRadiance = Callable[[FloatArray, FloatArray], FloatArray]
 
-_LEAST_MU = 0.05  # the snow model diverges at grazing sun and view
-_MU_NODES = np.linspace(_LEAST_MU, 1.0, 39)
+_LEAST_MU = 0.05  # the models diverge at grazing sun and view
 
 
 def bidirectional_reflectance(
@@ -31,8 +30,9 @@ def bidirectional_reflectance(
 ) -> FloatArray:
     """Reflectance factor pi L / E (n, nwl) for the direct sun; E on the horizontal surface.
 
-    Land: albedo times an anisotropic reflectance factor with a mild hot spot; snow: one that peaks forward;
-    both keep the albedo for every sun height (within 1e-3). Water: glint, foam and water-leaving light.
+    Land: albedo times an anisotropic reflectance factor with a hot spot; snow: one that peaks forward;
+    both are reciprocal and keep the albedo for every sun height (within 2e-3). Water: glint, foam and water-leaving
+    light.
     """
     mu_sun, mu_view, azimuth = _per_place(sample, mu_sun, mu_view, relative_azimuth_rad)
     if sample.lambertian:
@@ -41,7 +41,7 @@ def bidirectional_reflectance(
     factor = (1 - snow) * land_factor(mu_sun, mu_view, azimuth) + snow * snow_factor(mu_sun, mu_view, azimuth)
     foam = water.foam_fraction(sample.wind_speed)
     glint = (1 - foam) * water.glint_reflectance(mu_sun, mu_view, azimuth, sample.wind_speed)
-    wet = glint[:, None] + _water_body(foam, wavelengths_nm)
+    wet = glint[:, None] + _water_body(sample, foam, wavelengths_nm)
     open_water = sample.water[:, None]
     return (1 - open_water) * factor[:, None] * sample.albedo + open_water * wet
 
@@ -53,7 +53,7 @@ def diffuse_reflectance(sample: SurfaceSample, mu_view: ArrayLike, wavelengths_n
         return sample.albedo.copy()
     foam = water.foam_fraction(sample.wind_speed)
     mirror, _ = water.mirrored_sky(mu_view, sample.wind_speed)
-    wet = ((1 - foam) * mirror)[:, None] + _water_body(foam, wavelengths_nm)
+    wet = ((1 - foam) * mirror)[:, None] + _water_body(sample, foam, wavelengths_nm)
     return sample.albedo + sample.water[:, None] * (wet - sample.albedo)
 
 
@@ -63,7 +63,7 @@ def hemispherical_albedo(sample: SurfaceSample, wavelengths_nm: ArrayLike) -> Fl
         return sample.albedo.copy()
     foam = water.foam_fraction(sample.wind_speed)
     mirror = (1 - foam) * water.isotropic_sky_albedo(sample.wind_speed)
-    wet = mirror[:, None] + _water_body(foam, wavelengths_nm)
+    wet = mirror[:, None] + _water_body(sample, foam, wavelengths_nm)
     return sample.albedo + sample.water[:, None] * (wet - sample.albedo)
 
 
@@ -91,56 +91,74 @@ def reflected_radiance(
     foam = water.foam_fraction(sample.wind_speed)
     mirror, sky_mu = water.mirrored_sky(mu_view, sample.wind_speed)
     sky = sky_radiance(sky_mu, np.pi - azimuth)
-    wet = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(foam, wavelengths_nm) * diffuse_flux
+    wet = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(sample, foam, wavelengths_nm) * diffuse_flux
     dry = 4 * sample.albedo * diffuse_flux
     return direct + dry + sample.water[:, None] * (wet - dry)
 
 
 def land_factor(mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike) -> FloatArray:
-    """Anisotropic reflectance factor of land: 1.35 to 1.55 at the hot spot, .7 against a low sun.
+    """Anisotropic reflectance factor of land: about 1.5 at the hot spot, .8 against a low sun, bright at grazing view.
 
-    (1 + .3 cos xi + .35 exp(-xi / 11 deg)) / norm, xi the angle between the directions to sun and viewer.
-    Ours, with the range seen over grass, soil and forest (Kimes 1983); "maximum in the backscattering
-    direction" (section 3.7).
+    The shape of Rahman, Pinty & Verstraete (1993) with k = .78 and Theta = -.1, mid-range of what they fitted to soil,
+    grass and forest in the visible; mu and mu0 not below .05. Scaled as `_balance` tells.
     """
-    mu0, mu = np.asarray(mu_sun, float), np.asarray(mu_view, float)
-    norm = np.interp(mu0, *_norms("land"))
-    return _land_shape(mu0, mu, np.asarray(relative_azimuth_rad, float)) / norm
+    return _factor("land", mu_sun, mu_view, relative_azimuth_rad)
 
 
 def snow_factor(mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike) -> FloatArray:
-    """Anisotropic reflectance factor of snow: near 1 for a high sun, several at low sun and forward
-    scattering.
+    """Anisotropic reflectance factor of snow: near 1 for a high sun, several at low sun and forward scattering.
 
-    The reflectance of a semi-infinite non-absorbing snow pack (Kokhanovsky & Breon 2012), normalised; mu and
-    mu0 not below .05.
+    The reflectance of a semi-infinite non-absorbing snow pack (Kokhanovsky & Breon 2012); mu and mu0 not below .05.
+    Scaled as `_balance` tells.
     """
-    mu0, mu = np.asarray(mu_sun, float), np.asarray(mu_view, float)
-    norm = np.interp(mu0, *_norms("snow"))
-    return _snow_shape(mu0, mu, np.asarray(relative_azimuth_rad, float)) / norm
+    return _factor("snow", mu_sun, mu_view, relative_azimuth_rad)
+
+
+def _factor(surface: str, mu_sun: ArrayLike, mu_view: ArrayLike, azimuth: ArrayLike) -> FloatArray:
+    mu0, mu = (np.maximum(np.asarray(v, float), _LEAST_MU) for v in (mu_sun, mu_view))
+    node, balance = _balance(surface)
+    return _SHAPES[surface](mu0, mu, np.asarray(azimuth, float)) / (
+        np.interp(mu0, node, balance) * np.interp(mu, node, balance)
+    )
 
 
 def _land_shape(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
+    k, theta = 0.78, -0.1
     cos_xi = _cos_phase_angle(mu0, mu, azimuth)
-    return 1 + 0.3 * cos_xi + 0.35 * np.exp(-np.arccos(cos_xi) / 0.192)
+    bowl = (mu0 * mu * (mu0 + mu)) ** (k - 1)
+    # xi is 0 at the hot spot; a negative Theta scatters back
+    scattering = (1 - theta**2) / (1 + 2 * theta * cos_xi + theta**2) ** 1.5
+    tan0, tan = np.sqrt(np.maximum(1 - mu0**2, 0)) / mu0, np.sqrt(np.maximum(1 - mu**2, 0)) / mu
+    apart = np.sqrt(np.maximum(tan0**2 + tan**2 - 2 * tan0 * tan * np.cos(azimuth), 0.0))
+    return bowl * scattering * (1 + 0.9 / (1 + apart))
 
 
 def _snow_shape(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
-    mu0, mu = np.maximum(mu0, _LEAST_MU), np.maximum(mu, _LEAST_MU)
     scattering_deg = 180 - np.degrees(np.arccos(_cos_phase_angle(mu0, mu, azimuth)))
     single = 11.1 * np.exp(-0.087 * scattering_deg) + 1.1 * np.exp(-0.014 * scattering_deg)
     return (1.247 + 1.186 * (mu + mu0) + 5.157 * mu * mu0 + single) / (4 * (mu + mu0))
 
 
+_SHAPES = {"land": _land_shape, "snow": _snow_shape}
+
+
 @cache
-def _norms(surface: str) -> tuple[FloatArray, FloatArray]:
-    """Hemispherical mean of the shape, (1/pi) integral of shape mu dOmega, at nodes of mu_sun."""
-    shape = {"land": _land_shape, "snow": _snow_shape}[surface]
-    node, weight = np.polynomial.legendre.leggauss(48)
+def _balance(surface: str) -> tuple[FloatArray, FloatArray]:
+    """Nodes of mu and the g(mu) for which shape / (g(mu0) g(mu)) reflects all light, whatever the sun's height.
+
+    (2/pi) int shape / (g g) mu dmu dphi = 1 for every mu0 (Sinkhorn's iteration, symmetric): albedo times the factor
+    is reciprocal and has that albedo from every direction. The measured rise of land's albedo toward low sun is
+    given up for it.
+    """
+    node, weight = np.polynomial.legendre.leggauss(64)
     mu, mu_weight = 0.5 * (node + 1), 0.5 * weight
     azimuth, azimuth_weight = 0.5 * np.pi * (node + 1), 0.5 * np.pi * weight
-    values = shape(_MU_NODES[:, None, None], mu[:, None], azimuth)
-    return _MU_NODES, 2 / np.pi * (values @ azimuth_weight) @ (mu * mu_weight)
+    bounded = np.maximum(mu, _LEAST_MU)
+    kernel = 2 / np.pi * _SHAPES[surface](bounded[:, None, None], bounded[:, None], azimuth) @ azimuth_weight
+    g = np.ones(mu.size)
+    for _ in range(60):
+        g = np.sqrt(g * (kernel @ (mu * mu_weight / g)))
+    return mu, g
 
 
 def _cos_phase_angle(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
@@ -148,9 +166,10 @@ def _cos_phase_angle(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> Fl
     return np.clip(mu * mu0 + sines * np.cos(azimuth), -1.0, 1.0)
 
 
-def _water_body(foam: FloatArray, wavelengths_nm: ArrayLike) -> FloatArray:
+def _water_body(sample: SurfaceSample, foam: FloatArray, wavelengths_nm: ArrayLike) -> FloatArray:
     """Lambertian part of water (n, nwl): foam, and light from below the surface."""
-    return foam[:, None] * water.FOAM_ALBEDO + (1 - foam)[:, None] * spectra.water_leaving(wavelengths_nm)
+    below = spectra.water_leaving(wavelengths_nm, sample.chlorophyll)
+    return foam[:, None] * water.FOAM_ALBEDO + (1 - foam)[:, None] * below
 
 
 def _per_place(sample: SurfaceSample, *values: ArrayLike) -> list[FloatArray]:

@@ -42,23 +42,31 @@ def generic_land(wavelengths_nm: ArrayLike) -> FloatArray:
     )
 
 
-def snow(wavelengths_nm: ArrayLike) -> FloatArray:
-    """(nwl,) snow a few days old, slightly dusty (after Wiscombe & Warren 1980)."""
-    return _table(wavelengths_nm, [400, 500, 600, 700], [0.88, 0.88, 0.86, 0.82])
+def water_leaving(wavelengths_nm: ArrayLike, chlorophyll_mg_m3: ArrayLike = 0.2) -> FloatArray:
+    """Reflectance pi L_w / E (n, nwl) of the light from within Case-1 water, by its chlorophyll (n,), .01 to 30 mg/m3.
+
+    Absorption a = (a_w + .06 A C^.65) (1 + .2 exp(-.014 (lambda - 440))) (Prieur & Sathyendranath 1981, Morel 1991);
+    backscattering half of sea water's and .30 C^.62 (.002 + .02 (.5 - .25 log C) 550/lambda) (Morel 1988);
+    below the surface r = u (.0949 + .0794 u), u = b_b/(a + b_b) (Gordon et al. 1988), above .52 r / (1 - 1.7 r).
+    """
+    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    green = np.clip(np.atleast_1d(np.asarray(chlorophyll_mg_m3, float)), 0.01, 30.0)[:, None]
+    water, pigment = (np.interp(wavelengths, _WATER_NM, row) for row in (_PURE_WATER_PER_M, _PIGMENT))
+    absorption = (water + 0.06 * pigment * green**0.65) * (1 + 0.2 * np.exp(-0.014 * (wavelengths - 440)))
+    molecules = 0.5 * 0.00288 * (wavelengths / 500) ** -4.32
+    particles = 0.30 * green**0.62 * (0.002 + 0.02 * (0.5 - 0.25 * np.log10(green)) * 550 / wavelengths)
+    u = (molecules + particles) / (absorption + molecules + particles)
+    below = u * (0.0949 + 0.0794 * u)
+    return np.pi * 0.52 * below / (1 - 1.7 * below)
 
 
-def sea_ice(wavelengths_nm: ArrayLike) -> FloatArray:
-    """(nwl,) first-year ice, in part bare and in part under snow (after Grenfell & Maykut 1977)."""
-    return _table(wavelengths_nm, [400, 500, 600, 700], [0.72, 0.73, 0.68, 0.58])
-
-
-def water_leaving(wavelengths_nm: ArrayLike) -> FloatArray:
-    """(nwl,) reflectance pi L_w / E of clear ocean, chlorophyll .2 mg/m3 (after Morel & Maritorena 2001)."""
-    return _table(
-        wavelengths_nm,
-        [400, 450, 490, 510, 546, 580, 615, 660, 700],
-        [0.018, 0.014, 0.0115, 0.0075, 0.0042, 0.0020, 0.0009, 0.0004, 0.0002],
-    )
+# Absorption of pure water (Pope & Fry 1997; beyond 700 nm after Smith & Baker 1981) and of phytoplankton, 1 at 440 nm
+# (Prieur & Sathyendranath 1981 as in Morel 1988).
+_WATER_NM = [400, 420, 440, 460, 480, 500, 520, 540, 560, 580, 600, 620, 640, 660, 680, 700, 750, 800]
+_PURE_WATER_PER_M = [0.0066, 0.0045, 0.0064, 0.0098, 0.0127, 0.0204, 0.0409, 0.0474, 0.0619, 0.0896, 0.2224, 0.2755,
+                     0.3108, 0.4100, 0.4650, 0.6240, 2.47, 2.07]  # fmt: skip
+_PIGMENT = [0.687, 0.913, 1.0, 0.917, 0.798, 0.668, 0.528, 0.416, 0.294, 0.291, 0.236, 0.276, 0.334, 0.441, 0.502,
+            0.215, 0.0, 0.0]  # fmt: skip
 
 
 def visible_from_broadband(broadband: FloatArray) -> FloatArray:

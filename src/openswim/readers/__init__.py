@@ -14,6 +14,7 @@ from openswim.readers.base import Reader, SceneInfo, Time, unreadable
 from openswim.readers.neighbourhood import Neighbourhood, part_of
 
 if TYPE_CHECKING:
+    from openswim.ground import Ground
     from openswim.scene import Scene
 
 __all__ = ["Neighbourhood", "Reader", "SceneInfo", "describe", "open_scene", "readers"]
@@ -27,6 +28,7 @@ def open_scene(
     time: Time = None,
     around: tuple[float, float] | Neighbourhood | None = None,
     radius_km: float | None = None,
+    ground: Ground | None = None,
 ) -> Scene:
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
@@ -36,9 +38,15 @@ def open_scene(
     around : (latitude, longitude): only the part of the domain around this place, to `radius_km` (default 200 km) to
         the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
         followed on domains up to 130 degrees wide. Domains without a place on Earth are laid around it.
+    ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     """
+    if ground is not None:
+        ground.open()
     paths = files_of(path)
-    return _open(_reader_of_all(paths), paths, time, _neighbourhood(around, radius_km))
+    scene = _open(_reader_of_all(paths), paths, time, _neighbourhood(around, radius_km))
+    if ground is not None:
+        scene.ground = ground
+    return scene
 
 
 def describe(path: Paths) -> SceneInfo:

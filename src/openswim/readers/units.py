@@ -15,6 +15,7 @@ _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
     "K": {"degC": (1.0, 273.15)},
     "1": {"%": (1e-2, 0.0)},
     "m s-1": {"km h-1": (1.0 / 3.6, 0.0), "knot": (1852.0 / 3600.0, 0.0)},
+    "day": {"h": (1.0 / 24.0, 0.0), "s": (1.0 / 86400.0, 0.0)},
     "degrees": {},
     "kg kg-1": {"1": (1.0, 0.0), "g kg-1": (1e-3, 0.0), "mg kg-1": (1e-6, 0.0), "ug kg-1": (1e-9, 0.0)},
     "kg-1": {},
@@ -70,6 +71,10 @@ _SPELLING = {
     "degrees_north": "degrees",
     "degree_north": "degrees",
     "knots": "knot",
+    "d": "day",
+    "days": "day",
+    "hours": "h",
+    "seconds": "s",
     "kt": "knot",
 }
 

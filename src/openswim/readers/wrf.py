@@ -159,6 +159,7 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
     for name, target, units in (
         ("HGT", "surface_altitude", "m"),
         ("SNOWC", "snow_area_fraction", ""),
+        ("SNOWH", "snow_depth", "m"),
         ("SEAICE", "sea_ice_area_fraction", ""),
     ):
         if name in file:

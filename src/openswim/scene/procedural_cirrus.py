@@ -46,7 +46,9 @@ def cirrus_field(
     across = across + 2.2e-5 * along**2 + 300.0 * lattice_noise(rng, (y, x), 3500.0)
     for level in np.flatnonzero((fall > 0) & (fall < 1)):
         t = float(fall[level])
-        blurred = blur(cells, ((0.2 + 1.2 * t) * 100.0 / step, (2.0 + 8.0 * t) * 100.0 / step))
+        # at least a cell, for nodes draw finer fibres as beads
+        across_cells = max(0.8, (0.2 + 1.2 * t) * 100.0 / step)
+        blurred = blur(cells, (across_cells, (2.0 + 8.0 * t) * 100.0 / step))
         there = sample(blurred, ((across + half) / step, (along + trail_m * t**1.5 + half) / step))
         content[level] = there * min(t / 0.2, 1.0) * (1 - t) ** 0.7
 
@@ -71,8 +73,9 @@ def _rescaled(depth: FloatArray, mean: float, limit: float) -> FloatArray:
 
 def _generating_cells(rng: np.random.Generator, ruler_m: NDArray, step_m: float) -> FloatArray:
     """Relative ice source at cirrus top on (across, along) the wind: fibres gathered into tufts."""
-    fine = lattice_noise(rng, (ruler_m, ruler_m), (max(150.0, 1.3 * step_m), 2500.0))
-    medium = lattice_noise(rng, (ruler_m, ruler_m), (420.0, 3200.0))
+    # a fibre is about two lattice widths across: eight nodes, between which linear interpolation does not show
+    fine = lattice_noise(rng, (ruler_m, ruler_m), (max(150.0, 4.0 * step_m), 2500.0))
+    medium = lattice_noise(rng, (ruler_m, ruler_m), (max(420.0, 7.0 * step_m), 3200.0))
     tufts = lattice_noise(rng, (ruler_m, ruler_m), (900.0, 1800.0))
     return np.exp(0.65 * fine + 0.65 * medium) * smoothstep(tufts + 0.35 * medium, -0.5, 2.0)
 

@@ -19,6 +19,7 @@ from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, va
 if TYPE_CHECKING:
     from pyproj import CRS
 
+    from openswim.ground import Ground
     from openswim.optics.phase import PhaseFunction
     from openswim.scene.atmosphere import Atmosphere
 
@@ -64,6 +65,7 @@ class Scene:
     optics : properties of the species given as extinction_<name> (required), and of "aerosol" (optional).
     time : valid time, UTC, to the millisecond; None where unknown.
     source : where the fields come from; notes : what was assumed or repaired.
+    ground : the user's own maps of albedo and height, which come before the scene's fields.
     """
 
     grid: Grid | None
@@ -73,6 +75,7 @@ class Scene:
     time: np.datetime64 | None = None
     source: str = ""
     notes: list[str] = field(default_factory=list)
+    ground: Ground | None = None
 
     def __post_init__(self) -> None:
         self.data, repairs = checked_dataset(self.data, self.grid)

@@ -90,6 +90,14 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
     "land_area_fraction": _fraction("fraction of land", "land_area_fraction"),
     "snow_area_fraction": _fraction("fraction covered by snow", "surface_snow_area_fraction"),
     "sea_ice_area_fraction": _fraction("fraction covered by sea ice", "sea_ice_area_fraction"),
+    "snow_depth": Variable(
+        "m", "depth of snow on the ground", 0.0, 1000.0, "surface_snow_thickness", SURFACE_DIMS, clip=True,
+        hint="is it in millimetres?",
+    ),
+    "snow_age": Variable(
+        "day", "age of the snow's surface", 0.0, 1e5, "age_of_surface_snow", SURFACE_DIMS, clip=True,
+        hint="is it in seconds?",
+    ),
     "surface_albedo": _fraction("surface albedo", "surface_albedo"),
     "wind_east_10m": Variable(
         "m s-1", "eastward wind 10 m above ground", -150.0, 150.0, "eastward_wind", SURFACE_DIMS

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport.moments import BLOCK, Coarser, Moments, add_prolonged, nothing_coarser, places, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.products import Mirrored, SparseRows
-from openswim.transport.sweep import CLEAR_BLOCK, add_prolonged, half_sweep
+from openswim.transport.sweep import Half, OpticalGrid, half_sweep
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_ALIKE = 0.5  # change of the coarse moments, relative, up to which one fine sweep follows
+_LEAST_COARSE = 12  # nodes that a coarse grid must have each way
+_THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
 
 
 @dataclass
@@ -32,62 +35,104 @@ class Coefficients:
 
 @dataclass
 class Sweeper:
-    """Everything one grid needs to sweep one wavelength; `sweep` maps moments (nz, ny, M*M, nx) to moments."""
+    """Everything one grid needs to sweep one wavelength; `sweep` maps moments to moments."""
 
-    extinction: F32
-    coefficients: Coefficients
-    beam: F32
-    sun_harmonics: F32
-    levels_m: F64
-    cell_m: F64
-    periodic: bool
+    grid: OpticalGrid
     inflow: F32  # (ordinates, nz), in the order of `ordinates`
-    ground_node: NDArray[np.int64]
     ground_albedo: F32
     direct_flux: F32
     ordinates: Ordinates
-    degree: int
+    halves: tuple[tuple[Half, Mirrored], tuple[Half, Mirrored]]
+    coarser: Coarser
+    place: NDArray[np.int32]
+
+    @classmethod
+    def of(
+        cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates,
+    ) -> Sweeper:  # fmt: skip
+        """A sweeper that keeps every block that scatters."""
+        directions, weights = ordinates.direction, ordinates.weight
+        nz, ny, nx = grid.beam.shape
+        degree = grid.air_scattering.shape[1]
+        down = directions[:, 2] >= 0
+        halves = []
+        for half in (down, ~down):
+            q, w = directions[half], weights[half].astype(np.float32)
+            edges = np.zeros((len(q), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
+            halves.append((Half(q, w, np.ascontiguousarray(inflow[half].T), edges), mirrored(q, w, degree)))
+        kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        return cls(
+            grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
+            places(kept),
+        )  # fmt: skip
 
     def __post_init__(self) -> None:
-        directions, weights = self.ordinates.direction, self.ordinates.weight
-        down = directions[:, 2] >= 0
-        _, ny, nx = self.beam.shape
-        nz = len(self.levels_m)
-        self.halves = []
-        for half in (down, ~down):
-            q = directions[half]
-            edges = np.zeros((len(q), nz if self.periodic else 1, 4, max(nx, ny)), np.float32)
-            w = weights[half].astype(np.float32)
-            self.halves.append((q, mirrored(q, w, self.degree), w, np.ascontiguousarray(self.inflow[half].T), edges))
-        up = self.halves[1]
+        up, _ = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
-        self.unit_flux = float((up[2] * np.abs(up[0][:, 2])).sum() / (4 * np.pi))
-        scatters: NDArray[np.bool_] = np.asarray((self.extinction > 0).any(axis=0))
-        if (self.coefficients.air_scattering[:, 0] > 0).any():
-            scatters[:] = True
-        self.first = np.where(scatters.any(-1), scatters.argmax(-1), 0).astype(np.int64)
-        last = nx - scatters[..., ::-1].argmax(-1)
-        self.last = np.where(scatters.any(-1), last, 0).astype(np.int64)
-        self.fills = bool((self.first == 0).all() and (self.last == nx).all())  # a sweep leaves no node out
-        self.row_harmonics = np.ascontiguousarray(np.moveaxis(self.sun_harmonics, 0, 1))
-        self.cloudy = cloudy_blocks(self.extinction, self.periodic)
-        self.down_flux = np.zeros((ny, nx), np.float32)
-        self.up_flux = np.zeros((ny, nx), np.float32)
+        self.unit_flux = float((up.weight * np.abs(up.direction[:, 2])).sum() / (4 * np.pi))
+        self.down_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
+        self.up_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
 
-    def sweep(self, moments: F32, out: F32 | None = None) -> F32:
+    def over(self, coarser: Coarser) -> Sweeper:
+        """The same, keeping but what is thick, over a coarser field that lights the rest."""
+        return replace(self, coarser=coarser, place=places(self.grid.cloudy & thick_blocks(self.grid)))
+
+    def coarsened(self) -> Sweeper:
+        """The same medium on 2x2 means of its columns."""
+        g = self.grid
+        extinction = coarsen(g.extinction)
+        grid = g._replace(
+            extinction=extinction, beam=coarsen(g.beam), sun_harmonics=coarse_rows(g.sun_harmonics),
+            cell_m=2 * g.cell_m, ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
+            cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), g.periodic),
+        )  # fmt: skip
+        return Sweeper.of(
+            grid, self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux), self.ordinates
+        )  # fmt: skip
+
+    def unlit(self, levels: slice) -> Sweeper:
+        """The thick part of the medium between some levels, with no light of its own."""
+        g = self.grid
+        cut = g._replace(
+            extinction=np.ascontiguousarray(g.extinction[:, levels]), air_extinction=g.air_extinction[levels],
+            air_scattering=g.air_scattering[levels], beam=np.zeros_like(g.beam[levels]), levels_m=g.levels_m[levels],
+            cloudy=np.ascontiguousarray(g.cloudy[levels]),
+            ground_node=np.clip(g.ground_node - levels.start, 0, levels.stop - levels.start - 1),
+        )  # fmt: skip
+        on_ground = np.float32(levels.start == 0)
+        dark = Sweeper.of(
+            cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
+            self.ordinates,
+        )  # fmt: skip
+        return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
+
+    def answer(self, change: F32, tolerance: float, most: int) -> F32:
+        """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
+        values = self.sweep(change)
+        images: list[F32] = []
+        residuals: list[F32] = []
+        for _ in range(most):
+            image = self.sweep(values + change)
+            residual = image[:, :4] - values[:, :4]
+            if float(np.linalg.norm(residual)) <= tolerance * float(np.linalg.norm(image[:, :4])):
+                break
+            images, residuals = [*images, image][-3:], [*residuals, residual][-3:]
+            values = _anderson(images, residuals)
+        return image
+
+    def nothing(self) -> F32:
+        """Moments of darkness."""
+        return np.zeros((int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK), np.float32)
+
+    def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
-        new = np.zeros_like(moments) if out is None else out
-        if out is not None and not self.fills:
-            out[:] = 0
-        c = self.coefficients
+        new = np.zeros_like(values) if out is None else out
         radiance = np.zeros_like(self.ground_albedo)
-        for downward, (q, harmonics, weight, inflow, edges) in zip((True, False), self.halves, strict=True):
+        for downward, (half, harmonics) in zip((True, False), self.halves, strict=True):
             flux = self.down_flux if downward else self.up_flux
             half_sweep(
-                get_num_threads(), downward, self.extinction, c.scaled, c.scattering, c.air_extinction,
-                c.air_scattering, self.beam, self.row_harmonics, self.levels_m, self.cell_m, self.periodic, self.first,
-                self.last, self.cloudy, q, weight, *harmonics, inflow, edges, self.ground_node, radiance, moments, new,
-                flux,
+                get_num_threads(), downward, self.grid, half, *harmonics, self.place, values, self.coarser, radiance,
+                new, flux,
             )  # fmt: skip
             if downward:
                 radiance = np.asarray(
@@ -95,29 +140,43 @@ class Sweeper:
                 )
         return new
 
-    def solve(self, moments: F32, tolerance: float, most: int, memory: int = 3) -> tuple[F32, int]:
-        """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2."""
-        sources: list[F32] = []
+    def solve(
+        self, values: F32, tolerance: float, most: int, memory: int = 3,
+        correct: Callable[[F32, F32], None] | None = None,
+    ) -> tuple[F32, int]:  # fmt: skip
+        """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
+
+        correct(change, image) adds to a sweep's result what is yet to follow from its change. Levels count by their
+        change relative to their light, since little light under a thick cloud is seen too.
+        """
+        level = np.nonzero(self.place >= 0)[0]
         images: list[F32] = []
+        residuals: list[F32] = []
+        spare = None
         for n in range(1, most + 1):
-            image = self.sweep(moments)
-            residual = (image[:, :, :4] - moments[:, :, :4]).ravel()
-            scale = float(np.linalg.norm(image[:, :, :4]))
-            if scale == 0 or float(np.linalg.norm(residual)) < tolerance * scale:
+            image = self.sweep(values, spare)
+            if correct is not None:
+                correct(image - values, image)
+            residual = image[:, :4] - values[:, :4]
+            size, change = (
+                np.bincount(level, np.einsum("nci,nci->n", a, a), len(self.place)) for a in (image[:, :4], residual)
+            )
+            floor = 1e-12 * size.max(initial=0.0) + 1e-30
+            if float(np.sqrt(change.sum() / max(size.sum(), 1e-30))) < tolerance:
                 return image, n
-            sources = [*sources, moments][-memory:]
-            images = [*images, image][-memory:]
-            moments = _anderson(sources, images)
+            spare = images[0] if len(images) == memory else None
+            images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
+            weight = (1 / np.sqrt(np.maximum(size, floor)))[level].astype(np.float32)
+            values = _anderson(images, [weight[:, None, None] * r for r in residuals])
         return image, most
 
 
-def _anderson(sources: list[F32], images: list[F32]) -> F32:
+def _anderson(images: list[F32], residuals: list[F32]) -> F32:
     """Combination of the images whose residual is least."""
     if len(images) == 1:
-        return images[0]
-    residuals = [(i[:, :, :4] - s[:, :, :4]).ravel() for s, i in zip(sources, images, strict=True)]
-    last = residuals[-1].astype(float)
-    differences = np.stack([r - last for r in residuals[:-1]])
+        return images[0].copy()
+    last = residuals[-1].ravel().astype(float)
+    differences = np.stack([r.ravel() - last for r in residuals[:-1]])
     gram = differences @ differences.T
     gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
     weights = np.linalg.solve(gram, -(differences @ last))
@@ -128,50 +187,74 @@ def _anderson(sources: list[F32], images: list[F32]) -> F32:
 
 
 class Solution(NamedTuple):
-    """Moments of one wavelength on the 2x2-coarse and on the full grid, and the sweeps they took."""
+    """Moments of one wavelength, the field that lights what they leave out, and the sweeps each grid took."""
 
-    coarse: F32
-    fine: F32
-    coarse_sweeps: int
-    fine_sweeps: int
+    moments: Moments
+    coarser: Coarser
+    sweeps: list[int]
 
 
-def coarse_to_fine(
-    coarse: Sweeper, fine: Sweeper, before: Solution | None, tolerance: float, most: int, sweeps: int
-) -> Solution:
-    """Converge on the coarse grid, then ``sweeps`` on the full one.
+def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool = False) -> Solution:
+    """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
-    From the solution of a wavelength ``before``, one fine sweep will do: what changes between the two changes alike on
-    both grids, and the error of the fine field goes on decreasing from wavelength to wavelength.
+    Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
+    everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
     """
-    levels, rows, columns = coarse.beam.shape
-    if before is None:
-        nothing = np.zeros((levels, rows, fine.degree**2, columns), np.float32)
-        start, n = coarse.solve(nothing, tolerance, most)
-        moments = np.zeros((*fine.beam.shape[:2], fine.degree**2, fine.beam.shape[2]), np.float32)
-        add_prolonged(start, moments)
-    else:
-        start, n = coarse.solve(before.coarse, tolerance, most)
-        change = start - before.coarse
-        if float(np.linalg.norm(change)) < _ALIKE * float(np.linalg.norm(start)):
-            sweeps = 1
-        moments = before.fine.copy()
-        add_prolonged(change, moments)
-    spare = None
-    for _ in range(sweeps):
-        moments, spare = fine.sweep(moments, spare), moments
-    return Solution(start, moments, n, sweeps)
+    if fine.grid.periodic or min(fine.grid.beam.shape[1:]) < 2 * _LEAST_COARSE:
+        # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
+        values, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n])
+    base = fine.coarsened()
+    below = coarse_to_fine(base, tolerance, most, True)
+    level = fine
+    if not everywhere:
+        level = fine.over(Coarser(2, *below.moments, base.grid.beam, base.grid.sun_harmonics))
+    follow = _Correction(level, base)
+    values = level.nothing()
+    follow.add(base, below.moments.values, values)
+    values, n = level.solve(values, tolerance, most, correct=follow)
+    fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
+    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n])
 
 
-def cloudy_blocks(extinction: F32, periodic: bool) -> NDArray[np.bool_]:
-    """Blocks of nodes along each row (nz, ny, block) with cloud in them or next to them."""
-    found = (extinction > 0).any(axis=0)
+class _Correction:
+    """What will follow from the change of a sweep of the full grid, as the 2x2-coarse grid sees it."""
+
+    def __init__(self, fine: Sweeper, base: Sweeper):
+        self.fine = fine
+        kept = np.flatnonzero((fine.place >= 0).any(axis=(1, 2)))
+        self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
+        self.dark = base.unlit(self.levels)
+        self.means = self.dark.nothing()
+
+    def __call__(self, change: F32, image: F32) -> None:
+        if not self.means.size:
+            return
+        place = np.ascontiguousarray(self.fine.place[self.levels])
+        restrict(get_num_threads(), place, change, 2, self.fine.grid.beam.shape[2], self.dark.place, self.means)
+        self.add(self.dark, self.dark.answer(self.means, 0.2, 5), image, self.levels)
+
+    def add(self, coarse: Sweeper, values: F32, out: F32, levels: slice = slice(None)) -> None:
+        """Add what a coarse sweeper knows to the moments of the full grid."""
+        place = np.ascontiguousarray(self.fine.place[levels])
+        nx, columns = self.fine.grid.beam.shape[2], coarse.grid.beam.shape[2]
+        add_prolonged(get_num_threads(), 2, coarse.place, values, coarse.coarser, columns, place, nx, out)
+
+
+def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
+    """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
+    extinction = np.tensordot(grid.scaled, grid.extinction, axes=1) + grid.air_extinction[:, None, None]
+    return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+
+
+def near_blocks(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
+    """Blocks of nodes along each row (nz, ny, block) with such nodes (nz, ny, nx) in them or next to them."""
     for axis in range(3):
         edge = "wrap" if periodic and axis > 0 else "constant"
         padded = np.pad(found, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode=edge)  # type: ignore[call-overload]
         n = found.shape[axis]
         found = padded.take(range(n), axis) | found | padded.take(range(2, n + 2), axis)
-    return np.ascontiguousarray(np.logical_or.reduceat(found, range(0, found.shape[2], CLEAR_BLOCK), axis=2))
+    return np.ascontiguousarray(np.logical_or.reduceat(found, range(0, found.shape[2], BLOCK), axis=2))
 
 
 def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:
@@ -217,3 +300,8 @@ def coarsen(field: F32) -> F32:
     return np.ascontiguousarray(
         0.25 * (f[..., ::2, ::2] + f[..., 1::2, ::2] + f[..., ::2, 1::2] + f[..., 1::2, 1::2]), np.float32
     )
+
+
+def coarse_rows(field: F32) -> F32:
+    """`coarsen` for (ny, ..., nx)."""
+    return np.ascontiguousarray(np.moveaxis(coarsen(np.moveaxis(field, 0, -2)), -2, 0))

@@ -15,12 +15,14 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport import swim
+from openswim.transport import swim_view
 from openswim.transport.grid_light import GridLight
-from openswim.transport.march import DEGREE, PACK, Shells, Volume, view_kernel
+from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
+from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
+from openswim.transport.volume import DEGREE, Shells, Volume
 
 if TYPE_CHECKING:
     from openswim.transport.solver import Solver
@@ -119,7 +121,7 @@ class PackField:
     lighting: Lighting
     medium: Medium | None = None
     timings: dict[str, float] = field(default_factory=dict)
-    sweeps: dict[str, list[int]] = field(default_factory=dict)
+    sweeps: list[list[int]] = field(default_factory=list)  # of each wavelength, from the coarsest grid on
     light: GridLight | None = None
     reach_deg: float = CLEAR_REACH_DEG  # how far round the Earth the shells' diffuse field is solved
     space_shells: Shells | None = None
@@ -146,7 +148,7 @@ class PackField:
     def _tiles(self, rays: Rays) -> Iterator[Any]:
         """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
         plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
-        if plane_parallel and self.light is not None:
+        if plane_parallel and self.light is not None and self.light.moments is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
@@ -154,57 +156,49 @@ class PackField:
             yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
 
     def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
-        origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)  # own, writable
-        n, nw = len(rays), PACK
-        scaled, front = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        samples = np.zeros(n, np.int64)
-        swim_mode = self.solver.name == "swim" and self.medium is not None
-        depth_limit = 2.0 if swim_mode else 1e30
-        radiance, full = np.zeros((n, nw), np.float32), np.zeros((n, nw), np.float32)
-        distance, depth = np.zeros(n), np.zeros((n, out.species_depth.shape[1]), np.float32)
-        seen_shells = swim.cloud_only(shells) if swim_mode else shells
-        view_kernel(
-            origin, direction, self.sun, self.table, seen_shells, self.volume, depth_limit, self.solver.step, radiance,
-            scaled,
-            full, depth, front, distance, samples,
-        )  # fmt: skip
-        np.maximum(radiance, 0, out=radiance)  # the truncated source may dip below zero where next to nothing is
-        if swim_mode:
-            clear = self._clear_view(origin, direction, shells)
-            swim.merge(self, direction, origin, radiance, full, depth, front, clear)
+        origin, direction = rays.origins(), rays.directions()
+        n = len(rays)
+        radiance, through, full, distance, depth, samples = self._march(origin, direction, shells)
         hit = np.flatnonzero(distance >= 0)
         position = np.full((n, 3), np.nan)
         if hit.size:
             position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            through = full[hit] if swim_mode else scaled[hit]
-            radiance[hit] += through * shade(self, shells, position[hit], direction[hit])
+            width = np.broadcast_to(rays.width_rad, n)[hit] * distance[hit]
+            eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
+            radiance[hit] += through[hit] * shade(self, shells, position[hit], direction[hit], width, eye)
         out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
         out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
-        return int(samples.sum())
+        return samples
 
-    def _clear_view(self, origin: F64, direction: F64, shells: Shells) -> F32:
-        """Radiance of the clear air alone along rays that end where the terrain does (Eq. 3 and all higher orders)."""
-        n = len(direction)
-        volume = self.volume._replace(fields=np.zeros((1, 1, 1, PACK), np.float32))
-        radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
-        view_kernel(
-            origin, direction, self.sun, self.table, shells, volume, 1e30, self.solver.step, radiance, scaled, full,
-            np.zeros((n, max(1, volume.species)), np.float32), front, np.zeros(n), np.zeros(n, np.int64),
+    def _march(self, origin: F64, direction: F64, shells: Shells) -> tuple[F32, F32, F32, F64, F32, int]:
+        """Radiance without the ground's (n, PACK), what is left of the ground's light and of the sun's, distance (n,)
+        to the ground or -1, depth of each species (n, ns), samples."""
+        if self.solver.name == "swim" and self.medium is not None:
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
+            return radiance, full, full, distance, depth, int(samples.sum())
+        seen = march_rays(
+            origin, direction, self.sun, self.table, shells, self.volume, self.solver.step,
         )  # fmt: skip
-        return radiance
+        radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
+        return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
+
+    def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
+        """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
+        the ground or -1; what water mirrors."""
+        if self.light is not None:
+            self.light.aim(self.volume, eye, False)
+        radiance, through, _, distance, _, _ = self._march(origin, direction, shells)
+        hit = np.flatnonzero(distance > 0)
+        if hit.size:
+            place = origin[hit] + direction[hit] * distance[hit, None]
+            radiance[hit] += through[hit] * shade(self, shells, place, direction[hit], 0.01 * distance[hit])
+        return radiance, distance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
-        n, nw = len(place), PACK
-        work = [np.zeros((n, nw), np.float32) for _ in range(4)]
-        distance = np.zeros(n)
-        dark = np.zeros_like(self.table)
         lifted = place + np.array([0.0, 0.0, 1.0])
-        view_kernel(
-            lifted, np.tile(self.sun, (n, 1)), self.sun, dark, self.shells, self.volume, 1e30, 2.0, work[0], work[1],
-            work[2], np.zeros((n, max(1, self.volume.species)), np.float32), work[3], distance, np.zeros(n, np.int64),
-        )  # fmt: skip
-        return work[1] * (distance < 0)[:, None]
+        seen = march_rays(lifted, self.sun, self.sun, np.zeros_like(self.table), self.shells, self.volume, 2.0)
+        return seen.scaled * (seen.distance_m < 0)[:, None]
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""

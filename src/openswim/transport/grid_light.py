@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport import diffuse, swim
-from openswim.transport.eye_source import view_source
-from openswim.transport.march import DEGREE, PACK, Shells, Volume
+from openswim.transport.eye_source import columns_of, view_source, wide
 from openswim.transport.medium import Medium
+from openswim.transport.moments import Coarser, Moments
 from openswim.transport.ordinates import harmonic_matrix
+from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.sun import direct_beam, sun_sweep, terrain_shadow
-from openswim.transport.surface import Lighting
+from openswim.transport.surface import Lighting, bilinear
+from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -28,14 +30,14 @@ class GridLight:
 
     medium: Medium
     beams: list[F32]
-    moments: list[F32] | None
+    moments: list[Moments] | None
     coefficients: list[diffuse.Coefficients]
     sun_harmonics: F32
     sun: F64
-    haze: F32  # (1, angle, depth, PACK) forward peak of the background aerosol
     count: int
     shadow_m: F64
     ridge_m: F64
+    coarser: list[Coarser] = field(default_factory=list)
     _aimed: tuple[bytes, bool] | None = None
 
     def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
@@ -44,14 +46,16 @@ class GridLight:
         if self.moments is None or key == self._aimed:
             return
         m = self.medium
+        eye = np.array(eye, float)
+        columns = columns_of(m.axes, m.place, eye, parallel)
+        extinction = wide(m.extinction)
         for w, c in enumerate(self.coefficients):
             if w >= self.count:
                 volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
                 continue
             view_source(
-                m.extinction, c.scattering, c.air_scattering, c.air_forward, self.beams[w], self.sun_harmonics,
-                self.moments[w], m.axes, m.place, m.levels_m, np.asarray(eye, float), parallel, self.sun, self.haze, w,
-                int(volume.forward_channel[w]), PACK + w, volume.fields,
+                extinction, c.scattering, np.ascontiguousarray(c.air_scattering), wide(self.beams[w]), *self.moments[w],
+                self.coarser[w], columns, m.levels_m, eye, parallel, self.sun, PACK + w, volume.fields,
             )  # fmt: skip
         self._aimed = key
 
@@ -127,15 +131,17 @@ def sunlit_volume(
             index[name].append(same[0] if same else len(rows) - 1)
     kept = sorted(set(index["second"]))
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
-    free_channel = 2 * PACK + ns + len(kept)
-    fields = np.zeros((nz, ny, nx, -(-(free_channel + 1) // PACK) * PACK), np.float32)
+    cloud_channel = 2 * PACK + ns + len(kept)
+    free_channel = cloud_channel + 1
+    fields = blank_fields((nz, ny, nx), free_channel + 1)
     for s in range(ns):
         fields[..., 2 * PACK + s] = medium.extinction[s]
+        fields[..., cloud_channel] += medium.extinction[s]
     spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
     free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
-    fields[..., free_channel] = free
+    fields[..., free_channel] = _free_around(free, medium.periodic)
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     cell = np.array(medium.cell_m, float)
@@ -151,16 +157,22 @@ def sunlit_volume(
         if n in forward_channel:
             fields[..., forward_channel[n]] = depth
         depths.append(depth)
-    air = np.stack([[c.air_extinction for c in coefficients], [c.air_forward for c in coefficients]]).transpose(2, 0, 1)
+    air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
-        medium.chart_origin_m, medium.chart_per_m, medium.chart, origin, per_m, lookup, float(medium.levels_m[-1]),
-        np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic, ns, free_channel, fields,
-        scaled,
-        forward,
-        np.array([forward_channel[n] for n in index["second"]]), np.ascontiguousarray(air, np.float32),
-        medium.terrain_m, _CLEAR_CELLS,
+        medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
+        float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
+        fast and medium.air is not None, ns, cloud_channel, free_channel, fields, scaled, forward,
+        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
-    return volume, [depths[n] for n in index["scaled"]]
+    return tidy(volume), [depths[n] for n in index["scaled"]]
+
+
+def _sides(medium: Medium) -> F64:
+    """Least and greatest x, then y, of the columns' places projected from the Earth's centre on the tangent plane."""
+    radius = medium.frame.radius_m
+    tangent = medium.place[..., :2] * (radius / (radius + medium.place[..., 2:]))
+    return np.array([end(tangent[..., axis]) for axis in range(2) for end in (np.min, np.max)])
 
 
 def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
@@ -184,9 +196,21 @@ def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
     return free
 
 
+def _free_around(free: F32, periodic: bool) -> F32:
+    """The least of `_free_cells` at the corners of the cell that begins at each node."""
+    for axis in range(3):
+        moved = np.roll(free, -1, axis)
+        if axis == 0 or not periodic:
+            edge = [slice(None)] * 3
+            edge[axis] = slice(-1, None)
+            moved[tuple(edge)] = free[tuple(edge)]
+        free = np.minimum(free, moved)
+    return free
+
+
 def beams_and_shadows(
     medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: list[F32],
-    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, haze: F32, count: int,
+    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, count: int,
 ) -> GridLight:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape
@@ -215,11 +239,26 @@ def beams_and_shadows(
         )  # fmt: skip
         beams.append(beam)
         lighting.direct[w] = surface
+    _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)
     return GridLight(
-        medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, haze, count, shadow, ridge
+        medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, count, shadow, ridge
     )
+
+
+def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:
+    """The shells' rows on the levels, and their forward depth to the sun as above the scene's centre."""
+    above = np.maximum(medium.levels_m - shells.ground_m, 0.0)
+    level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
+    r_ground = shells.radius_m + shells.ground_m
+    horizon = -np.sqrt(above * (2 * r_ground + above)) / (r_ground + above)
+    count = shells.slant.shape[1]
+    column = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    for c in range(4 * PACK):
+        volume.air[:, c] = np.interp(level, np.arange(len(shells.rows)), shells.rows[:, c])
+    for w in range(PACK):
+        volume.haze_depth[:, w] = bilinear(shells.sun_forward[..., w], column, level)
 
 
 def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.ground.relief import refined_terrain
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
@@ -82,6 +83,7 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     terrain = np.zeros((ny, nx), np.float32)
     if "surface_altitude" in scene.data:
         terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
+    terrain = refined_terrain(scene, terrain)
     dx, dy = grid.spacing_m()
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
@@ -104,7 +106,7 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
         _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, own)
         out[:] = own if fineness == 1 else finer_cloud(own, fineness)
     if fineness > 1:
-        terrain = subdivided(terrain, fineness)
+        terrain = refined_terrain(scene, subdivided(terrain, fineness), fineness)
         dx, dy = dx / fineness, dy / fineness
     if frame.curved:  # what lies under the terrain must not be seen by a step that ends there
         thickness = np.gradient(levels)

@@ -1,4 +1,4 @@
-"""Small pure functions of scalars: the physics of one step, one place, one look-up.
+"""Small pure functions of scalars and packs: the physics of one step, one place, one look-up.
 
 Every kernel is built of these and nothing else, so that a GPU back end or a hand-written adjoint can
 reuse them. Units are in the names; none of them keeps state.
@@ -7,237 +7,16 @@ reuse them. Units are in the names; none of them keeps state.
 from __future__ import annotations
 
 import math
-import operator
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.core.errors import TypingError
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, models, register_model
+from numba import njit
 
-PACK = 4  # wavelengths carried together, in one vector register
+from openswim.transport.pack import PACK, choose_above, flat
+
+__all__ = ["PACK", "flat"]  # beside what stands here
+
 _F1 = np.float32(1.0)
 _MOST_DEGREE = 12
-
-
-class PackType(types.Type):
-    """PACK float32 at once: one number per wavelength. Arithmetic among packs, and of packs with scalars, is lane by
-    lane; without this LLVM must prove that arrays lie apart before it vectorises, and mostly cannot."""
-
-    def __init__(self) -> None:
-        super().__init__("Pack")
-
-
-pack_type = PackType()
-_FLOAT, _INT = ir.FloatType(), ir.IntType(32)
-_VECTOR = ir.VectorType(_FLOAT, PACK)
-_FAST = ("contract", "reassoc", "nsz", "arcp", "nnan", "ninf")
-
-
-@register_model(PackType)
-class _PackModel(models.PrimitiveModel):
-    def __init__(self, manager, fe_type):
-        super().__init__(manager, fe_type, _VECTOR)
-
-
-def _spread(context, builder, kind, value):
-    """A pack of equal numbers; packs pass."""
-    if isinstance(kind, PackType):
-        return value
-    value = context.cast(builder, value, kind, types.float32)
-    one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, _INT(0))
-    return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_INT, PACK), None))
-
-
-def _arithmetic(operation, instruction: str) -> None:
-    """Teach Numba one operator on packs."""
-
-    @infer_global(operation)
-    class _Typing(AbstractTemplate):
-        def generic(self, args, kws):
-            packs = [isinstance(a, PackType) for a in args]
-            if any(packs) and all(p or isinstance(a, types.Float) for a, p in zip(args, packs, strict=True)):
-                return signature(pack_type, *args)
-            return None
-
-    def lower(context, builder, sig, args):
-        a, b = (_spread(context, builder, t, v) for t, v in zip(sig.args, args, strict=True))
-        return getattr(builder, instruction)(a, b, flags=_FAST)
-
-    for kinds in ((PackType, PackType), (PackType, types.Float), (types.Float, PackType)):
-        lower_builtin(operation, *kinds)(lower)
-
-
-for _operation, _instruction in (
-    (operator.add, "fadd"), (operator.iadd, "fadd"), (operator.sub, "fsub"), (operator.isub, "fsub"),
-    (operator.mul, "fmul"), (operator.imul, "fmul"), (operator.truediv, "fdiv"), (operator.itruediv, "fdiv"),
-):  # fmt: skip
-    _arithmetic(_operation, _instruction)
-
-
-def _element(context, builder, array_type, array, n):
-    """Pointer to flat element n."""
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.gep(data, [n])
-
-
-def _flat_array(array) -> None:
-    if not isinstance(array, types.Array) or array.layout != "C":
-        raise TypingError(f"a C-contiguous array is needed, not {array}")
-
-
-@intrinsic
-def flat(typingctx, array, n):
-    """Element n of an array taken as one row: no bounds, no wraparound. C-contiguous arrays only."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        return context.unpack_value(builder, sig.args[0].dtype, pointer)
-
-    return array.dtype(array, types.intp), lower
-
-
-@intrinsic
-def read(typingctx, array, n):
-    """The pack whose first number is flat element n of a float32 array."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        return builder.load(builder.bitcast(pointer, _VECTOR.as_pointer()), align=4)
-
-    return pack_type(array, types.intp), lower
-
-
-@intrinsic
-def read_row(typingctx, array, k):
-    """Row k of an array (n, PACK) of any layout."""
-
-    def lower(context, builder, sig, args):
-        kind = sig.args[0]
-        a = context.make_array(kind)(context, builder, args[0])
-        if kind.layout == "C":
-            pointer = builder.gep(a.data, [builder.mul(args[1], args[1].type(PACK))])
-            return builder.load(builder.bitcast(pointer, _VECTOR.as_pointer()), align=4)
-        strides = [builder.extract_value(a.strides, i) for i in range(2)]
-        out = ir.Constant(_VECTOR, ir.Undefined)
-        start = builder.ptrtoint(a.data, args[1].type)
-        start = builder.add(start, builder.mul(args[1], strides[0]))
-        for w in range(PACK):
-            place = builder.add(start, builder.mul(strides[1], args[1].type(w)))
-            value = builder.load(builder.inttoptr(place, _FLOAT.as_pointer()))
-            out = builder.insert_element(out, value, _INT(w))
-        return out
-
-    return pack_type(array, types.intp), lower
-
-
-@intrinsic
-def read_lanes(typingctx, array, start, rows):
-    """Lane by lane its own row of a table (rows, PACK) that begins at flat element ``start``; ``rows`` a pack >= 0."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        whole = builder.fptosi(args[2], ir.VectorType(_INT, PACK))
-        out = ir.Constant(_VECTOR, ir.Undefined)
-        for w in range(PACK):
-            row = builder.zext(builder.extract_element(whole, _INT(w)), args[1].type)
-            n = builder.add(args[1], builder.add(builder.mul(row, row.type(PACK)), row.type(w)))
-            value = builder.load(_element(context, builder, sig.args[0], args[0], n))
-            out = builder.insert_element(out, value, _INT(w))
-        return out
-
-    return pack_type(array, types.intp, pack_type), lower
-
-
-@intrinsic
-def write(typingctx, array, n, pack):
-    """Store a pack at flat element n."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        builder.store(args[2], builder.bitcast(pointer, _VECTOR.as_pointer()), align=4)
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, pack_type), lower
-
-
-@intrinsic
-def put(typingctx, array, n, x):
-    """Store a scalar at flat element n."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        value = context.cast(builder, args[2], sig.args[2], sig.args[0].dtype)
-        context.pack_value(builder, sig.args[0].dtype, value, pointer)
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, x), lower
-
-
-@intrinsic
-def spread(typingctx, x):
-    """A pack of equal numbers."""
-
-    def lower(context, builder, sig, args):
-        return _spread(context, builder, sig.args[0], args[0])
-
-    return pack_type(x), lower
-
-
-@intrinsic
-def pack_of(typingctx, a, b, c, d):
-    """A pack of four numbers."""
-
-    def lower(context, builder, sig, args):
-        out = ir.Constant(_VECTOR, ir.Undefined)
-        for w, x in enumerate(args):
-            out = builder.insert_element(out, x, _INT(w))
-        return out
-
-    return pack_type(types.float32, types.float32, types.float32, types.float32), lower
-
-
-@intrinsic
-def whole(typingctx, pack):
-    """Integer part of a pack >= 0."""
-
-    def lower(context, builder, sig, args):
-        return builder.sitofp(builder.fptosi(args[0], ir.VectorType(_INT, PACK)), _VECTOR)
-
-    return pack_type(pack_type), lower
-
-
-@intrinsic
-def largest(typingctx, pack):
-    """Greatest of a pack's numbers."""
-
-    def lower(context, builder, sig, args):
-        lanes = [builder.extract_element(args[0], _INT(w)) for w in range(PACK)]
-        while len(lanes) > 1:
-            a, b = lanes.pop(0), lanes.pop(0)
-            lanes.append(builder.select(builder.fcmp_ordered(">", a, b), a, b))
-        return lanes[0]
-
-    return types.float32(pack_type), lower
-
-
-@intrinsic
-def choose_above(typingctx, a, b, above, other):
-    """``above`` where a > b, else ``other``: for scalars, or lane by lane for packs."""
-    kind = pack_type if any(isinstance(t, PackType) for t in (a, b, above, other)) else types.float32
-
-    def lower(context, builder, sig, args):
-        if kind is pack_type:
-            args = [_spread(context, builder, t, v) for t, v in zip(sig.args, args, strict=True)]
-        return builder.select(builder.fcmp_ordered(">", args[0], args[1], flags=_FAST), args[2], args[3])
-
-    return (kind(a, b, above, other) if kind is pack_type else kind(kind, kind, kind, kind)), lower
 
 
 def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -252,24 +31,7 @@ def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return a, b, -np.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
 
 
-_UP, _BACK, _ALONG = _recurrence()
-_POWERS = 5
-
-
-def _factors() -> np.ndarray:
-    """Coefficients (l(l+1)/2 + m, power) of `legendre_factor`."""
-    rows = []
-    for ell in range(_POWERS):
-        for m in range(ell + 1):
-            p0, p1 = np.zeros(_POWERS), np.zeros(_POWERS)
-            p1[0] = math.sqrt((0.25 if m == 0 else 0.5) / math.pi) * np.prod(_ALONG[:m])
-            for n in range(m + 1, ell + 1):
-                p0, p1 = p1, _UP[n, m] * (np.roll(p1, 1) - _BACK[n, m] * p0)
-            rows.append(p1)
-    return np.array(rows, np.float32)
-
-
-_FACTORS = _factors()
+UP, BACK, ALONG = _recurrence()
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
@@ -308,6 +70,14 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
+    """Share (0..1) of a step after which ``optical_depth`` is met, extinction linear along it; it must be met."""
+    depth_per_m = optical_depth / step_m
+    square = extinction_near * extinction_near + np.float32(2.0) * (extinction_far - extinction_near) * depth_per_m
+    return min(np.float32(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, np.float32(0.0)))), _F1)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def height_m(x, y, z, radius_m):
     """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
     return height_of_square_m(x * x + y * y + z * (2.0 * radius_m + z), radius_m)
@@ -339,15 +109,19 @@ def shadow_fraction(mu, mu_horizon, sun_radius_rad):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
-def table_index(value, origin, per_unit, table):
-    """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
-    t = (value - origin) * per_unit
+def level_at(t, table):
+    """Entry t of a table, interpolated linearly (ends clamped)."""
     n = table.shape[0] - 1
     t = min(max(t, 0.0), n * 1.0)
     i = min(int(t), n - 1)
-    f = t - i
     low = flat(table, i)
-    return low + f * (flat(table, i + 1) - low)
+    return low + (t - i) * (flat(table, i + 1) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def table_index(value, origin, per_unit, table):
+    """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
+    return level_at((value - origin) * per_unit, table)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
@@ -358,17 +132,6 @@ def smoothstep(x):
     if x >= 1.0:
         return 1.0
     return x * x * (3.0 - 2.0 * x)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, forceinline=True)
-def legendre_factor(index, z):
-    """What Y_lm (m >= 0, cosine part, orthonormal) is without sin^m cos(m azimuth), at l(l+1)/2 + m = ``index``,
-    l <= 4: a polynomial of the cosine z."""
-    n = index * _POWERS
-    p = flat(_FACTORS, n + _POWERS - 1)
-    for power in range(_POWERS - 2, -1, -1):
-        p = p * z + flat(_FACTORS, n + power)
-    return p
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
@@ -383,7 +146,7 @@ def harmonics(x, y, z, degree, out):
         p1 = pmm
         for ell in range(m, degree):
             if ell > m:
-                p2 = _UP[ell, m] * (z * p1 - _BACK[ell, m] * p0)
+                p2 = UP[ell, m] * (z * p1 - BACK[ell, m] * p0)
                 p0 = p1
                 p1 = p2
             if m == 0:
@@ -391,7 +154,7 @@ def harmonics(x, y, z, degree, out):
             else:
                 out[ell * ell + ell + m] = 1.4142135623730951 * p1 * c
                 out[ell * ell + ell - m] = 1.4142135623730951 * p1 * s
-        pmm *= _ALONG[m]
+        pmm *= ALONG[m]
         c, s = c * x - s * y, s * x + c * y
 
 
@@ -414,9 +177,9 @@ def harmonics_symmetric(mu, cos_azimuth, degree, out):
         norm = 1.0 if m == 0 else 1.4142135623730951
         for ell in range(m, degree):
             if ell > m:
-                p2 = _UP[ell, m] * (mu * p1 - _BACK[ell, m] * p0)
+                p2 = UP[ell, m] * (mu * p1 - BACK[ell, m] * p0)
                 p0 = p1
                 p1 = p2
             out[ell * (ell + 1) // 2 + m] = norm * p1 * c
-        pmm *= _ALONG[m]
+        pmm *= ALONG[m]
         c, s = c * x - s * y, s * x + c * y

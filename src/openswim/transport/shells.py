@@ -6,13 +6,18 @@ source that the last iteration left, until the field no longer changes.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics import Background
-from openswim.transport.march import PACK, SHELL_TABLE_PER_M, Shells, Volume, ground_radiance_rows, view_kernel
+from openswim.transport.march import ground_radiance_rows, march_rays
 from openswim.transport.ordinates import hemisphere_product
+from openswim.transport.pack import PACK
+from openswim.transport.sample import COEFFICIENTS, MONOMIALS
 from openswim.transport.scalar import harmonics_symmetric
+from openswim.transport.volume import FAR_M, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
 Array = NDArray[np.float64]
 
@@ -44,6 +49,7 @@ def no_volume() -> Volume:
         chart_origin_m=0.0,
         chart_per_m=1.0,
         chart=np.full((2, 2, 2), -1e9),
+        sides_m=np.zeros(4),
         level_origin_m=0.0,
         level_per_m=1.0,
         level_table=np.zeros(2),
@@ -51,13 +57,17 @@ def no_volume() -> Volume:
         cell_m=np.array([1e9, 1e9], f32),
         spacing_m=np.full(1, 1e9, f32),
         periodic=False,
+        shining=False,
         species=0,
+        cloud_channel=0,
         free_channel=0,
-        fields=np.zeros((1, 1, 1, PACK), f32),
+        fields=blank_fields((1, 1, 1), 1),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),
         forward_channel=np.zeros(PACK, np.int64),
-        air=np.zeros((2, 2, PACK), f32),
+        air=np.zeros((2, 4 * PACK), f32),
+        haze_depth=np.zeros((2, PACK), f32),
+        reach_m=np.full(1, FAR_M, f32),
         terrain_m=np.zeros((1, 1), f32),
         clear_cells=8,
     )
@@ -127,17 +137,16 @@ def build_shells(
         suns = _SUNS_DEG[-2:]
     sun_mu = np.cos(np.radians(suns[::-1]))
     sun_table = fractional_index(sun_mu, np.linspace(-1, 1, 4001))
+    flux = np.repeat(np.maximum(sun_mu, 0)[:, None], nw, 1)
     if background is None:
         levels = np.array([0.0, max(top_m - ground_m, 1.0)])
-        zeros = np.zeros((2, nw), f32)
-        flux = np.repeat(np.maximum(sun_mu, 0)[:, None], nw, 1)
-        return Shells(
-            radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)), zeros, zeros,
-            np.zeros((2, degree, nw), f32), np.zeros((2, 2, nw), f32), np.zeros((2, 2, nw), f32),
-            _horizon(levels, radius_m, ground_m),
-            np.zeros(2), sun_table, np.zeros((0, len(suns), degree * (degree + 1) // 2, nw), f32),
-            flux.astype(f32), albedo,
-        )  # fmt: skip
+        return tidy(Shells(
+            radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)),
+            np.full(1, FAR_M), np.zeros((2, 4 * nw), f32), np.zeros((2, degree, nw), f32),
+            np.zeros((2, 2, 2 * nw), f32), _horizon(levels, radius_m, ground_m), sun_table,
+            np.zeros((0, len(suns), degree * (degree + 1) // 2, nw), f32),
+            np.zeros((2, len(suns), COEFFICIENTS, nw), f32), flux.astype(f32), albedo,
+        ))  # fmt: skip
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
     omega = np.asarray(background.aerosol_albedo, float)
@@ -148,32 +157,57 @@ def build_shells(
     rayleigh = background.rayleigh_per_m.T
     forward = aerosol * omega * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
-    scattering = rayleigh[:, None] * chi_r[:, None] + (aerosol * omega)[:, None] * (chi[:, :degree] - f[:, None]).T
-    sun_depth = slant_depths(extinction, levels, radius_m, ground_m)
-    grid_100m = np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M)
+    rows = np.concatenate([extinction, rayleigh, aerosol * omega, forward], axis=1)
+    slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
+    level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], fractional_index(levels, grid_100m),
-        np.ascontiguousarray(extinction, f32),
-        np.ascontiguousarray(forward, f32), np.ascontiguousarray(scattering, f32), sun_depth.astype(f32),
-        _forward_depths(forward, levels, radius_m, ground_m), _horizon(levels, radius_m, ground_m),
-        fractional_index(_MOMENT_LEVELS_M, grid_100m),
-        sun_table, np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
-        np.zeros((len(suns), nw), f32), albedo,
+        radius_m, ground_m, ground_m + levels[-1], level_table,
+        np.interp(level_table, np.arange(len(levels)), reach(extinction)), rows.astype(f32),
+        np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :degree] - f[:, None]).T]).astype(f32),
+        slant.astype(f32), _horizon(levels, radius_m, ground_m), sun_table,
+        np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
+        np.zeros((len(levels), len(suns), COEFFICIENTS, nw), f32), flux.astype(f32), albedo,
     )  # fmt: skip
-    return _solve(shells, sun_mu, scale)
+    return tidy(_solve(tidy(shells), sun_mu, scale))
+
+
+def without_light(shells: Shells) -> Shells:
+    """Shells that dim but do not shine."""
+    rows = shells.rows.copy()
+    rows[:, PACK:] = 0
+    return shells._replace(rows=rows, source=np.zeros_like(shells.source))
+
+
+@lru_cache
+def _expansion(degree: int) -> Array:
+    """Coefficients (harmonic, monomial) of the harmonics even in azimuth, in powers of x and z on the unit sphere."""
+    mu, azimuth, _ = hemisphere_product(8, 10)
+    x = np.sqrt(1 - mu**2) * np.cos(azimuth)
+    monomials = np.stack([x**a * mu**b for a, b in MONOMIALS], axis=-1)
+    basis = np.empty((len(mu), degree * (degree + 1) // 2))
+    for row, m, phi in zip(basis, mu, azimuth, strict=True):
+        harmonics_symmetric(m, np.cos(phi), degree, row)
+    return np.asarray(np.linalg.lstsq(monomials, basis, rcond=None)[0].T)
+
+
+def _source(shells: Shells, moments: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What the shells scatter of the diffuse field ``moments``: `Shells.source`."""
+    index = fractional_index(_MOMENT_LEVELS_M, shell_levels())
+    k = np.minimum(index.astype(int), len(moments) - 2)
+    share = (index - k)[:, None, None, None]
+    field = moments[k] * (1 - share) + moments[k + 1] * share
+    degree = shells.phase.shape[1]
+    order = np.repeat(np.arange(degree), np.arange(degree) + 1)
+    scattered = field * shells.scattering[:, None, order]
+    out = np.zeros(shells.source.shape, np.float32)
+    out[:, :, : len(MONOMIALS)] = np.einsum("ksiw,ip->kspw", scattered, _expansion(degree))
+    return out
 
 
 def _horizon(levels: Array, radius_m: float, ground_m: float) -> Array:
     """Cosine of the zenith angle of the horizon at heights above the ground."""
     r = radius_m + ground_m
     return -np.sqrt(levels * (2 * r + levels)) / (r + levels)
-
-
-def _forward_depths(forward: Array, levels: Array, radius_m: float, ground_m: float) -> NDArray[np.float32]:
-    """Slant forward depths; two columns of zeros where there is no peaked aerosol, which tells the kernel so."""
-    if not forward.any():
-        return np.zeros((len(levels), 2, PACK), np.float32)
-    return slant_depths(forward, levels, radius_m, ground_m).astype(np.float32)
 
 
 def shell_levels() -> Array:
@@ -201,7 +235,7 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
     mu, azimuth, weight = hemisphere_product(8, 10)
     sine = np.sqrt(1 - mu**2)
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
-    degree = shells.scattering.shape[1]
+    degree = shells.phase.shape[1]
     basis = np.empty((len(mu), degree * (degree + 1) // 2))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
         harmonics_symmetric(m, np.cos(phi), degree, row)
@@ -221,7 +255,9 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
             flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
         mean = moments[:, :, 0]
         change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
-        shells = shells._replace(moments=moments, ground_flux=flux.astype(np.float32))
+        shells = shells._replace(
+            moments=moments, source=_source(shells, moments), ground_flux=flux.astype(np.float32)
+        )
         if change < _CONVERGED:
             break
     return shells
@@ -229,14 +265,9 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
 
 def clear_radiance(origin: Array, direction: Array, sun: Array, shells: Shells, scale: float) -> NDArray[np.float32]:
     """Delta-scaled radiance (n, PACK) of the shells and of the Lambertian ground below them along rays (n, 3)."""
-    n = len(direction)
-    radiance, scaled, full, front = (np.zeros((n, PACK), np.float32) for _ in range(4))
-    distance = np.zeros(n)
-    view_kernel(
-        origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), 1e30, scale, radiance,
-        scaled, full, np.zeros((n, 1), np.float32), front, distance, np.zeros(n, np.int64),
-    )  # fmt: skip
-    hit = np.flatnonzero(distance >= 0)
-    place = origin[hit] + direction[hit] * distance[hit, None]
-    radiance[hit] += scaled[hit] * ground_radiance_rows(place, sun, shells)
+    seen = march_rays(origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), scale)
+    radiance = seen.radiance
+    hit = np.flatnonzero(seen.distance_m >= 0)
+    place = origin[hit] + direction[hit] * seen.distance_m[hit, None]
+    radiance[hit] += seen.scaled[hit] * ground_radiance_rows(place, sun, shells)
     return radiance

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,51 +19,73 @@ from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
-from openswim.transport.march import DEGREE, PACK, Shells
 from openswim.transport.medium import Medium, air_of, build_medium
+from openswim.transport.moments import Moments
+from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.ordinates import Ordinates, ordinates_for
+from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
+from openswim.transport.sweep import OpticalGrid
+from openswim.transport.volume import DEGREE, Shells
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-NAMES = ("swim", "fast")
+NAMES = ("swim", "fast", "reference")
 
 
 @dataclass(frozen=True)
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default) or "swim" (Albers et al. 2020). tolerance: change of the field at which sweeps
-    end. step: eye-ray step in cells. shadows, ground: whether terrain shades and rays reflect off the ground.
+    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo). tolerance: error of
+    the field, relative, at which sweeps end, estimated before a last correction that leaves about a quarter of it.
+    step: eye-ray step in cells.
+
+    Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
+    seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
     """
 
     name: str = "fast"
-    tolerance: float = 1e-2
+    tolerance: float = 0.04
     step: float = 1.0
     most_sweeps: int = 60
-    fine_sweeps: int = 3
+    paper_phases: bool = False
+    paths: int | None = None
+    seed: int = 0
+    target_error: float | None = None
+    seconds: float | None = None
+    checkpoint: str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
-        if self.name == "reference":
-            raise UserError("solver 'reference' (Monte Carlo) is not available in this version: use 'fast' or 'swim'")
         if self.name not in NAMES:
             raise UserError(f"unknown solver {self.name!r}: choose one of {', '.join(NAMES)}")
+        given = [self.paths, self.target_error, self.seconds, self.checkpoint]
+        if self.name != "reference" and (self.seed or any(option is not None for option in given)):
+            raise UserError("paths, seed, target_error, seconds and checkpoint belong to solver 'reference'")
+        if self.paths is not None and self.paths < 2:
+            raise UserError(f"paths = {self.paths}: give at least 2 per pixel, or there is no error to tell")
+        if self.target_error is not None and not 0 < self.target_error < 1:
+            raise UserError(f"target_error = {self.target_error:g}: give a share of the radiance, such as 0.01")
+        if not 0 <= self.seed < 2**31:
+            raise UserError(f"seed = {self.seed}: give a whole number from 0 to 2147483647")
 
     def solve(
         self,
         scene: Scene,
         sun_direction: ArrayLike,
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
-    ) -> Field:
+    ) -> Field | ReferenceField:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame)."""
         sun = np.asarray(sun_direction, float)
         sun = sun / np.linalg.norm(sun)
         wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
+        if self.name == "reference":
+            return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else _grid_field
         return Field(
@@ -114,7 +137,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
-    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, table[-1:], count)
+    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
     result.reach_deg = float(reach)
@@ -139,57 +162,45 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 def _diffuse(
     solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int
-) -> dict[str, list[int]]:
-    """Coarse-to-fine sweeps of every wavelength; each starts from the field of the one before."""
+) -> list[list[int]]:
+    """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on."""
     medium = light.medium
     nz, ny, nx = medium.shape
     ordinates = ordinates_for(medium.cell_m, medium.levels_m)
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
-    coarse_first = ny > 8 and nx > 8 and not medium.periodic
-    solution: diffuse.Solution | None = None
-    counts: dict[str, list[int]] = {"coarse": [], "fine": []}
     light.moments = []
-    if coarse_first:
-        coarse_extinction = diffuse.coarsen(medium.extinction)
-        coarse_sun = diffuse.coarsen(light.sun_harmonics)
-        coarse_node = np.ascontiguousarray(ground_node[::2, ::2])
-    cell = np.array(medium.cell_m, float)
-    moments = np.zeros((nz, ny, DEGREE**2, nx) if not coarse_first else 0, np.float32)
+    light.coarser = []
+    counts: list[list[int]] = []
+    cloudy = diffuse.near_blocks(np.asarray((medium.extinction > 0).any(axis=0)), medium.periodic)
+    row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
+    plane_parallel = (ny, nx) == (1, 1)
     with job("diffuse light", count) as meter:
         for w in range(PACK):
             if w >= count:
                 light.moments.append(light.moments[-1])
+                light.coarser.append(light.coarser[-1])
                 lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
                 continue
-            albedo, direct = lighting.albedo[w], lighting.direct_horizontal(w)
-            fine = diffuse.Sweeper(
-                medium.extinction, light.coefficients[w], light.beams[w], light.sun_harmonics, medium.levels_m, cell,
-                medium.periodic, np.ascontiguousarray(inflow[..., w]), ground_node, albedo, direct, ordinates,
-                DEGREE,
+            c = light.coefficients[w]
+            grid = OpticalGrid(
+                medium.extinction, c.scaled, c.scattering, c.air_extinction, c.air_scattering, light.beams[w],
+                row_harmonics, medium.levels_m, np.array(medium.cell_m, float), medium.periodic, ground_node, cloudy,
             )  # fmt: skip
-            if coarse_first:
-                coarse = replace(
-                    fine, extinction=coarse_extinction, beam=diffuse.coarsen(light.beams[w]), sun_harmonics=coarse_sun,
-                    cell_m=2 * cell, ground_node=coarse_node, ground_albedo=diffuse.coarsen(albedo),
-                    direct_flux=diffuse.coarsen(direct),
-                )  # fmt: skip
-                solution = diffuse.coarse_to_fine(
-                    coarse, fine, solution, solver.tolerance, solver.most_sweeps, solver.fine_sweeps
-                )
-                moments = solution.fine
-                counts["coarse"].append(solution.coarse_sweeps)
-                counts["fine"].append(solution.fine_sweeps)
+            sweeper = diffuse.Sweeper.of(
+                grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
+            )
+            if plane_parallel:
+                values, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
+                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n])
             else:
-                plane_parallel = (ny, nx) == (1, 1)
-                moments, n = fine.solve(
-                    moments, (2e-4 if plane_parallel else 0.02) * solver.tolerance, 400, 12 if plane_parallel else 3
-                )
-                counts["fine"].append(n)
-            light.moments.append(moments)
-            lighting.diffuse[w] = fine.down_flux
-            lighting.up_top[w] = fine.up_flux
+                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps)
+            light.moments.append(solution.moments)
+            light.coarser.append(solution.coarser)
+            counts.append(solution.sweeps)
+            lighting.diffuse[w] = sweeper.down_flux
+            lighting.up_top[w] = sweeper.up_flux
             meter.advance()
     lighting.correct_quadrature(ordinates, inflow, shells, sun)
     return counts

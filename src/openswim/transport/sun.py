@@ -10,8 +10,9 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.march import SHELL_TABLE_PER_M, SUN_RADIUS_RAD, sun_table_coordinate
+from openswim.transport.sample import sun_table_coordinate
 from openswim.transport.scalar import shadow_fraction, table_index
+from openswim.transport.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ONE = np.float32(1.0)
@@ -170,17 +171,17 @@ def shell_transmission(height_m, mu_sun, w, shells):
     """Delta-scaled transmission of the shells from the sun to a height (m above sea level), at wavelength w."""
     above = max(height_m - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
-    k = min(int(level), shells.extinction.shape[0] - 2)
+    k = min(int(level), shells.rows.shape[0] - 2)
     c = level - k
     ratio = (shells.radius_m + shells.ground_m) / (shells.radius_m + shells.ground_m + above)
     mu_horizon = -math.sqrt(max(0.0, 1.0 - ratio * ratio))
     lit = shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD)
     if lit <= 0.0:
         return 0.0
-    t = sun_table_coordinate(mu_sun, mu_horizon, shells.sun_depth.shape[1])
+    t = sun_table_coordinate(mu_sun, mu_horizon, shells.slant.shape[1])
     m = int(t)
     e = t - m
-    d = shells.sun_depth
+    d = shells.slant
     depth = (d[k, m, w] * (1 - e) + d[k, m + 1, w] * e) * (1 - c) + (
         d[k + 1, m, w] * (1 - e) + d[k + 1, m + 1, w] * e
     ) * c

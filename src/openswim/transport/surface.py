@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
+from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport.march import PACK, Shells
 from openswim.transport.medium import Medium
+from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
 from openswim.transport.ordinates import Ordinates
+from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission, clear_radiance
+from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField
@@ -157,8 +160,13 @@ def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     )
 
 
-def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) -> F32:
-    """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3)."""
+def shade(
+    light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64, eye: F64 | None = None
+) -> F32:
+    """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3), ``width_m`` (n,) of it to a pixel.
+
+    Water mirrors the scene's own sky to an ``eye`` (3,) within the atmosphere, and the clear sky where there is none.
+    """
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
     lat, lon, _ = frame.latlon(place)
@@ -182,7 +190,13 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
         shaded = np.flatnonzero(~inside & (gap < medium.levels_m[-1] / np.maximum(mu_sun, 0.03)))
         if shaded.size:
             beam[shaded] = light_field.beam(place[shaded])
-    sample = surface_properties(scene, lat, lon, wl)
+    # a pixel that looks along the ground covers more of it: the geometric mean of both sides
+    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
+    sample = surface_properties(scene, lat, lon, wl, footprint)
+    maps = height_maps(scene)
+    if maps:
+        own, known = mapped_normals(maps, frame, place, up, footprint)
+        normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
@@ -195,6 +209,11 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
         ground_flux(shells, mu_sun) - beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None], 1e-9
     )
 
+    mirrored = np.full(diffuse.shape, np.nan, np.float32)
+    wet = np.flatnonzero(sample.water > 0.05)
+    if eye is not None and wet.size and not sample.lambertian and frame.latlon(eye)[2] < HIGHEST_EYE_M:
+        mirrored[wet] = mirrored_sky(light_field, shells, eye, place[wet], direction[wet], sample.wind_speed[wet])
+
     def sky(mu: F64, azimuth: F64) -> F64:
         table = lighting.clear_sky
         assert table is not None
@@ -203,7 +222,7 @@ def shade(light_field: PackField, shells: Shells, place: F64, direction: F64) ->
             np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1),
             np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU))),
         )
-        return radiance * np.minimum(diffuse / clear, 4.0)
+        return np.where(np.isfinite(mirrored), mirrored, radiance * np.minimum(diffuse / clear, 4.0))
 
     return reflected_radiance(
         sample, wl, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)), beam * np.maximum(facet_sun, 0)[:, None],

@@ -7,10 +7,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
+from openswim.transport.moments import BLOCK, between, coarser_row
 from openswim.transport.products import add, add_products
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
@@ -19,7 +21,30 @@ _HALF = np.float32(0.5)
 _ZERO = np.float32(0.0)
 _FOUR_PI = np.float32(4.0 * math.pi)
 
-CLEAR_BLOCK = 32  # nodes of a row that are swept as clear or as cloudy together
+class OpticalGrid(NamedTuple):
+    """The delta-scaled medium of one wavelength on the nodes (nz, ny, nx) of a grid, and the beam that lights it."""
+
+    extinction: np.ndarray  # (s, nz, ny, nx) of every species at its reference wavelength, 1/m
+    scaled: np.ndarray  # (s,) delta-scaled extinction per reference extinction
+    scattering: np.ndarray  # (s, M) Legendre moments of scattering per reference extinction
+    air_extinction: np.ndarray  # (nz,) of the air on the levels, 1/m
+    air_scattering: np.ndarray  # (nz, M)
+    beam: np.ndarray  # direct transmission
+    sun_harmonics: np.ndarray  # (ny, M*M, nx) harmonics of the direction to the sun in the column's axes
+    levels_m: np.ndarray
+    cell_m: np.ndarray
+    periodic: bool
+    ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
+    cloudy: np.ndarray  # (nz, ny, blocks) blocks with cloud in or next to them
+
+
+class Half(NamedTuple):
+    """The ordinates of one hemisphere: ``direction`` (n, 3) toward the light's origin, ``weight`` (n,)."""
+
+    direction: np.ndarray
+    weight: np.ndarray
+    inflow: np.ndarray  # (nz, n) radiance entering the sides and the top
+    edges: np.ndarray  # (n, nz, 4, m) the sides of the last sweep, for periodic grids
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
@@ -125,7 +150,7 @@ def _row(
         end = _run_end(cloudy, block)
         # slices, since a signed offset in an index stops vectorisation; few arrays in a loop, since LLVM gives up on
         # proving more than eight pairs apart
-        lo, hi = 1 + block * CLEAR_BLOCK, 1 + min(nx, end * CLEAR_BLOCK)
+        lo, hi = 1 + block * BLOCK, 1 + min(nx, end * BLOCK)
         a0, a1, b0, b1 = lo + shift_a, hi + shift_a, lo + shift, hi + shift
         up = work[0, lo - 1 : hi - 1] if recurrent else out[lo:hi]
         share = work[2, lo - 1 : hi - 1]
@@ -372,149 +397,130 @@ def _term(out, sigma, moment, sun_harmonic, beam):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _source_row(
-    k,
-    j,
-    lo,
-    hi,
-    species_extinction,
-    scaled,
-    scattering,
-    air_extinction,
-    air_scattering,
-    beam,
-    sun_harmonics,
-    moments,
-    parts,
-    whole,
-    periodic,
-    terms,
-    sums,
-    source,
-    extinction,
-):
+def _kept_end(place, block):
+    """The block after the last that is kept like ``block``."""
+    n = block + 1
+    while n < place.shape[0] and (place[n] >= 0) == (place[block] >= 0):
+        n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _coarse_row(k, j, degree, sigma, coarser, parts, whole, scratch, terms, sums, lines, out):
+    """Source (ordinate, nx + 2) per unit of a medium that scatters ``sigma`` (M,), from the coarser field at row j.
+
+    Row j is one of the coarser grid; what it brings is stretched to the nodes of the finer one.
+    """
+    nx = coarser.beam.shape[2]
+    coarser_row(coarser.place, coarser.values, k, j, 1, scratch)
+    row_t = coarser.beam[k, j]
+    for ell in range(degree):
+        terms[degree * degree, :nx] = sigma[ell]
+        for index in range(ell * ell, (ell + 1) * (ell + 1)):
+            harmonic = coarser.sun_harmonics[j, index]
+            _term(terms[index, :nx], terms[degree * degree, :nx], scratch[index], harmonic, row_t)
+    lines[:, :] = _ZERO
+    add_products(parts, whole, terms, 0, sums, lines, 0, nx)
+    far, near = np.float32(0.25), np.float32(0.75)
+    for n in range(out.shape[0]):
+        line, row = lines[n], out[n]
+        for i in range(out.shape[1] - 2):
+            m = i // 2
+            aside = min(nx - 1, m + 1) if i % 2 else max(0, m - 1)
+            row[i + 1] = near * line[m] + far * line[aside]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _add_coarse(k, j, lo, hi, grid, coarser, planes, source):
+    """Add the source of what is not kept, nodes lo to hi: the air's, and that of thin cloud by its extinction.
+
+    planes (1 + s, rows of the coarser grid, ordinate, nx + 2): source per unit of the air and of every species.
+    """
+    m, share = between(j, coarser.factor, planes.shape[1])
+    near = min(m + 1, planes.shape[1] - 1)
+    rest = _ONE - share
+    if grid.air_scattering[k, 0] > _ZERO:
+        for n in range(source.shape[0]):
+            out, one = source[n, lo + 1 : hi + 1], planes[0, m, n, lo + 1 : hi + 1]
+            two = planes[0, near, n, lo + 1 : hi + 1]
+            for i in range(hi - lo):
+                out[i] += rest * one[i] + share * two[i]
+    for s in range(grid.extinction.shape[0]):
+        row = grid.extinction[s, k, j, lo:hi]
+        most = _ZERO
+        for i in range(hi - lo):
+            most = max(most, row[i])
+        if most > _ZERO:
+            for n in range(source.shape[0]):
+                out, one = source[n, lo + 1 : hi + 1], planes[1 + s, m, n, lo + 1 : hi + 1]
+                two = planes[1 + s, near, n, lo + 1 : hi + 1]
+                for i in range(hi - lo):
+                    out[i] += row[i] * (rest * one[i] + share * two[i])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _source_row(k, j, grid, parts, whole, place, values, coarser, planes, terms, sums, source, extinction):
     """Emission (ordinate, nx + 2) along one row, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T'), and extinction.
 
-    Only nodes lo to hi scatter; rows are cut to them, so that every loop starts at zero and vectorises.
+    Rows are cut to runs of blocks, so that every loop starts at zero and vectorises.
     """
-    ns = species_extinction.shape[0]
-    degree = air_scattering.shape[1]
-    nx = beam.shape[2]
-    extinction[:] = air_extinction[k]
+    ns = grid.extinction.shape[0]
+    degree = grid.air_scattering.shape[1]
+    nx = grid.beam.shape[2]
+    extinction[:] = grid.air_extinction[k]
     for s in range(ns):
-        add(extinction[1 : nx + 1], scaled[s], species_extinction[s, k, j])
-    _row_ends(extinction, periodic)
-    count = degree * degree
-    sigma = terms[count, lo:hi]
-    row_t = beam[k, j, lo:hi]
-    for ell in range(degree):
-        sigma[:] = air_scattering[k, ell]
-        for s in range(ns):
-            add(sigma, scattering[s, ell], species_extinction[s, k, j, lo:hi])
-        for index in range(ell * ell, (ell + 1) * (ell + 1)):
-            _term(terms[index, lo:hi], sigma, moments[k, j, index, lo:hi], sun_harmonics[j, index, lo:hi], row_t)
+        add(extinction[1 : nx + 1], grid.scaled[s], grid.extinction[s, k, j])
+    _row_ends(extinction, grid.periodic)
     source[:, :] = _ZERO
-    add_products(parts, whole, terms, lo, sums, source, lo + 1, hi - lo)
+    block = 0
+    while block < place.shape[2]:
+        end = _kept_end(place[k, j], block)
+        lo, hi = block * BLOCK, min(nx, end * BLOCK)
+        if place[k, j, block] >= 0:
+            sigma = terms[degree * degree]
+            for ell in range(degree):
+                sigma[lo:hi] = grid.air_scattering[k, ell]
+                for s in range(ns):
+                    add(sigma[lo:hi], grid.scattering[s, ell], grid.extinction[s, k, j, lo:hi])
+                for b in range(block, end):
+                    a, z = b * BLOCK, min(nx, (b + 1) * BLOCK)
+                    one = values[place[k, j, b]]
+                    for index in range(ell * ell, (ell + 1) * (ell + 1)):
+                        _term(
+                            terms[index, a:z], sigma[a:z], one[index, : z - a], grid.sun_harmonics[j, index, a:z],
+                            grid.beam[k, j, a:z],
+                        )  # fmt: skip
+            add_products(parts, whole, terms, lo, sums, source, lo + 1, hi - lo)
+        elif coarser.factor > 0:
+            _add_coarse(k, j, lo, hi, grid, coarser, planes, source)
+        block = end
     for n in range(source.shape[0]):
-        _row_ends(source[n], periodic)
+        _row_ends(source[n], grid.periodic)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _collect_row(k, j, lo, hi, again, intensity, gather, spread, sums, moments):
-    """Sum of w_n Y_nlm I_n over one row's ``intensity`` (ordinate, nx + 2), nodes lo to hi, into the moments.
+def _collect_row(place, again, intensity, gather, spread, sums, rows, values):
+    """Sum of w_n Y_nlm I_n over one row's ``intensity`` (ordinate, nx + 2) into the blocks that are kept.
 
-    again: add to what is there, as the second half of the ordinates does.
+    again: add to what is there, as the second half of the ordinates does. rows (M*M, nx) is scratch.
     """
-    if not again:
-        moments[k, j, :, lo:hi] = _ZERO
-    add_products(gather, spread, intensity, lo + 1, sums, moments[k, j], lo, hi - lo)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _range_to_keep(k, j, first_node, last_node, nx):
-    """Nodes of a row where the field is kept: those that scatter, and one row and node beyond them.
-
-    Without the rim, interpolation at the edge of a cloud finds no field.
-    """
-    nz, ny = first_node.shape
-    lo, hi = first_node[k, j], last_node[k, j]
-    for n in range(4):
-        t = max(0, k - 1) if n == 0 else min(nz - 1, k + 1) if n == 1 else k
-        u = max(0, j - 1) if n == 2 else min(ny - 1, j + 1) if n == 3 else j
-        if last_node[t, u] > first_node[t, u]:
-            lo = min(lo, first_node[t, u]) if hi > lo else first_node[t, u]
-            hi = max(hi, last_node[t, u])
-    return max(0, lo - 1), (min(nx, hi + 1) if hi > lo else 0)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _rows_between(
-    first,
-    last,
-    k,
-    before,
-    downward,
-    species_extinction,
-    scaled,
-    scattering,
-    air_extinction,
-    air_scattering,
-    beam,
-    sun_harmonics,
-    first_node,
-    last_node,
-    ordinates,
-    weight,
-    parts,
-    whole,
-    gather,
-    spread,
-    periodic,
-    ground_node,
-    moments,
-    new_moments,
-    flux,
-    swept,
-    source,
-    extinction,
-    terms,
-    sums,
-):
-    """Rows first to last: moments of the level ``before``, just swept, and the source at level k, swept next.
-
-    Levels out of the grid are left out, so that every level is met once as either.
-    """
-    nz, nx = beam.shape[0], beam.shape[2]
-    for j in range(first, last):
-        if 0 <= before < nz:
-            lo, hi = _range_to_keep(before, j, first_node, last_node, nx)
-            if hi > lo:
-                _collect_row(before, j, lo, hi, not downward, swept[j + 1], gather, spread, sums, new_moments)
-            for i in range(nx):
-                if before == (ground_node[j, i] if downward else nz - 1):
-                    flux[j, i] = _flux(ordinates, weight, swept[j + 1], i)
-        if 0 <= k < nz:
-            _source_row(
-                k,
-                j,
-                first_node[k, j],
-                last_node[k, j],
-                species_extinction,
-                scaled,
-                scattering,
-                air_extinction,
-                air_scattering,
-                beam,
-                sun_harmonics,
-                moments,
-                parts,
-                whole,
-                periodic,
-                terms,
-                sums,
-                source[j + 1],
-                extinction[j + 1, 0],
-            )
+    nx = intensity.shape[1] - 2
+    block = 0
+    while block < place.shape[0]:
+        end = _kept_end(place, block)
+        if place[block] >= 0:
+            lo, hi = block * BLOCK, min(nx, end * BLOCK)
+            rows[: values.shape[1], lo:hi] = _ZERO
+            add_products(gather, spread, intensity, lo + 1, sums, rows, lo, hi - lo)
+            for b in range(block, end):
+                a, z = b * BLOCK, min(nx, (b + 1) * BLOCK)
+                one = values[place[b]]
+                for index in range(one.shape[0]):
+                    out, row = one[index, : z - a], rows[index, a:z]
+                    before = _ONE if again else _ZERO
+                    for i in range(z - a):
+                        out[i] = before * out[i] + row[i]
+        block = end
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -527,101 +533,69 @@ def _flux(ordinates, weight, intensity, i):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _finish_rows(first, last, k, downward, grid, half, gather, spread, place, swept, terms, sums, values, flux):
+    """Rows first to last of a plane just swept: moments, and the flux through the ground or the top."""
+    nz, nx = grid.beam.shape[0], grid.beam.shape[2]
+    for j in range(first, last):
+        _collect_row(place[k, j], not downward, swept[j + 1], gather, spread, sums, terms, values)
+        for i in range(nx):
+            if k == (grid.ground_node[j, i] if downward else nz - 1):
+                flux[j, i] = _flux(half.direction, half.weight, swept[j + 1], i)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _coarse_rows(first, last, k, grid, parts, whole, coarser, scratch, terms, sums, lines, planes):
+    """Rows first to last of what the coarser field gives the air and the species of level k: see `_add_coarse`."""
+    degree = grid.air_scattering.shape[1]
+    for j in range(first, last):
+        for s in range(planes.shape[0]):
+            sigma = grid.air_scattering[k] if s == 0 else grid.scattering[s - 1]
+            if s == 0 and sigma[0] == _ZERO:
+                continue
+            if s > 0 and grid.extinction[s - 1, k].max() == _ZERO:
+                continue
+            _coarse_row(
+                k, j, degree, sigma, coarser, parts, whole, scratch, terms, sums, lines, planes[s, j]
+            )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _sweep_share(
-    first,
-    stride,
-    k,
-    downward,
-    top,
-    periodic,
-    cloudy,
-    inflow,
-    edges,
-    ground_node,
-    ground_radiance,
-    way,
-    steps,
-    swept,
-    old,
-    source,
-    old_source,
-    extinction,
-    old_extinction,
-    work,
-):
+    first, stride, k, downward, top, grid, half, ground_radiance, way, steps, swept, old, source, old_source,
+    extinction, old_extinction, work,
+):  # fmt: skip
     """One thread's share of a plane: ordinates first, first + stride, ..., and what bounds them."""
+    inflow = half.inflow[k]
     for n in range(first, way.shape[0], stride):
-        _set_sides(swept, n, periodic, inflow[n], edges[n, k if periodic else 0])
-        _end_rows(source, n, periodic)
+        _set_sides(swept, n, grid.periodic, inflow[n], half.edges[n, k if grid.periodic else 0])
+        _end_rows(source, n, grid.periodic)
     _sweep_plane(
-        first,
-        stride,
-        way,
-        steps,
-        swept,
-        old,
-        source,
-        old_source,
-        extinction,
-        old_extinction,
-        cloudy,
-        inflow,
-        top,
-        periodic,
-        work,
-    )
+        first, stride, way, steps, swept, old, source, old_source, extinction, old_extinction, grid.cloudy[k], inflow,
+        top, grid.periodic, work,
+    )  # fmt: skip
     for n in range(first, way.shape[0], stride):
         if not downward:
-            _set_ground(swept, n, k, ground_node, ground_radiance)
-        if periodic:
-            _wrap_sides(swept, n, edges[n, k])
+            _set_ground(swept, n, k, grid.ground_node, ground_radiance)
+        if grid.periodic:
+            _wrap_sides(swept, n, half.edges[n, k])
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def half_sweep(
-    threads,
-    downward,
-    species_extinction,
-    scaled,
-    scattering,
-    air_extinction,
-    air_scattering,
-    beam,
-    sun_harmonics,
-    levels_m,
-    cell_m,
-    periodic,
-    first_node,
-    last_node,
-    cloudy,
-    ordinates,
-    weight,
-    parts,
-    whole,
-    gather,
-    spread,
-    inflow,
-    edges,
-    ground_node,
-    ground_radiance,
-    moments,
-    new_moments,
-    flux,
-):
-    """Carry the light of one hemisphere through the grid, plane by plane, and sum its moments into ``new_moments``.
+    threads, downward, grid, half, parts, whole, gather, spread, place, values, coarser, ground_radiance,
+    new_values, flux,
+):  # fmt: skip
+    """Carry the light of one hemisphere through the grid, plane by plane, and sum its moments into ``new_values``.
 
     threads: how many share the work. downward: ordinates whose light comes from above (or level), else from below,
-    starting at the ground's radiance; the downward half comes first and overwrites, the other adds.
-    species_extinction (s, nz, ny, nx) 1/m; scaled (s,), scattering (s, M): coefficients of the delta-scaled medium;
-    air_* the same on levels, (nz,), (nz, M); beam (nz, ny, nx): direct transmission; sun_harmonics (ny, M*M, nx).
-    moments, new_moments (nz, ny, M*M, nx): what a row needs lies together.
-    first_node, last_node (nz, ny): nodes of each row that scatter; cloudy (nz, ny, block): see `cloudy_blocks`;
-    ordinates (n, 3) toward the light's origin, weight (n,); parts to spread: their harmonics, `Mirrored`; inflow
-    (nz, n) radiance entering the sides and the top; edges (n, nz, 4, m) last sweep's sides, for periodic grids.
+    starting at the ground's radiance (ny, nx); the downward half comes first and overwrites, the other adds.
+    parts to spread: the ordinates' harmonics, `Mirrored`.
+    place, values: `Moments` before; new_values: after; coarser: the field that lights what is not kept.
     flux (ny, nx): through the ground (down) or through the top (up).
     """
-    nz, ny, nx = beam.shape
-    count, degree, sum_count = ordinates.shape[0], air_scattering.shape[1], parts.start.shape[0] - 1
+    nz, ny, nx = grid.beam.shape
+    degree = grid.air_scattering.shape[1]
+    count, sum_count = half.direction.shape[0], parts.start.shape[0] - 1
     f32 = np.float32
     intensity = np.zeros((2, ny + 2, count, nx + 2), f32)
     source = np.zeros((2, ny + 2, count, nx + 2), f32)
@@ -629,88 +603,41 @@ def half_sweep(
     way, steps = np.empty((count, 3), np.int64), np.empty((count, 8), f32)
     work = np.empty((threads, 3, nx), f32)
     terms, sums = np.empty((threads, degree * degree + 1, nx), f32), np.empty((threads, sum_count, nx), f32)
+    rows, columns = coarser.beam.shape[1], coarser.beam.shape[2]
+    species = grid.extinction.shape[0]
+    planes = np.zeros((1 + species if coarser.factor > 0 else 0, rows, count, nx + 2), f32)
+    scratch = np.empty((threads, degree * degree, columns), f32)
+    lines = np.empty((threads, count, columns), f32)
     for step in range(nz + 1):
         k = nz - 1 - step if downward else step
         before = k + 1 if downward else k - 1
         cur, old = step % 2, 1 - step % 2
         for share in prange(threads):
             t = np.int64(share)  # an unsigned index makes floats of differences
-            _rows_between(
-                t * ny // threads,
-                (t + 1) * ny // threads,
-                k,
-                before,
-                downward,
-                species_extinction,
-                scaled,
-                scattering,
-                air_extinction,
-                air_scattering,
-                beam,
-                sun_harmonics,
-                first_node,
-                last_node,
-                ordinates,
-                weight,
-                parts,
-                whole,
-                gather,
-                spread,
-                periodic,
-                ground_node,
-                moments,
-                new_moments,
-                flux,
-                intensity[old],
-                source[cur],
-                extinction[cur],
-                terms[t],
-                sums[t],
-            )
+            first, last = t * ny // threads, (t + 1) * ny // threads
+            if step > 0:
+                _finish_rows(
+                    first, last, before, downward, grid, half, gather, spread, place, intensity[old], terms[t],
+                    sums[t], new_values, flux,
+                )  # fmt: skip
+            if step < nz and coarser.factor > 0:
+                _coarse_rows(
+                    t * rows // threads, (t + 1) * rows // threads, k, grid, parts, whole, coarser, scratch[t],
+                    terms[t], sums[t], lines[t], planes,
+                )  # fmt: skip
         if step < nz:
-            _end_rows(extinction[cur], 0, periodic)
-            _plan_steps(ordinates, k, before, levels_m, cell_m, air_extinction, way, steps)
+            for share in prange(threads):
+                t = np.int64(share)
+                for j in range(t * ny // threads, (t + 1) * ny // threads):
+                    _source_row(
+                        k, j, grid, parts, whole, place, values, coarser, planes, terms[t], sums[t], source[cur, j + 1],
+                        extinction[cur, j + 1, 0],
+                    )  # fmt: skip
+            _end_rows(extinction[cur], 0, grid.periodic)
+            _plan_steps(half.direction, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, way, steps)
             for share in prange(threads):
                 t = np.int64(share)
                 _sweep_share(
-                    t,
-                    threads,
-                    k,
-                    downward,
-                    step == 0,
-                    periodic,
-                    cloudy[k],
-                    inflow[k],
-                    edges,
-                    ground_node,
-                    ground_radiance,
-                    way,
-                    steps,
-                    intensity[cur],
-                    intensity[old],
-                    source[cur],
-                    source[old],
-                    extinction[cur],
-                    extinction[old],
-                    work[t],
-                )
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def add_prolonged(coarse, moments):
-    """Add moments of 2x2-coarse columns (nz, ny, M*M, nx), bilinearly interpolated, to those of the full grid."""
-    nz, ny, count, nx = moments.shape
-    last_j, last_i = coarse.shape[1] - 1, coarse.shape[3] - 1
-    far, near = np.float32(0.25), np.float32(0.75)
-    for row in prange(nz * ny):
-        k, j = np.int64(row) // ny, np.int64(row) % ny
-        m = j // 2
-        aside = min(last_j, m + 1) if j % 2 else max(0, m - 1)
-        between = np.empty(last_i + 1, np.float32)
-        for index in range(count):
-            a, b, out = coarse[k, m, index], coarse[k, aside, index], moments[k, j, index]
-            for i in range(last_i + 1):
-                between[i] = near * a[i] + far * b[i]
-            for i in range(nx):
-                n = i // 2
-                out[i] += near * between[n] + far * between[min(last_i, n + 1) if i % 2 else max(0, n - 1)]
+                    t, threads, k, downward, step == 0, grid, half, ground_radiance, way, steps, intensity[cur],
+                    intensity[old], source[cur], source[old], extinction[cur], extinction[old], work[t],
+                )  # fmt: skip

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.validate.geometry import grid_body, parse_body
-from openswim.validate.metrics import image_score
+from openswim.validate.geometry import CELLS_ACROSS, grid_body, parse_body
+from openswim.validate.metrics import image_agreement, image_score
 from openswim.validate.phases import PhaseTables, phase_of_attributes
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch
+from openswim.validate.reference import Reference, Row, Solver, Stopwatch, with_sigma
 
 Array = NDArray[np.float64]
 
 WAVELENGTH_NM = 550.0  # the cases are monochromatic and without gas: any will do
+_FINE_CELLS = 192  # across a body with sharp edges, for a solver that is to be right to its noise
 
 
 def matches(reference: Reference) -> bool:
@@ -31,17 +32,19 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
     radiance = data.radiance.transpose("i", "j", ...)
     sigma = data.sigma.transpose("i", "j", ...) if "sigma" in data else 0 * radiance
     for k, albedo in enumerate(np.atleast_1d(data.surface_albedo.values)):
-        scene = _scene(reference, float(albedo))
+        exact = solver.name == "reference"
+        scene = _scene(reference, float(albedo), _FINE_CELLS if exact else CELLS_ACROSS)
         with watch.running():
             field = solver.solve(scene, sun / np.linalg.norm(sun), np.array([WAVELENGTH_NM]))
-            image = _render(field, reference)
+            image, own = _spread(field, reference) if exact else _render(field, reference)
         truth, noise = (a.values.reshape(*image.shape, -1)[..., k] for a in (radiance, sigma))
         yield reference.row(
-            solver.name, f"radiance, albedo {albedo:g}", image_score(image, truth, noise), watch.lap()
-        )
+            solver.name, f"radiance, albedo {albedo:g}", image_score(image, truth, np.hypot(noise, own)), watch.lap(),
+            image_agreement(image, truth, own, noise),
+        )  # fmt: skip
 
 
-def _scene(reference: Reference, albedo: float) -> Scene:
+def _scene(reference: Reference, albedo: float, cells: int = CELLS_ACROSS) -> Scene:
     data, attributes = reference.data, reference.data.attrs
     boundary = str(attributes.get("boundary", "open"))
     periodic = "periodic" in boundary
@@ -51,7 +54,7 @@ def _scene(reference: Reference, albedo: float) -> Scene:
         if periodic:
             x, y, extinction = _without_repeated_sides(x, y, extinction)
     else:
-        x, y, z, extinction = grid_body(parse_body(str(attributes.get("geometry", ""))))
+        x, y, z, extinction = grid_body(parse_body(str(attributes.get("geometry", ""))), cells)
     ground_m = _ground_m(str(attributes.get("surface", "")))
     return Scene.from_arrays(
         np.asarray(extinction, np.float32) / 1000.0,
@@ -81,30 +84,51 @@ def _without_repeated_sides(x: Array, y: Array, extinction: Array) -> tuple[Arra
     return x, y, extinction
 
 
-def _render(field: Any, reference: Reference) -> Array:
-    """The image (ni, nj), NaN where there is no ray; extended pixels are means over sub-rays."""
-    data = reference.data
+def _rays(reference: Reference) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Origins (n, 3) in km and unit directions of the image's rays, and where in it (ni, nj) they are."""
     origin, direction = (
-        data[name].transpose("i", "j", "xyz").values.astype(np.float64)
+        reference.data[name].transpose("i", "j", "xyz").values.astype(np.float64)
         for name in ("ray_origin", "ray_direction")
     )
-    known = np.isfinite(origin).all(-1) & np.isfinite(direction).all(-1)
-    along = direction[known] / np.linalg.norm(direction[known], axis=-1, keepdims=True)
+    known = np.asarray(np.isfinite(origin).all(-1) & np.isfinite(direction).all(-1))
+    return origin[known], direction[known] / np.linalg.norm(direction[known], axis=-1, keepdims=True), known
+
+
+def _render(field: Any, reference: Reference) -> tuple[Array, Array]:
+    """The image (ni, nj), NaN where there is no ray, without error; extended pixels are means over sub-rays."""
+    origin, along, known = _rays(reference)
     # One view per shift: its rays then share their origin or their direction, as those of the case do.
     views = [
-        field.view(Rays(1000.0 * (origin[known] + shift), along)).radiance for shift in _footprint(reference)
+        field.view(Rays(1000.0 * (origin + shift), along)).radiance for shift in _footprint(reference)
     ]
     image = np.full(known.shape, np.nan)
     image[known] = np.mean(views, axis=0)[:, 0]
-    return image
+    return image, np.zeros_like(image)
+
+
+def _spread(field: Any, reference: Reference) -> tuple[Array, Array]:
+    """The image (ni, nj) and its standard error by a solver whose paths are spread over the pixels."""
+    origin, along, known = _rays(reference)
+    view = field.view(Rays(1000.0 * origin, along), *(1000.0 * side for side in _sides(reference)))
+    out = []
+    for values in with_sigma(view):
+        image = np.full(known.shape, np.nan)
+        image[known] = values[:, 0]
+        out.append(image)
+    return out[0], out[1]
+
+
+def _sides(reference: Reference) -> list[Array]:
+    """Sides (3,) in km of the parallelogram that a pixel is, zero for a point."""
+    return [
+        np.asarray(reference.data[name].values, np.float64) if name in reference.data else np.zeros(3)
+        for name in ("pixel_u", "pixel_v")
+    ]
 
 
 def _footprint(reference: Reference) -> Array:
     """Offsets (n, 3) in km of a pixel's sub-rays: 2x2, for sharp-edged bodies 3x3, one for a point ray."""
-    u, v = (
-        np.asarray(reference.data[name].values, np.float64) if name in reference.data else np.zeros(3)
-        for name in ("pixel_u", "pixel_v")
-    )
+    u, v = _sides(reference)
     n = 2 if "extinction" in reference.data else 3
     ticks = (np.arange(n) + 0.5) / n - 0.5
     along_u = ticks[:, None] * u if u.any() else np.zeros((1, 3))

@@ -10,9 +10,9 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import Frame, scene_frame
-from openswim.validate.metrics import score
+from openswim.validate.metrics import agreement, score
 from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
 
 Array = NDArray[np.float64]
 
@@ -49,21 +49,21 @@ class ClearSky:
 
     def _radiance(self, origin_m: Array, direction: Array) -> Array:
         origin = np.broadcast_to(origin_m, direction.shape)
-        return np.asarray(self.field.view(Rays(origin, direction)).radiance)
+        return np.stack(with_sigma(self.field.view(Rays(origin, direction))))
 
     def from_inside(self, height_m: ArrayLike, zenith_deg: ArrayLike, azimuth_deg: ArrayLike) -> Array:
-        """L' (n, nwl) seen by observers at heights (m), at angles from their zenith (over 90: down)."""
+        """L' and its standard error (2, n, nwl) seen from heights (m), at angles from the zenith (over 90: down)."""
         origin = self._position(np.maximum(np.asarray(height_m, float), _EYE_M))
         return self._radiance(origin, self._direction(zenith_deg, azimuth_deg))
 
     def ground_from_space(self, zenith_deg: ArrayLike, azimuth_deg: ArrayLike) -> Array:
-        """L' (n, nwl) leaving the atmosphere above a ground point; azimuth 0: forward scattering."""
+        """L' and its standard error (2, n, nwl) leaving the atmosphere above a ground point; azimuth 0: forward."""
         upward = self._direction(zenith_deg, np.asarray(azimuth_deg, float) + 180.0)
         ground = self._position(0.0)
         return self._radiance(ground + self._distance_to_space(0.0, zenith_deg)[:, None] * upward, -upward)
 
     def limb(self, tangent_height_m: ArrayLike, azimuth_deg: ArrayLike) -> Array:
-        """L' (n, nwl) along rays with their lowest points above the place; azimuth 0: toward the sun."""
+        """L' and its standard error (2, n, nwl) along rays lowest above the place; azimuth 0: toward the sun."""
         height = np.asarray(tangent_height_m, float)
         along = self._direction(90.0, azimuth_deg)
         return self._radiance(
@@ -97,13 +97,15 @@ def compare_sky_file(reference: Reference, solver: Solver, phases: PhaseTables) 
                 for name, height_m in _observers(reference).items():
                     zenith, azimuth = np.meshgrid(data[f"vza_{name}"], data.raa, indexing="ij")
                     seen = sky.from_inside(height_m, zenith.ravel(), azimuth.ravel())
-                    model[name].append(seen.T.reshape(-1, *zenith.shape))
+                    model[name].append(np.moveaxis(seen, -1, 1).reshape(2, -1, *zenith.shape))
         cpu = watch.lap() / (len(model) * wavelengths.size)
         for name, images in model.items():
             truth = data[f"Lp_{name}"].transpose("case", "wavelength", f"vza_{name}", "raa").values[cases]
             for k, wavelength in enumerate(wavelengths):
                 quantity = f"radiance from {name}, {wavelength:g} nm, sza {sza:g}"
-                yield reference.row(solver.name, quantity, score(np.stack(images)[:, k], truth[:, k]), cpu)
+                value, sigma = np.stack(images, axis=1)[:, :, k]
+                found = score(value, truth[:, k], sigma)
+                yield reference.row(solver.name, quantity, found, cpu, agreement(value, truth[:, k], sigma))
 
 
 def _observers(reference: Reference) -> dict[str, float]:
@@ -155,7 +157,7 @@ def compare_space_table(reference: Reference, solver: Solver, phases: PhaseTable
     def view(sky: ClearSky, rows: NDArray[np.intp]) -> Array:
         limb = kind[rows] == "limb"
         seen = sky.ground_from_space(np.where(limb, 0.0, zenith_or_km[rows]), azimuth[rows])
-        seen[limb] = sky.limb(1000.0 * zenith_or_km[rows][limb], azimuth[rows][limb])
+        seen[:, limb] = sky.limb(1000.0 * zenith_or_km[rows][limb], azimuth[rows][limb])
         return seen
 
     labels = np.array(
@@ -174,12 +176,12 @@ def _compare_table(
     watch = Stopwatch()
     sza, aod, albedo, wl = (reference.column(name) for name in ("sza", "aod550", "albedo", "wl"))
     wavelengths = np.unique(wl)
-    model = np.full(wl.shape, np.nan)
+    model, own = np.full(wl.shape, np.nan), np.zeros(wl.shape)
     cpu: dict[float, float] = {}
     for (sun, depth, ground), rows in groups(sza, aod, albedo):
         with watch.running():
             seen = view(ClearSky(solver, sun, depth, ground, wavelengths), rows)
-        model[rows] = seen[np.arange(rows.size), np.searchsorted(wavelengths, wl[rows])]
+        model[rows], own[rows] = seen[:, np.arange(rows.size), np.searchsorted(wavelengths, wl[rows])]
         cpu[sun] = cpu.get(sun, 0.0) + watch.lap()
     truth = reference.column("Lp")
     telling = sigma <= _NOISIEST * truth
@@ -187,5 +189,6 @@ def _compare_table(
         rows = group[telling[group]]
         share = cpu[sun] * group.size / np.count_nonzero(sza == sun)
         if rows.size:
-            found = score(model[rows], truth[rows], sigma[rows])
-            yield reference.row(solver.name, f"{label}, sza {sun:g}", found, share)
+            found = score(model[rows], truth[rows], np.hypot(sigma[rows], own[rows]))
+            near = agreement(model[rows], truth[rows], own[rows], sigma[rows])
+            yield reference.row(solver.name, f"{label}, sza {sun:g}", found, share, near)

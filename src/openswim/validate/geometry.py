@@ -10,7 +10,7 @@ from openswim.errors import UserError
 
 Array = NDArray[np.float64]
 
-_CELLS_ACROSS = 64
+CELLS_ACROSS = 64
 _SUBSAMPLES = 6  # per cell and axis, for the share of a cell that the body fills
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 
@@ -77,12 +77,12 @@ def _after(word: str, text: str) -> float:
     return float(match.group(1))
 
 
-def grid_body(body: Body) -> tuple[Array, Array, Array, Array]:
+def grid_body(body: Body, across: int = CELLS_ACROSS) -> tuple[Array, Array, Array, Array]:
     """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body.
 
     A node has the share of the cell around it that lies inside; nodes reach two cells beyond the body.
     """
-    step = 2 * body.half_size.max() / _CELLS_ACROSS
+    step = 2 * body.half_size.max() / across
     cells = np.ceil(body.half_size / step).astype(int) + 2
     x, y, z = (c + step * np.arange(-n, n + 1) for c, n in zip(body.centre, cells, strict=True))
     offsets = step * ((np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5)

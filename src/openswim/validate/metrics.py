@@ -20,6 +20,42 @@ class Score(NamedTuple):
     n: int
 
 
+class Agreement(NamedTuple):
+    """A solver's own standard error over the reference's mean, and the share of values within three combined ones."""
+
+    sigma: float
+    within_3_sigma: float
+
+
+UNKNOWN = Agreement(np.nan, np.nan)
+
+
+def agreement(model: ArrayLike, reference: ArrayLike, own_sigma: ArrayLike, sigma: ArrayLike = 0.0) -> Agreement:
+    """`Agreement` of values of any shape; unknown for solvers without an error (``own_sigma`` all zero)."""
+    r = np.asarray(reference, np.float64)
+    m, own, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, own_sigma, sigma))
+    known = np.isfinite(r) & np.isfinite(s)
+    m, r, own, s = m[known], r[known], own[known], s[known]
+    if not (own > 0).any() or r.mean() == 0:
+        return UNKNOWN
+    near = np.abs(m - r) <= 3 * np.hypot(own, s)
+    return Agreement(float(own.mean() / abs(r.mean())), float(near.mean()))
+
+
+def image_agreement(
+    model: ArrayLike, reference: ArrayLike, own_sigma: ArrayLike, sigma: ArrayLike = 0.0
+) -> Agreement:
+    """`agreement` of two images (ni, nj) by the lit 4x4-pixel means of `image_score`."""
+    r = np.asarray(reference, np.float64)
+    known = np.isfinite(r)
+    arrays = [np.where(known, np.broadcast_to(np.asarray(a, np.float64), r.shape), np.nan) for a in (own_sigma, sigma)]
+    r_mean, counts = block_means(r)
+    m_mean, _ = block_means(np.where(known, np.asarray(model, np.float64), np.nan))
+    lit = r_mean > LIT
+    own, s = (np.sqrt(block_means(a**2)[0][lit] / counts[lit]) for a in arrays)
+    return agreement(m_mean[lit], r_mean[lit], own, s)
+
+
 def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
     """Compare values of one quantity, any shape; values the reference leaves out (NaN) are not compared.
 

@@ -14,7 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.validate.metrics import Score
+from openswim.validate.metrics import UNKNOWN, Agreement, Score
+
+Array = NDArray[np.float64]
 
 
 class Solver(Protocol):
@@ -28,7 +30,11 @@ class Solver(Protocol):
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: how far one quantity of one case is from its reference."""
+    """One line of the table: how far one quantity of one case is from its reference.
+
+    Of solvers with a standard error: its mean over the reference's mean, and the share of values within three combined
+    standard errors of the reference (`metrics.Agreement`).
+    """
 
     case: str
     solver: str
@@ -38,6 +44,8 @@ class Row:
     correlation: float
     n: int
     cpu_seconds: float
+    sigma: float = float("nan")
+    within_3_sigma: float = float("nan")
 
 
 @dataclass
@@ -86,8 +94,17 @@ class Reference:
             raise UserError(f"{self.path.name}: column {name!r} is missing")
         return np.full(self.data.sizes["row"], default)
 
-    def row(self, solver: str, quantity: str, score: Score, cpu_seconds: float) -> Row:
-        return Row(self.name, solver, quantity, *score, cpu_seconds)
+    def row(
+        self, solver: str, quantity: str, score: Score, cpu_seconds: float, agreement: Agreement = UNKNOWN
+    ) -> Row:
+        return Row(self.name, solver, quantity, *score, cpu_seconds, *agreement)
+
+
+def with_sigma(view: Any) -> tuple[Array, Array]:
+    """L' that rays see and its standard error, zero for solvers that have none: both (n, nw)."""
+    radiance = np.asarray(view.radiance, float)
+    sigma = getattr(view, "sigma", None)
+    return radiance, np.zeros_like(radiance) if sigma is None else np.asarray(sigma, float)
 
 
 def read_reference(path: Path) -> Reference:

@@ -7,7 +7,7 @@ import numpy as np
 
 from openswim.errors import UserError
 from openswim.optics.phase import Rayleigh
-from openswim.validate.metrics import score
+from openswim.validate.metrics import agreement, score
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups
 from openswim.validate.slabs import Collected, Slab, flux, radiance
@@ -32,8 +32,8 @@ def compare_flux_table(reference: Reference, solver: Solver, phases: PhaseTables
             slab = Slab(float(tau), sza, 1.0, albedo)
             with watch.running():
                 solved = slab.solve(solver, phase)
-                reflected = flux(solved, "up_top") / slab.mu0
-                transmitted = flux(solved, "direct_bottom", "down_bottom") / slab.mu0
+                reflected = flux(solved, "up_top", per=slab.mu0)
+                transmitted = flux(solved, "direct_bottom", "down_bottom", per=slab.mu0)
             found.add("albedo", reflected, reference.column("cloud_top_albedo")[row])
             found.add("transmission", transmitted, reference.column("transmission_total")[row])
         yield from found.rows(reference, solver, f"{label}, tau {tau:g}", watch.lap())
@@ -92,10 +92,12 @@ def compare_rayleigh_table(reference: Reference, solver: Solver, phases: PhaseTa
     for (name, direction), rows in groups(names, side):
         with watch.running():
             solved = _published_slab(str(name)).solve(solver, Rayleigh(0.0))
-            model = radiance(solved, zenith[rows], azimuth[rows], upward=direction == "R")
+            model, sigma = radiance(solved, zenith[rows], azimuth[rows], upward=direction == "R")
         truth = reference.column("Lp_4piL_over_E")[rows]
         quantity = f"radiance {'up' if direction == 'R' else 'down'}, {str(name).split(' ')[0]} (polarised)"
-        yield reference.row(solver.name, quantity, score(model, truth), watch.lap())
+        yield reference.row(
+            solver.name, quantity, score(model, truth, sigma), watch.lap(), agreement(model, truth, sigma)
+        )
 
 
 def _published_slab(text: str) -> Slab:

@@ -12,9 +12,9 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.optics.phase import PhaseFunction
 from openswim.scene import Scene
-from openswim.validate.metrics import score
+from openswim.validate.metrics import agreement, score
 from openswim.validate.phases import PhaseTables, named_phases, phase_of_attributes
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
 
 Array = NDArray[np.float64]
 
@@ -59,8 +59,11 @@ class Slab:
         return solver.solve(self.scene(phase), sun, np.array([WAVELENGTH_NM]))
 
 
-def radiance(solved: Any, view_zenith_deg: ArrayLike, azimuth_deg: ArrayLike, upward: bool) -> Array:
-    """L' along lines of sight (broadcast shape): up from the ground, or down from above (`upward` light).
+def radiance(
+    solved: Any, view_zenith_deg: ArrayLike, azimuth_deg: ArrayLike, upward: bool
+) -> tuple[Array, Array]:
+    """L' along lines of sight (broadcast shape) and its standard error: up from the ground, or down from above
+    (`upward` light).
 
     view_zenith_deg from the vertical; azimuth_deg from the sun's, 0 = looking toward it (forward scatter).
     """
@@ -71,14 +74,17 @@ def radiance(solved: Any, view_zenith_deg: ArrayLike, azimuth_deg: ArrayLike, up
         axis=-1,
     )
     height = THICKNESS_M + 1.0 if upward else 0.0
-    view = solved.view(Rays(np.array([0.0, 0.0, height]), direction.reshape(-1, 3)))
-    return np.asarray(view.radiance)[:, 0].reshape(zenith.shape)
+    seen = with_sigma(solved.view(Rays(np.array([0.0, 0.0, height]), direction.reshape(-1, 3))))
+    return seen[0][:, 0].reshape(zenith.shape), seen[1][:, 0].reshape(zenith.shape)
 
 
-def flux(solved: Any, *names: str) -> float:
-    """Sum of the named domain-mean fluxes for E_TOA = 1."""
+def flux(solved: Any, *names: str, per: float = 1.0) -> tuple[float, float]:
+    """Sum of the named domain-mean fluxes for E_TOA = 1 over ``per``, and its standard error."""
     fluxes = solved.fluxes()
-    return float(sum(np.asarray(fluxes[name]).ravel()[0] for name in names))
+    errors = solved.flux_errors() if hasattr(solved, "flux_errors") else {}
+    whole = sum(np.asarray(fluxes[name]).ravel()[0] for name in names)
+    variance = sum(float(np.ravel(errors[name])[0]) ** 2 for name in names if name in errors)
+    return float(whole) / per, float(np.sqrt(variance)) / per
 
 
 @dataclass
@@ -87,16 +93,22 @@ class Collected:
 
     model: dict[str, list[Array]] = field(default_factory=dict)
     truth: dict[str, list[Array]] = field(default_factory=dict)
+    sigma: dict[str, list[Array]] = field(default_factory=dict)
 
-    def add(self, quantity: str, model: ArrayLike, truth: ArrayLike) -> None:
-        self.model.setdefault(quantity, []).append(np.ravel(model))
+    def add(self, quantity: str, model: tuple[ArrayLike, ArrayLike], truth: ArrayLike) -> None:
+        """``model``: values and their standard errors."""
+        self.model.setdefault(quantity, []).append(np.ravel(model[0]))
+        self.sigma.setdefault(quantity, []).append(np.ravel(model[1]))
         self.truth.setdefault(quantity, []).append(np.ravel(truth))
 
     def rows(self, reference: Reference, solver: Solver, suffix: str, cpu_seconds: float) -> Iterator[Row]:
         """A row per quantity; the CPU time, spent on all of them together, is shared out evenly."""
         for quantity, model in self.model.items():
-            found = score(np.concatenate(model), np.concatenate(self.truth[quantity]))
-            yield reference.row(solver.name, f"{quantity}, {suffix}", found, cpu_seconds / len(self.model))
+            values, truth, sigma = (np.concatenate(a) for a in (model, self.truth[quantity], self.sigma[quantity]))
+            yield reference.row(
+                solver.name, f"{quantity}, {suffix}", score(values, truth, sigma), cpu_seconds / len(self.model),
+                agreement(values, truth, sigma),
+            )  # fmt: skip
 
 
 def is_slab_file(reference: Reference) -> bool:

@@ -1,0 +1,190 @@
+"""The user's own ground: maps of albedo, aerial pictures, and digital elevation models."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.errors import UserError
+from openswim.ground import earth
+from openswim.ground.spectra import from_bands
+
+if TYPE_CHECKING:
+    from openswim.ground.raster import Raster
+
+FloatArray = NDArray[np.float64]
+PathLike = str | os.PathLike[str]
+
+TEXTURE_M = 100.0  # finer pictures are texture: they say where it is bright, not how bright in all
+_MOST_CONTRAST = 4.0
+_MONTH = re.compile(r"world\.[a-z.]*(\d{4})(\d{2})\.", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """The user's own ground, for `openswim.open_scene(..., ground=...)`.
+
+    albedo : one or more images in any projection (GeoTIFF, or Blue Marble tiles as NASA has them); the finest that
+        shows a place is used. Floating-point and 16-bit images are reflectance (16-bit: in 1/10000 unless the file
+        states a scale). 8-bit colour pictures with pixels of 100 m and more are taken to be Blue Marble; finer
+        ones (aerial photographs) are texture, and lend their contrast and colour to what is known more coarsely.
+        Of pictures whose names carry a month, those of the month nearest to the scene's time are used.
+    height : one or more digital elevation models, metres above sea level.
+    chlorophyll_mg_m3 : of all water; by default .2 in the sea and 2 in lakes.
+
+    Model latitudes are taken as geodetic ones of WGS 84, as models' own ground data are.
+    """
+
+    albedo: PathLike | Sequence[PathLike] = ()
+    height: PathLike | Sequence[PathLike] = ()
+    chlorophyll_mg_m3: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.chlorophyll_mg_m3 is not None and not 0.0 < self.chlorophyll_mg_m3 <= 100.0:
+            raise UserError(f"chlorophyll of {self.chlorophyll_mg_m3} mg/m3: give above 0, at most 100")
+
+    @cached_property
+    def albedo_maps(self) -> list[AlbedoMap]:
+        """Opened images, the coarsest first."""
+        return sorted((AlbedoMap(path) for path in _listed(self.albedo)), key=lambda m: -m.pixel_m)
+
+    @cached_property
+    def height_maps(self) -> list[HeightMap]:
+        """Opened elevation models, the coarsest first."""
+        return sorted((HeightMap(path) for path in _listed(self.height)), key=lambda m: -m.pixel_m)
+
+    def open(self) -> None:
+        """Open all files now, so that what is wrong with them is known before any work is done."""
+        _ = self.albedo_maps, self.height_maps
+
+    def maps_for(self, time: np.datetime64 | None, texture: bool) -> list[AlbedoMap]:
+        """Albedo maps, or textures, that hold at a time."""
+        chosen = [m for m in self.albedo_maps if m.texture == texture]
+        months = {m.month for m in chosen if m.month is not None}
+        if not months:
+            return chosen
+        wanted = 7 if time is None else int(time.astype("datetime64[M]").astype(int)) % 12 + 1
+        nearest = min(months, key=lambda m: (min((m - wanted) % 12, (wanted - m) % 12), m))
+        return [m for m in chosen if m.month in (None, nearest)]
+
+
+class AlbedoMap:
+    """An image as spectral albedo."""
+
+    def __init__(self, path: PathLike) -> None:
+        from openswim.ground.raster import Raster
+
+        whole = Raster(path)
+        self.raster: Raster = Raster(path, _colour_bands(whole))
+        self.pixel_m = self.raster.pixel_m
+        self.picture = self.raster.dtype == np.uint8
+        self.texture = self.picture and self.pixel_m < TEXTURE_M
+        month = _MONTH.search(self.raster.path.name)
+        self.month = int(month.group(2)) if month and 1 <= int(month.group(2)) <= 12 else None
+
+    def colours(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Red, green, blue (n, 3) in proportion to reflectance (reflectance itself unless a `texture`), and the known
+        share (n,)."""
+        values, known = self.raster.sample(lat, lon, footprint_m)
+        if self.picture:
+            # decimated means are of code values; the error is small next to the picture's own tone curve
+            values = earth.linear_light(values)
+            if not self.texture:
+                values = earth.from_blue_marble(values)
+        else:
+            values = self._reflectance(values)
+        return np.broadcast_to(values, (len(values), 3)), known
+
+    def _reflectance(self, values: FloatArray) -> FloatArray:
+        scale, offset = self.raster.scale_offset
+        if np.issubdtype(self.raster.dtype, np.integer) and (scale, offset) == (1.0, 0.0):
+            scale = 1e-4
+        out = values * scale + offset
+        if out.size and out.max() > 2.0:
+            raise UserError(
+                f"{self.raster.path}: reflectance of {out.max():.4g}: give 0 to 1, or a scale in the file "
+                "(gdal_translate -a_scale)"
+            )
+        return np.clip(out, 0.0, 1.0)
+
+
+class HeightMap:
+    """A digital elevation model."""
+
+    def __init__(self, path: PathLike) -> None:
+        from openswim.ground.raster import Raster
+
+        self.raster: Raster = Raster(path, (1,))
+        if self.raster.dtype == np.uint8:
+            raise UserError(f"{self.raster.path}: an 8-bit image is no elevation model: give metres above sea level")
+        self.pixel_m = self.raster.pixel_m
+
+    def height(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Metres above sea level (n,) and the known share (n,)."""
+        values, known = self.raster.sample(lat, lon, footprint_m)
+        scale, offset = self.raster.scale_offset
+        height = values[:, 0] * scale + offset
+        # nodata that the file does not declare
+        sane = (height > -500.0) & (height < 9000.0)
+        return np.where(sane, height, 0.0), known * sane
+
+
+def mapped_albedo(
+    maps: list[AlbedoMap], lat: FloatArray, lon: FloatArray, wavelengths_nm: FloatArray, footprint_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Albedo (n, nwl) by the finest map that shows each place, and the share (n,) that is known."""
+    albedo, total = np.zeros((lat.size, wavelengths_nm.size)), np.zeros(lat.size)
+    for one in maps:
+        rgb, known = one.colours(lat, lon, footprint_m)
+        some = known > 0
+        share = known[some, None]
+        albedo[some] += share * (from_bands(rgb[some], wavelengths_nm) - albedo[some])
+        total = np.maximum(total, known)
+    return albedo / np.maximum(total, 1e-9)[:, None], total
+
+
+def textured(
+    albedo: FloatArray,
+    maps: list[AlbedoMap],
+    lat: FloatArray,
+    lon: FloatArray,
+    wavelengths_nm: FloatArray,
+    footprint_m: FloatArray,
+    base_m: float,
+) -> FloatArray:
+    """Albedo (n, nwl) known over `base_m`, with the finer contrast and colour of aerial pictures; its mean is kept.
+
+    "Only roughly controlled for spectral albedo" (section 3.7), so only their ratio to their own mean over `base_m`
+    counts, at most 4.
+    """
+    out = albedo
+    for one in maps:
+        fine, known = one.colours(lat, lon, footprint_m)
+        mean, around = one.colours(lat, lon, np.maximum(footprint_m, max(base_m, one.pixel_m)))
+        share = (known * (around > 0))[:, None]
+        if not share.any():
+            continue
+        ratio = from_bands(np.maximum(fine, 1e-3), wavelengths_nm) / from_bands(np.maximum(mean, 1e-3), wavelengths_nm)
+        out = out * (1 + share * (np.clip(ratio, 1 / _MOST_CONTRAST, _MOST_CONTRAST) - 1))
+    return np.clip(out, 0.0, 0.98)
+
+
+def _colour_bands(raster: Raster) -> tuple[int, ...]:
+    colours = raster.colours
+    if "palette" in colours:
+        raise UserError(f"{raster.path}: has a colour table: give colours (gdal_translate -expand rgb)")
+    if {"red", "green", "blue"} <= set(colours):
+        return tuple(colours.index(c) + 1 for c in ("red", "green", "blue"))
+    solid = [n + 1 for n, c in enumerate(colours) if c != "alpha"]
+    return tuple(solid[:3]) if len(solid) >= 3 else (1,)
+
+
+def _listed(paths: PathLike | Sequence[PathLike]) -> list[PathLike]:
+    return [paths] if isinstance(paths, str | os.PathLike) else list(paths)

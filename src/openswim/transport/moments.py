@@ -1,0 +1,175 @@
+"""Moments of the diffuse radiance, kept in blocks of nodes where the medium is thick enough to need a grid of its own.
+
+Elsewhere those of a coarser grid stand in, `Coarser`: light scattered in thin air or thin cloud varies slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+BLOCK = 32  # nodes of a row that are kept, or swept as clear, together
+_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+
+
+class Moments(NamedTuple):
+    """Spherical-harmonic moments (M*M) of the radiance at the nodes of a grid (nz, ny, nx)."""
+
+    place: NDArray[np.int32]  # (nz, ny, blocks in a row): index into `values`, -1 where none are kept
+    values: F32  # (blocks, M*M, BLOCK)
+
+
+class Coarser(NamedTuple):
+    """The solved field of a grid coarser by ``factor`` in x and y (0: none), with the beam that lights it."""
+
+    factor: int
+    place: NDArray[np.int32]
+    values: F32
+    beam: F32  # (nz, ny, nx)
+    sun_harmonics: F32  # (ny, M*M, nx)
+
+
+def nothing_coarser(degree: int) -> Coarser:
+    """What the coarsest grid has below it."""
+    count = degree * degree
+    return Coarser(
+        0, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32), np.zeros((1, 1, 1), np.float32),
+        np.zeros((1, count, 1), np.float32),
+    )  # fmt: skip
+
+
+def places(kept: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Consecutive indices for the blocks (nz, ny, nb) that are kept, -1 for the others."""
+    flat = kept.ravel()
+    return np.where(flat, np.cumsum(flat) - 1, -1).reshape(kept.shape).astype(np.int32)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+def between(i, factor, count):
+    """Index and weight of the coarser node before fine node ``i``; its neighbour has the rest of the weight."""
+    x = (i - 0.5 * (factor - 1)) / factor
+    m = min(max(math.floor(x), 0), count - 1)
+    share = min(max(x - m, 0.0), 1.0) if m + 1 < count else 0.0
+    return m, np.float32(share)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def coarser_row(place, values, k, j, factor, scratch):
+    """Moments at level k of a densely kept coarser grid, into scratch (M*M, nx of the coarser), at the fine row j."""
+    count, nx = scratch.shape
+    m, share = between(j, factor, place.shape[1])
+    near = min(m + 1, place.shape[1] - 1)
+    rest = np.float32(1.0) - share
+    for b in range(place.shape[2]):
+        at, beside = place[k, m, b], place[k, near, b]
+        lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
+        for c in range(count):
+            row = scratch[c, lo:hi]
+            row[:] = np.float32(0.0)
+            if at >= 0:
+                one = values[at, c]
+                for i in range(hi - lo):
+                    row[i] += rest * one[i]
+            if beside >= 0:
+                two = values[beside, c]
+                for i in range(hi - lo):
+                    row[i] += share * two[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def moment_row(place, values, coarser, k, j, scratch, out):
+    """Moments (M*M, nx) along one row, kept or interpolated. ``scratch`` (M*M, nx of the coarser grid)."""
+    count, nx = out.shape
+    wanting = coarser.factor > 0
+    if wanting:
+        wanting = False
+        for b in range(place.shape[2]):
+            wanting |= place[k, j, b] < 0
+    if wanting:
+        coarser_row(coarser.place, coarser.values, k, j, coarser.factor, scratch)
+    for b in range(place.shape[2]):
+        at = place[k, j, b]
+        lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
+        for c in range(count):
+            if at >= 0:
+                for i in range(lo, hi):
+                    out[c, i] = values[at, c, i - lo]
+            elif wanting:
+                for i in range(lo, hi):
+                    m, share = between(i, coarser.factor, scratch.shape[1])
+                    last = min(m + 1, scratch.shape[1] - 1)
+                    out[c, i] = scratch[c, m] + share * (scratch[c, last] - scratch[c, m])
+            else:
+                for i in range(lo, hi):
+                    out[c, i] = np.float32(0.0)
+
+
+@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+def add_prolonged(threads, factor, coarse_place, coarse_values, coarsest, coarse_nx, place, nx, values):
+    """Add moments of a grid coarser by ``factor``, bilinearly interpolated, to the blocks that are kept."""
+    nz, ny, nb = place.shape
+    count = values.shape[1]
+    rows = coarse_place.shape[1]
+    scratch = np.empty((threads, count, coarsest.beam.shape[2]), np.float32)
+    pair = np.empty((threads, 2, count, coarse_nx), np.float32)
+    for share in prange(threads):
+        t = np.int64(share)
+        for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
+            k, j = row // ny, row % ny
+            kept = False
+            for b in range(nb):
+                kept |= place[k, j, b] >= 0
+            if not kept:
+                continue
+            m, w = between(j, factor, rows)
+            moment_row(coarse_place, coarse_values, coarsest, k, m, scratch[t], pair[t, 0])
+            if w > 0:
+                moment_row(coarse_place, coarse_values, coarsest, k, min(m + 1, rows - 1), scratch[t], pair[t, 1])
+                for c in range(count):
+                    for i in range(coarse_nx):
+                        pair[t, 0, c, i] += w * (pair[t, 1, c, i] - pair[t, 0, c, i])
+            one = pair[t, 0]
+            for b in range(nb):
+                at = place[k, j, b]
+                if at < 0:
+                    continue
+                for i in range(b * BLOCK, min(nx, (b + 1) * BLOCK)):
+                    n, v = between(i, factor, coarse_nx)
+                    last = min(n + 1, coarse_nx - 1)
+                    for c in range(count):
+                        values[at, c, i - b * BLOCK] += one[c, n] + v * (one[c, last] - one[c, n])
+
+
+@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+def restrict(threads, place, values, factor, nx, coarse_place, out):
+    """Means over factor x factor columns of moments kept in blocks, zero where none are, on a densely kept grid."""
+    nz, ny, nb = place.shape
+    rows = coarse_place.shape[1]
+    weight = np.float32(1.0 / (factor * factor))
+    for share in prange(threads):
+        t = np.int64(share)
+        for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
+            k, m = row // rows, row % rows
+            for b in range(coarse_place.shape[2]):
+                at = coarse_place[k, m, b]
+                if at >= 0:
+                    for c in range(values.shape[1]):
+                        for i in range(BLOCK):
+                            out[at, c, i] = np.float32(0.0)
+            for j in range(m * factor, min(ny, (m + 1) * factor)):
+                for b in range(nb):
+                    here = place[k, j, b]
+                    if here < 0:
+                        continue
+                    for i in range(b * BLOCK, min(nx, (b + 1) * BLOCK)):
+                        n = i // factor
+                        at = coarse_place[k, m, n // BLOCK]
+                        if at >= 0:
+                            for c in range(values.shape[1]):
+                                out[at, c, n % BLOCK] += weight * values[here, c, i - b * BLOCK]

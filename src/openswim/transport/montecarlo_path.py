@@ -1,0 +1,409 @@
+"""One camera path of the Monte Carlo solver, from the eye to wherever its light came from.
+
+Backward paths with next-event estimation to the sun. All wavelengths share a path: each has its own weight, and what
+is drawn is drawn from the mean of their distributions (Wilkie et al. 2014). Weights never estimate the same light
+twice: directions toward the sun's forward peak are drawn both by the phase function and by aiming at the sun, joined
+by the balance heuristic (detection-directional importance sampling of Buras & Mayer 2011, made a split).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from openswim.transport.montecarlo_ground import reflectance
+from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
+from openswim.transport.montecarlo_track import (
+    AIR,
+    CLOUD,
+    ESCAPED,
+    FAR,
+    GROUND,
+    NUDGE_M,
+    air_place,
+    block_step,
+    fall_m,
+    ground_crossing_m,
+    ground_height_m,
+    in_domain,
+    layer_step,
+    on_ray,
+    place,
+    ray_constants,
+    species_at,
+    sunlight,
+    terrain_step,
+)
+from openswim.transport.scalar import flat
+
+_FLAGS = {"contract", "nsz", "arcp"}
+STACK = 48  # split paths that wait
+LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
+LEAST_SOURCE = 0.1  # of a local estimate, likewise
+_STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
+    """Whether a tentative collision scatters; weights are kept right. ``chance``: that it does."""
+    if uniform(rng) < chance:
+        for w in range(nw):
+            weight[w] *= scattered[w] / (majorant * chance)
+        return True
+    for w in range(nw):
+        weight[w] *= (majorant - taken[w]) / (majorant * (1.0 - chance))
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nodes, world, rng):
+    """Follow a photon from distance s of its ray to its next real event: (event, distance, height, ix, iy).
+
+    Absorption is taken from the weights. ``boost``: factors (layers,) on the air's collisions while ``boosted``.
+    """
+    nw = weight.shape[0]
+    ns = world.extinction.shape[3]
+    square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
+    hilly = world.low_m < world.high_m
+    grid_top = flat(world.levels_m, world.levels_m.shape[0] - 1)
+    depth = -math.log(1.0 - uniform(rng))
+    while True:
+        h, here, b = on_ray(s, square, rise, world)
+        if h >= world.top_m - 1e-6 and b >= 0.0:
+            return ESCAPED, s, h, -1e9, -1e9
+        step, cloud, air, ix, iy = FAR, 0.0, 0.0, -1e9, -1e9
+        if world.gridded:
+            step, cloud, ix, iy = block_step(
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
+            )  # fmt: skip
+        if world.airy:
+            edge, layer = layer_step(h, here, b, per_rise, world)
+            step = min(step, edge)
+            air = flat(world.layer_majorant, layer)
+            if boosted and boost[layer] > 1.0:
+                air *= boost[layer] * _STRETCH
+        hills, base = hilly, world.low_m
+        if hilly and not in_domain(ix, iy, world):
+            hills = False
+            if h <= grid_top:
+                base = world.ground_m
+        ground = max(fall_m(b, here, base, per_rise, world), 0.0)
+        if step >= FAR and ground >= FAR:
+            return ESCAPED, s, h, ix, iy
+        step = min(step, ground + 1.0)
+        if hills:
+            step = terrain_step(step, b, h, world)
+        step = max(step, 0.0) + NUDGE_M
+        majorant = cloud + air
+        met = step * majorant
+        tentative = met >= depth
+        if tentative:
+            step = depth / majorant
+            depth = -math.log(1.0 - uniform(rng))
+        else:
+            depth -= met
+        landed = step >= ground
+        if landed:
+            if not hills:
+                s += ground
+                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+                return GROUND, s, base, ix, iy
+            step = ground
+            tentative = False
+        before = s
+        s += step
+        if tentative or hills:
+            h, here, b = on_ray(s, square, rise, world)
+            ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+            if landed or (hills and h < world.high_m and h < ground_height_m(ix, iy, world)):
+                s = ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, before, s, world)
+                h, here, b = on_ray(s, square, rise, world)
+                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+                return GROUND, s, h, ix, iy
+        if not tentative:
+            continue
+        total = 0.0
+        for w in range(nw):
+            total += weight[w]
+        if total <= 0.0:
+            return ESCAPED, s, h, ix, iy
+        chance = 0.0
+        if cloud > 0.0 and (air == 0.0 or uniform(rng) * majorant < cloud):
+            if species_at(ix, iy, h, world, nodes) <= 0.0:
+                continue
+            for w in range(nw):
+                scattered[w] = 0.0
+                taken[w] = 0.0
+                for n in range(ns):
+                    scattered[w] += nodes[n] * world.scattering[n, w]
+                    taken[w] += nodes[n] * world.relative[n, w]
+                chance += weight[w] * scattered[w]
+            chance = min(chance / (total * cloud), 1.0)
+            if collided(chance, cloud, nw, weight, total, scattered, taken, rng):
+                return CLOUD, s, h, ix, iy
+        else:
+            i, f = air_place(h, world)
+            a = world.air
+            for w in range(nw):
+                taken[w] = a[i, 0, w] + f * (a[i + 1, 0, w] - a[i, 0, w])
+                molecules = a[i, 1, w] + f * (a[i + 1, 1, w] - a[i, 1, w])
+                haze = a[i, 2, w] + f * (a[i + 1, 2, w] - a[i, 2, w])
+                scattered[w] = molecules + haze
+                chance += weight[w] * scattered[w]
+            factor = boost[layer] if boosted else 1.0
+            chance = min(max(factor, 1.0) * chance / (total * air), 1.0)
+            if collided(chance, air, nw, weight, total, scattered, taken, rng):
+                return AIR, s, h, ix, iy
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def scatterers(event, h, world, shares, scattered, nodes):
+    """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
+    ns, nw = world.extinction.shape[3], scattered.shape[0]
+    if event == CLOUD:
+        for w in range(nw):
+            inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
+            for n in range(ns):
+                shares[n, w] = nodes[n] * world.scattering[n, w] * inverse
+        return 0, ns
+    i, f = air_place(h, world)
+    low, high = world.air[i], world.air[i + 1]
+    for w in range(nw):
+        inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
+        for n in range(2):
+            shares[ns + n, w] = (low[1 + n, w] + f * (high[1 + n, w] - low[1 + n, w])) * inverse
+    return ns, ns + 2
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def mixed_phase(q, w, first, last, nw, shares, phases):
+    """Phase function of the mixture at wavelength w."""
+    i, f = phase_place(q, phases.q)
+    p = 0.0
+    for n in range(first, last):
+        v = phases.value[n * nw + w]
+        p += shares[n, w] * (v[i] + f * (v[i + 1] - v[i]))
+    return p
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def facet(ix, iy, x, y, z, h, world):
+    """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
+    if world.periodic or not world.gridded or not in_domain(ix, iy, world):
+        r = world.radius_m + h
+        return x / r, y / r, (world.radius_m + z) / r
+    ny, nx = world.terrain_m.shape
+    i, j = min(int(ix), max(nx - 2, 0)), min(int(iy), max(ny - 2, 0))
+    a, b = ix - i, iy - j
+    i1, j1 = min(i + 1, nx - 1), min(j + 1, ny - 1)
+    v = world.normal
+    w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+    px = v[j, i, 0] * w00 + v[j, i1, 0] * w01 + v[j1, i, 0] * w10 + v[j1, i1, 0] * w11
+    py = v[j, i, 1] * w00 + v[j, i1, 1] * w01 + v[j1, i, 1] * w10 + v[j1, i1, 1] * w11
+    pz = v[j, i, 2] * w00 + v[j, i1, 2] * w01 + v[j1, i, 2] * w10 + v[j1, i1, 2] * w11
+    scale = 1.0 / math.sqrt(px * px + py * py + pz * pz)
+    return px * scale, py * scale, pz * scale
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def diffuse_albedo(ix, iy, world, out):
+    """Albedo (nw,) of the ground met by light that has been scattered: the grid's, or the domain's mean outside."""
+    nw = out.shape[0]
+    ny, nx = world.terrain_m.shape
+    if not world.gridded or not in_domain(ix, iy, world):
+        for w in range(nw):
+            out[w] = world.mean_albedo[w]
+        return
+    x, y = ix, iy
+    if world.periodic:
+        x -= math.floor(x / nx) * nx
+        y -= math.floor(y / ny) * ny
+    i, j = min(int(x), nx - 1), min(int(y), ny - 1)
+    a, b = x - i, y - j
+    i1 = (i + 1) % nx if world.periodic else min(i + 1, nx - 1)
+    j1 = (j + 1) % ny if world.periodic else min(j + 1, ny - 1)
+    v = world.albedo
+    for w in range(nw):
+        low = v[j, i, w] + a * (v[j, i1, w] - v[j, i, w])
+        out[w] = low + b * (v[j1, i, w] + a * (v[j1, i1, w] - v[j1, i, w]) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def off_sun(dx, dy, dz, world):
+    """1 - cos of the angle between a direction and the sun's, without cancellation."""
+    x, y, z = dx - world.sun[0], dy - world.sun[1], dz - world.sun[2]
+    return 0.5 * (x * x + y * y + z * z)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def aimed(q, phases):
+    """Density of directions aimed at the sun, mean 1 over the sphere."""
+    i, f = phase_place(q, phases.q)
+    return phases.aim[i] + f * (phases.aim[i + 1] - phases.aim[i])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def trace(
+    ox, oy, oz, dx, dy, dz, ray, eye, seen, boosted, boost, aiming, world, phases, scratch, shares, nodes, stack, rng,
+    out,
+):  # fmt: skip
+    """Add one path's radiance to ``out`` (nw,). ``aiming``: chance to split a path toward the sun at a scattering.
+
+    ``eye``: the ground that the path meets first is seen as ``seen`` says, else as by scattered light.
+    ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK, 7 + nw): work space.
+    """
+    nw = out.shape[0]
+    weight, scattered, taken, beam, factor, before = (
+        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5],
+    )  # fmt: skip
+    x, y, z = ox, oy, oz
+    straight = eye
+    whole = 0.0
+    for w in range(nw):
+        weight[w] = 1.0
+    waiting = 0
+    while True:
+        event, s, h, ix, iy = fly(
+            x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
+        )  # fmt: skip
+        alive = event != ESCAPED
+        if alive:
+            x, y, z = x + s * dx, y + s * dy, z + s * dz
+            total = 0.0
+            for w in range(nw):
+                total += weight[w]
+            if whole == 0.0:
+                whole = total
+            first, last = 0, 0
+            nx, ny, nz = 0.0, 0.0, 1.0
+            if event == GROUND:
+                nx, ny, nz = facet(ix, iy, x, y, z, h, world)
+                x, y, z = x + NUDGE_M * nx, y + NUDGE_M * ny, z + NUDGE_M * nz
+                h += NUDGE_M * nz
+                toward_sun = nx * world.sun[0] + ny * world.sun[1] + nz * world.sun[2]
+                toward_eye = -(nx * dx + ny * dy + nz * dz)
+                cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
+                if straight:
+                    reflectance(toward_sun, toward_eye, cos_angle, ray, seen, factor)
+                else:
+                    diffuse_albedo(ix, iy, world, factor)
+                for w in range(nw):
+                    factor[w] *= 4.0 * max(toward_sun, 0.0)
+            else:
+                first, last = scatterers(event, h, world, shares, scattered, nodes)
+                q = off_sun(dx, dy, dz, world)
+                for w in range(nw):
+                    factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+            # local estimate; where it is small, chance decides whether it is made
+            worth = 0.0
+            for w in range(nw):
+                worth = max(worth, weight[w] * factor[w])
+            chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
+            if worth > 0.0 and (chance == 1.0 or uniform(rng) < chance):
+                for w in range(nw):
+                    before[w] = weight[w] * factor[w] / chance
+                if sunlight(x, y, z, h, world, beam, stack[STACK], rng):
+                    for w in range(nw):
+                        out[w] += before[w] * beam[w]
+            # two ways on: by the phase function, and by chance a second photon aimed at the sun
+            split = aiming > 0.0 and waiting < STACK and uniform(rng) < aiming
+            density = aiming if waiting < STACK else 0.0
+            for w in range(nw):
+                before[w] = weight[w]
+            ax, ay, az = dx, dy, dz
+            for way in range(2):
+                if way == 1 and not split:
+                    break
+                if way == 1:
+                    q = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
+                    c, e = unit_circle(rng)
+                    dx, dy, dz = turned(world.sun[0], world.sun[1], world.sun[2], q, c, e)
+                elif event == GROUND:
+                    c, e = unit_circle(rng)
+                    q = 1.0 - math.sqrt(uniform(rng))
+                    dx, dy, dz = turned(nx, ny, nz, q, c, e)
+                else:
+                    lead = 0
+                    if nw > 1:
+                        pick = uniform(rng) * total
+                        while lead < nw - 1 and pick >= before[lead]:
+                            pick -= before[lead]
+                            lead += 1
+                    n = first
+                    if last - first > 1:
+                        pick = uniform(rng)
+                        while n < last - 1 and pick >= shares[n, lead]:
+                            pick -= shares[n, lead]
+                            n += 1
+                    row = n * nw + lead
+                    q = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
+                    c, e = unit_circle(rng)
+                    dx, dy, dz = turned(ax, ay, az, q, c, e)
+                # densities of this direction: by the photon's own way, and by aiming
+                own = 0.0
+                if event == GROUND:
+                    toward = nx * dx + ny * dy + nz * dz
+                    own = 4.0 * max(toward, 0.0)
+                    if straight:
+                        cos_angle = -(dx * ax + dy * ay + dz * az)
+                        reflectance(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
+                    else:
+                        diffuse_albedo(ix, iy, world, factor)
+                    for w in range(nw):
+                        factor[w] *= own
+                elif nw > 1 or density > 0.0:
+                    if way == 1:
+                        ux, uy, uz = dx - ax, dy - ay, dz - az
+                        q = 0.5 * (ux * ux + uy * uy + uz * uz)
+                    for w in range(nw):
+                        factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+                        own += before[w] * factor[w]
+                    own /= total
+                else:
+                    own = 1.0
+                    factor[0] = 1.0
+                worth = 0.0
+                toward_sun = aimed(off_sun(dx, dy, dz, world), phases) if density > 0.0 else 0.0
+                both = own + density * toward_sun
+                scale = 1.0 / both if both > 0.0 else 0.0
+                for w in range(nw):
+                    weight[w] = before[w] * factor[w] * scale
+                    worth += weight[w]
+                # a path is worth its weight, and more where the sun's forward peak is near
+                worth *= (1.0 + density * toward_sun) / (LEAST_WORTH * whole)
+                if worth < 1.0:
+                    if worth <= 0.0 or uniform(rng) >= worth:
+                        weight[0] = -1.0
+                    else:
+                        for w in range(nw):
+                            weight[w] /= worth
+                if way == 0:
+                    alive = weight[0] >= 0.0
+                    if split:
+                        # kept while the second way is tried
+                        keep = stack[STACK + 1]
+                        keep[0], keep[1], keep[2] = dx, dy, dz
+                        for w in range(nw):
+                            keep[7 + w] = weight[w]
+                elif weight[0] >= 0.0:
+                    entry = stack[waiting]
+                    entry[0], entry[1], entry[2], entry[3], entry[4], entry[5] = x, y, z, dx, dy, dz
+                    for w in range(nw):
+                        entry[7 + w] = weight[w]
+                    waiting += 1
+            if split:
+                keep = stack[STACK + 1]
+                dx, dy, dz = keep[0], keep[1], keep[2]
+                for w in range(nw):
+                    weight[w] = keep[7 + w]
+            straight = False
+        if not alive:
+            if waiting == 0:
+                return
+            waiting -= 1
+            entry = stack[waiting]
+            x, y, z, dx, dy, dz = entry[0], entry[1], entry[2], entry[3], entry[4], entry[5]
+            for w in range(nw):
+                weight[w] = entry[7 + w]
+            straight = False

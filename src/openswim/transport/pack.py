@@ -1,0 +1,320 @@
+"""Packs: several float32 at once in a vector register, and how Numba's kernels read, join and reckon with them.
+
+PACK of them are one number per wavelength; 2 PACK and 4 PACK lie together where a place has several such numbers.
+Arithmetic among packs of a width, and of packs with scalars, is lane by lane. Without this LLVM must prove that arrays
+lie apart before it vectorises, and mostly cannot; where a processor's registers are narrower, LLVM splits a pack.
+"""
+
+from __future__ import annotations
+
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core.cgutils import get_or_insert_function
+from numba.core.errors import TypingError
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, models, register_model
+
+PACK = 4  # wavelengths carried together
+LANES = 4 * PACK  # numbers in the widest pack
+
+
+class PackType(types.Type):
+    """``width`` float32 at once."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(f"Pack{width}")
+
+
+_NARROW, _DOUBLE, _QUADRUPLE = (PackType(n * PACK) for n in (1, 2, 4))
+_FLOAT, _INT = ir.FloatType(), ir.IntType(32)
+_FAST = ("contract", "reassoc", "nsz", "arcp", "nnan", "ninf")
+
+
+def _vector(kind, element=_FLOAT):
+    return ir.VectorType(element, kind.width)
+
+
+def _undefined(kind):
+    return ir.Constant(_vector(kind), ir.Undefined)
+
+
+def _indices(numbers):
+    return ir.Constant(ir.VectorType(_INT, len(numbers)), list(numbers))
+
+
+@register_model(PackType)
+class _PackModel(models.PrimitiveModel):
+    def __init__(self, manager, fe_type):
+        super().__init__(manager, fe_type, _vector(fe_type))
+
+
+def _spread(context, builder, kind, value, wanted):
+    """A pack of equal numbers; packs pass."""
+    if isinstance(kind, PackType):
+        return value
+    value = context.cast(builder, value, kind, types.float32)
+    one = builder.insert_element(_undefined(wanted), value, _INT(0))
+    return builder.shuffle_vector(one, _undefined(wanted), _indices([0] * wanted.width))
+
+
+def _width_of(args):
+    """The pack type among argument types, or None where there is none, or two widths."""
+    widths = {a for a in args if isinstance(a, PackType)}
+    others = all(isinstance(a, PackType | types.Float) for a in args)
+    return widths.pop() if len(widths) == 1 and others else None
+
+
+def _arithmetic(operation, instruction: str) -> None:
+    """Teach Numba one operator on packs."""
+
+    @infer_global(operation)
+    class _Typing(AbstractTemplate):
+        def generic(self, args, kws):
+            kind = _width_of(args)
+            return None if kind is None else signature(kind, *args)
+
+    def lower(context, builder, sig, args):
+        kind = sig.return_type
+        a, b = (_spread(context, builder, t, v, kind) for t, v in zip(sig.args, args, strict=True))
+        return getattr(builder, instruction)(a, b, flags=_FAST)
+
+    for kinds in ((PackType, PackType), (PackType, types.Float), (types.Float, PackType)):
+        lower_builtin(operation, *kinds)(lower)
+
+
+for _operation, _instruction in (
+    (operator.add, "fadd"), (operator.iadd, "fadd"), (operator.sub, "fsub"), (operator.isub, "fsub"),
+    (operator.mul, "fmul"), (operator.imul, "fmul"), (operator.truediv, "fdiv"), (operator.itruediv, "fdiv"),
+):  # fmt: skip
+    _arithmetic(_operation, _instruction)
+
+
+def _element(context, builder, array_type, array, n):
+    """Pointer to flat element n."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.gep(data, [n])
+
+
+def _flat_array(array) -> None:
+    if not isinstance(array, types.Array) or array.layout != "C":
+        raise TypingError(f"a C-contiguous array is needed, not {array}")
+
+
+@intrinsic
+def flat(typingctx, array, n):
+    """Element n of an array taken as one row: no bounds, no wraparound. C-contiguous arrays only."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        return context.unpack_value(builder, sig.args[0].dtype, pointer)
+
+    return array.dtype(array, types.intp), lower
+
+
+def _reader(kind):
+    def lower(context, builder, sig, args):
+        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        return builder.load(builder.bitcast(pointer, _vector(kind).as_pointer()), align=4)
+
+    return lower
+
+
+@intrinsic
+def read(typingctx, array, n):
+    """The PACK numbers from flat element n of a float32 array."""
+    _flat_array(array)
+    return _NARROW(array, types.intp), _reader(_NARROW)
+
+
+@intrinsic
+def read_double(typingctx, array, n):
+    """The 2 PACK numbers from flat element n of a float32 array."""
+    _flat_array(array)
+    return _DOUBLE(array, types.intp), _reader(_DOUBLE)
+
+
+@intrinsic
+def read_quadruple(typingctx, array, n):
+    """The 4 PACK numbers from flat element n of a float32 array."""
+    _flat_array(array)
+    return _QUADRUPLE(array, types.intp), _reader(_QUADRUPLE)
+
+
+@intrinsic
+def read_lanes(typingctx, array, start, rows):
+    """Lane by lane its own row of a table (rows, PACK) that begins at flat element ``start``; ``rows`` a pack >= 0."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        whole = builder.fptosi(args[2], _vector(_NARROW, _INT))
+        out = _undefined(_NARROW)
+        for w in range(PACK):
+            row = builder.zext(builder.extract_element(whole, _INT(w)), args[1].type)
+            n = builder.add(args[1], builder.add(builder.mul(row, row.type(PACK)), row.type(w)))
+            value = builder.load(_element(context, builder, sig.args[0], args[0], n))
+            out = builder.insert_element(out, value, _INT(w))
+        return out
+
+    return _NARROW(array, types.intp, _NARROW), lower
+
+
+@intrinsic
+def write(typingctx, array, n, pack):
+    """Store a pack at flat element n."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        builder.store(args[2], builder.bitcast(pointer, _vector(sig.args[2]).as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, pack), lower
+
+
+@intrinsic
+def spread(typingctx, x):
+    """PACK equal numbers."""
+
+    def lower(context, builder, sig, args):
+        return _spread(context, builder, sig.args[0], args[0], _NARROW)
+
+    return _NARROW(x), lower
+
+
+@intrinsic
+def spread_quadruple(typingctx, x):
+    """4 PACK equal numbers."""
+
+    def lower(context, builder, sig, args):
+        return _spread(context, builder, sig.args[0], args[0], _QUADRUPLE)
+
+    return _QUADRUPLE(x), lower
+
+
+@intrinsic
+def root(typingctx, pack):
+    """Square roots of a pack."""
+
+    def lower(context, builder, sig, args):
+        kind = args[0].type
+        name = f"llvm.sqrt.v{sig.return_type.width}f32"
+        function = get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), name)
+        return builder.call(function, args)
+
+    return pack(pack), lower
+
+
+@intrinsic
+def put(typingctx, array, n, x):
+    """Store a scalar at flat element n."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        value = context.cast(builder, args[2], sig.args[2], sig.args[0].dtype)
+        context.pack_value(builder, sig.args[0].dtype, value, pointer)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, x), lower
+
+
+@intrinsic
+def pack_of(typingctx, a, b, c, d):
+    """PACK numbers."""
+
+    def lower(context, builder, sig, args):
+        out = _undefined(_NARROW)
+        for w, x in enumerate(args):
+            out = builder.insert_element(out, x, _INT(w))
+        return out
+
+    return _NARROW(types.float32, types.float32, types.float32, types.float32), lower
+
+
+@intrinsic
+def each(typingctx, a, b, c, d):
+    """Four numbers, each PACK times: what multiplies four packs that lie together."""
+
+    def lower(context, builder, sig, args):
+        out = _undefined(_NARROW)
+        for w, x in enumerate(args):
+            out = builder.insert_element(out, x, _INT(w))
+        return builder.shuffle_vector(out, _undefined(_NARROW), _indices([n // PACK for n in range(4 * PACK)]))
+
+    return _QUADRUPLE(types.float32, types.float32, types.float32, types.float32), lower
+
+
+@intrinsic
+def join(typingctx, a, b):
+    """Two packs of PACK as one."""
+
+    def lower(context, builder, sig, args):
+        return builder.shuffle_vector(args[0], args[1], _indices(range(2 * PACK)))
+
+    return _DOUBLE(_NARROW, _NARROW), lower
+
+
+def _half_of(pack, which: int):
+    kind = _NARROW if pack == _DOUBLE else _DOUBLE
+
+    def lower(context, builder, sig, args):
+        numbers = range(which * kind.width, (which + 1) * kind.width)
+        return builder.shuffle_vector(args[0], args[0], _indices(numbers))
+
+    return kind(pack), lower
+
+
+@intrinsic
+def low(typingctx, pack):
+    """First half of a pack."""
+    return _half_of(pack, 0)
+
+
+@intrinsic
+def high(typingctx, pack):
+    """Second half of a pack."""
+    return _half_of(pack, 1)
+
+
+@intrinsic
+def whole(typingctx, pack):
+    """Integer part of a pack >= 0."""
+
+    def lower(context, builder, sig, args):
+        kind = sig.return_type
+        return builder.sitofp(builder.fptosi(args[0], _vector(kind, _INT)), _vector(kind))
+
+    return pack(pack), lower
+
+
+@intrinsic
+def largest(typingctx, pack):
+    """Greatest of a pack's numbers."""
+
+    def lower(context, builder, sig, args):
+        lanes = [builder.extract_element(args[0], _INT(w)) for w in range(sig.args[0].width)]
+        while len(lanes) > 1:
+            a, b = lanes.pop(0), lanes.pop(0)
+            lanes.append(builder.select(builder.fcmp_ordered(">", a, b, flags=_FAST), a, b))
+        return lanes[0]
+
+    return types.float32(pack), lower
+
+
+@intrinsic
+def choose_above(typingctx, a, b, above, other):
+    """``above`` where a > b, else ``other``: for scalars, or lane by lane for packs."""
+    given = (a, b, above, other)
+    kind = _width_of(given) or types.float32
+
+    def lower(context, builder, sig, args):
+        if kind is not types.float32:
+            args = [_spread(context, builder, t, v, kind) for t, v in zip(sig.args, args, strict=True)]
+        return builder.select(builder.fcmp_ordered(">", args[0], args[1], flags=_FAST), args[2], args[3])
+
+    return (kind(*given) if kind is not types.float32 else kind(kind, kind, kind, kind)), lower

@@ -1,0 +1,254 @@
+"""Sample: what a point of the grid, or of the shells, does to light on its way to the eye.
+
+Two numbers per wavelength lie in a double pack: what the delta-scaled beam of eye rays sees, and what the forward peak
+does, which is dimmed by the whole extinction.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.pack import (
+    PACK,
+    choose_above,
+    each,
+    flat,
+    high,
+    join,
+    low,
+    pack_of,
+    read,
+    read_double,
+    read_lanes,
+    read_quadruple,
+    spread,
+    whole,
+    write,
+)
+from openswim.transport.scalar import shadow_fraction, smoothstep, table_index, transmission
+from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+# powers of x and z, x toward the sun's azimuth and z up, by which `Shells.source` is expanded
+MONOMIALS = (
+    (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (3, 1), (0, 2), (1, 2), (2, 2), (4, 0), (0, 3), (1, 3),
+    (0, 4),
+)  # fmt: skip
+COEFFICIENTS = 16
+
+# What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol without its peak; the
+# part of the haze's peak that is read as single scattering
+_MOLECULES, _AEROSOL, _HAZE, RAY = 0, PACK, 2 * PACK, 3 * PACK
+PEAK_INNER = math.cos(math.radians(30.0))  # forward peak read out fully within 30 degrees of the sun,
+PEAK_OUTER = 0.0  # not at all beyond 90 (transport.md section 2)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def prepare_ray(cos_angle, table, phase, ray, peak):
+    """Fill in what is constant along a straight ray: phase functions and peaks. Returns the resolved peak's share."""
+    share = np.float32(smoothstep((cos_angle - PEAK_OUTER) / (PEAK_INNER - PEAK_OUTER)))
+    for kind in range(2):
+        p0, p1 = 1.0, cos_angle
+        total = spread(_ZERO)
+        for ell in range(DEGREE):
+            total += np.float32((2 * ell + 1) * p0) * read(phase, (kind * DEGREE + ell) * PACK)
+            p0, p1 = p1, ((2 * ell + 3) * cos_angle * p1 - (ell + 1) * p0) / (ell + 2)
+        write(ray, kind * PACK, total)
+    angle = math.acos(min(1.0, max(-1.0, cos_angle)))
+    n = table.shape[1] - 1
+    t = math.sqrt(angle / math.pi) * n
+    i = min(int(t), n - 1)
+    a = np.float32(t - i)
+    depths = table.shape[2] if share > _ZERO else 1
+    stride = table.shape[2] * PACK
+    for s in range(table.shape[0]):
+        start = (s * table.shape[1] + i) * stride
+        for d in range(depths):
+            near = read(table, start + d * PACK)
+            write(peak, s * stride + d * PACK, near + a * (read(table, start + stride + d * PACK) - near))
+    write(ray, _HAZE, (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
+    return share
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _lerp(a, b, share):
+    return a + share * (b - a)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _four(array, n, right, up, v00, v01, v10, v11):
+    """Bilinear mean of four quadruple packs of an array, at flat element n, to the right of it, and up."""
+    low_row = v00 * read_quadruple(array, n) + v01 * read_quadruple(array, n + right)
+    return low_row + (v10 * read_quadruple(array, n + up) + v11 * read_quadruple(array, n + up + right))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sun_table_coordinate(mu, mu_horizon, count):
+    """Fractional index on the sun axis of `Shells.slant`: square root of the cosine above the horizon."""
+    t = math.sqrt(max(0.0, (mu - mu_horizon) / (1.0 - mu_horizon))) * (count - 1)
+    return min(t, count - 1.000001)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _peak_place(depth, count):
+    """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth)."""
+    last = np.float32(count - 1)
+    p = depth / (_ONE + depth) * last
+    q = whole(choose_above(p, last - _ONE, last - _ONE, p))
+    return q, p - q
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _peak_at(peak, start, q, part):
+    """A forward peak (depths, PACK) that begins at flat element ``start``."""
+    return _lerp(read_lanes(peak, start, q), read_lanes(peak, start + PACK, q), part)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
+    """A point of the grid, at fractional indices; its channels are left in ``nodes``.
+
+    Returns double packs of extinction and of source, the air's own extinction, and the species' reference extinction.
+    """
+    nz, ny, nx, nc = volume.fields.shape
+    k = min(int(level), nz - 2)
+    g = np.float32(level - k)
+    i = min(int(ix), nx - 1)
+    j = min(int(iy), ny - 1)
+    a = np.float32(ix - i)
+    b = np.float32(iy - j)
+    right, up = nc, nx * nc
+    if i + 1 >= nx:
+        right = -i * nc if volume.periodic else 0
+    if j + 1 >= ny:
+        up = -j * nx * nc if volume.periodic else 0
+    v11 = a * b
+    v01, v10 = a - v11, b - v11
+    v00 = _ONE - a - v10
+    here = ((k * ny + j) * nx + i) * nc
+    above = here + ny * nx * nc
+    f = volume.fields
+    node = _lerp(_four(f, here, right, up, v00, v01, v10, v11), _four(f, above, right, up, v00, v01, v10, v11), g)
+    write(nodes, 0, node)
+    for base in range(4 * PACK, nc, 4 * PACK):  # only where there are many species
+        lower = _four(f, here + base, right, up, v00, v01, v10, v11)
+        write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
+    air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
+    air, forward = low(low(air_row)), high(high(air_row))
+    smooth = high(low(node))
+    resolved = spread(_ZERO)
+    extinction = air
+    cloud = flat(nodes, volume.cloud_channel)
+    if cloud > _ZERO or volume.shining:
+        beam = transmission(low(low(node)))
+        q, part = spread(_ZERO), spread(_ZERO)
+        depths = peak.shape[1]
+        if share > _ZERO:
+            c = volume.forward_channel
+            depth = pack_of(
+                flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
+            )
+            haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
+            q, part = _peak_place(depth + haze, depths)
+        # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
+        single = spread(_ZERO)
+        if volume.shining:
+            # not from the nodes, whose own angles differ from the ray's
+            single = high(low(air_row)) * read(ray, _MOLECULES) + low(high(air_row)) * read(ray, _AEROSOL)
+            single += forward * read(ray, _HAZE)
+            if share > _ZERO:
+                resolved = forward * _peak_at(peak, volume.species * depths * PACK, q, part)
+        if cloud > _ZERO:
+            for s in range(volume.species):
+                x = flat(nodes, 2 * PACK + s)
+                start = s * depths * PACK
+                taken = x * read(volume.forward, s * PACK)
+                extinction += x * read(volume.scaled, s * PACK)
+                forward += taken
+                single += (_ONE - share) * taken * read(peak, start)
+                if share > _ZERO:
+                    resolved += taken * _peak_at(peak, start, q, part)
+        smooth += single * beam
+        resolved *= share * beam
+    return (
+        join(extinction, extinction + forward),
+        join(smooth, resolved),
+        air,
+        cloud,
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
+    """What diffuse light the shells scatter toward the eye: a polynomial in the cosines to sun's azimuth and zenith."""
+    x = np.float32((cos_angle - mu * mu_sun) / math.sqrt(max(1e-12, 1.0 - mu_sun * mu_sun)))
+    z = np.float32(mu)
+    suns = shells.source.shape[1]
+    place = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
+    m = min(int(place), suns - 2)
+    e = np.float32(place - m)
+    u11 = share * e
+    u01, u10 = e - u11, share - u11
+    u00 = _ONE - share - u01
+    right = COEFFICIENTS * PACK
+    up = suns * right
+    here = (level * suns + m) * right
+    xx, zz = x * x, z * z
+    basis = each(_ONE, x, xx, x * xx)
+    total = spread(_ZERO)
+    for group in range(4):
+        n = here + group * 4 * PACK
+        if group == 1:
+            basis = basis * z
+        elif group == 2:
+            basis = each(zz, x * zz, xx * zz, xx * xx)
+        elif group == 3:
+            basis = each(zz * z, x * zz * z, zz * zz, _ZERO)
+        c = shells.source
+        part = basis * _four(c, n, right, up, u00, u01, u10, u11)
+        half = low(part) + high(part)
+        total += low(half) + high(half)
+    return total
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, shells, haze):
+    """A point of the shells: see `sample_grid`. ``haze``: row of the aerosol in ``peak``."""
+    above = max(h - shells.ground_m, 0.0)
+    level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
+    k = min(int(level), shells.rows.shape[0] - 2)
+    c = np.float32(level - k)
+    mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), level - k)
+    lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
+    columns = shells.slant.shape[1]
+    t = sun_table_coordinate(mu_sun, mu_horizon, columns)
+    m = int(t)
+    e = np.float32(t - m)
+    v11 = c * e
+    v01, v10 = e - v11, c - v11
+    v00 = _ONE - c - v01
+    right = 2 * PACK
+    up = columns * right
+    n = k * up + m * right
+    slant = (
+        v00 * read_double(shells.slant, n)
+        + v01 * read_double(shells.slant, n + right)
+        + v10 * read_double(shells.slant, n + up)
+        + v11 * read_double(shells.slant, n + right + up)
+    )
+    row = _lerp(read_quadruple(shells.rows, k * 4 * PACK), read_quadruple(shells.rows, (k + 1) * 4 * PACK), c)
+    extinction, molecules = low(low(row)), high(low(row))
+    aerosol, forward = low(high(row)), high(high(row))
+    beam = lit * transmission(low(slant))
+    single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL) + forward * read(ray, _HAZE)
+    smooth = beam * single + _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
+    resolved = spread(_ZERO)
+    if share > _ZERO:
+        q, part = _peak_place(high(slant), peak.shape[1])
+        resolved = share * forward * beam * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+    return join(extinction, extinction + forward), join(smooth, resolved), extinction

@@ -1,0 +1,229 @@
+"""Walk: where along an eye ray to look, one place after the other.
+
+Walking is apart from looking (`sample.py`) because each step waits for the one before, so that a processor would idle:
+the march walks several rays in turn, some steps each, and then looks at all the places that it has found.
+
+A ray goes by legs, in air or in the grid, where its height is a parabola and its indices are linear over a segment.
+All lengths in metres.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from openswim.transport.pack import flat, put
+from openswim.transport.scalar import height_m, height_of_square_m, level_at
+from openswim.transport.volume import (
+    FAR_M,
+    SHELL_TABLE_PER_M,
+    above_ground_m,
+    grid_index,
+    inside_grid,
+    sphere_crossings,
+    terrain_height_m,
+    way_through,
+)
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
+_CHART_ERROR = 0.01  # of a cell, that a segment of a ray may lie off its chord in the grid's indices
+BATCH = 24  # places that a ray walks to before they are looked at
+
+# A place: how far along the ray, the step to it; then level, ix, iy in the grid, or -1, height, cosine of zenith angle
+PLACE_S, PLACE_STEP, PLACE_LEVEL, PLACE_X, PLACE_Y, PLACE = 0, 1, 2, 3, 4, 5
+
+# The state of a walk, a row of float64
+STATE, COUNT, SAMPLES, START = 0, 1, 2, 3  # where it stands; places of this batch, of all; way to the shells' top
+OX, OY, OZ, DX, DY, DZ, SQUARE, RISE, GROUND, ENTER, LEAVE, S, STEP, SAFE, HEIGHT, GRIDDED, TURNING = range(4, 21)
+BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, WALK = range(21, 35)
+GOING, GONE, HIT = 0.0, 1.0, 2.0
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def start_walk(w, ox, oy, oz, dx, dy, dz, shells, volume):
+    """Begin a walk at an eye, or where its ray meets the top of the shells."""
+    radius = shells.radius_m
+    w[STATE], w[COUNT], w[SAMPLES], w[START], w[S], w[STEP], w[SAFE] = GOING, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0
+    h = height_m(ox, oy, oz, radius)
+    if h > shells.top_m:
+        square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
+        first, _ = sphere_crossings(square, ox * dx + oy * dy + (radius + oz) * dz, shells.top_m, radius)
+        if first <= 0.0 or first >= FAR_M:
+            w[STATE] = GONE
+            return
+        w[START] = first
+        ox, oy, oz = ox + first * dx, oy + first * dy, oz + first * dz
+        h = shells.top_m
+    # along the ray (R + h)^2 - R^2 = square + s (2 rise + s); r mu = rise + s
+    square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
+    rise = ox * dx + oy * dy + (radius + oz) * dz
+    ground, _ = sphere_crossings(square, rise, shells.ground_m, radius)
+    w[GROUND] = ground if ground >= 0.0 else FAR_M
+    w[ENTER], w[LEAVE] = way_through(ox, oy, oz, dx, dy, dz, square, rise, radius, volume)
+    w[OX], w[OY], w[OZ], w[DX], w[DY], w[DZ], w[SQUARE], w[RISE], w[HEIGHT] = ox, oy, oz, dx, dy, dz, square, rise, h
+    w[GRIDDED] = 1.0 if w[ENTER] <= 0.0 else 0.0
+    w[TURNING], w[END] = 0.0, -1.0
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _next_leg(w, shells, volume):
+    """Where a step ends that may pass the end of its leg. A ray that passes the grid's faces looks there twice."""
+    s, step = w[S], w[STEP]
+    if w[TURNING] > 0.0:
+        w[TURNING] = 0.0
+        w[GRIDDED] = 1.0 - w[GRIDDED]
+        step = 0.0
+        if w[GRIDDED] == 0.0 and w[HEIGHT] < shells.ground_m - 0.01:
+            w[STATE] = HIT
+    bound = w[GROUND]
+    if w[GRIDDED] > 0.0:
+        bound = w[LEAVE]
+    elif s < w[ENTER]:
+        bound = min(bound, w[ENTER])
+    if step >= FAR_M and bound >= FAR_M:  # nothing between here and space
+        w[STATE] = GONE
+        return s
+    t = s + step
+    if w[SAMPLES] > 0.0 and step > 0.0 and t >= bound:
+        t = max(bound, s)
+        if w[GRIDDED] == 0.0 and bound == w[GROUND]:
+            w[STATE] = HIT
+        else:
+            w[TURNING] = 1.0
+    w[STEP] = t - s
+    w[SAFE] = -1.0 if w[TURNING] > 0.0 else bound
+    if w[GRIDDED] > 0.0:
+        if t > w[END]:
+            _next_segment(w, s, t, shells.radius_m, volume)
+        w[SAFE] = min(w[SAFE], w[END])
+    return t
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _next_segment(w, s, t, radius, volume):
+    """Fit height and indices between the end of the last segment and somewhere beyond ``t``."""
+    ox, oy, oz, dx, dy, dz, square, rise = w[OX], w[OY], w[OZ], w[DX], w[DY], w[DZ], w[SQUARE], w[RISE]
+    across = min(flat(volume.cell_m, 0), flat(volume.cell_m, 1))
+    begin, x0, y0 = w[END], w[X_END], w[Y_END]
+    if begin < 0.0:
+        begin = s
+        x0, y0 = grid_index(ox + s * dx, oy + s * dy, oz + s * dz, radius, volume)
+    # a straight ray is straight in the grid's indices as far as maps bend no more than the Earth does
+    end = max(min(begin + math.sqrt(8.0 * _CHART_ERROR * radius * across), w[LEAVE]), t)
+    x1, y1 = grid_index(ox + end * dx, oy + end * dy, oz + end * dz, radius, volume)
+    length = max(end - begin, 1e-6)
+    middle = begin + 0.5 * length
+    h0 = height_of_square_m(square + begin * (2.0 * rise + begin), radius)
+    h1 = height_of_square_m(square + middle * (2.0 * rise + middle), radius)
+    h2 = height_of_square_m(square + end * (2.0 * rise + end), radius)
+    w[BEGIN], w[END], w[X_END], w[Y_END], w[X0], w[Y0] = begin, end, x1, y1, x0, y0
+    w[VX], w[VY] = (x1 - x0) / length, (y1 - y0) / length
+    w[H0], w[H2] = h0, 2.0 * (h0 - 2.0 * h1 + h2) / (length * length)
+    w[H1] = (h2 - h0) / length - w[H2] * length
+    mu = (rise + middle) / (radius + h1)
+    w[PER_COSINE] = 1.0 / max(abs(mu), 1e-9)
+    w[ACROSS] = across / math.sqrt(max(1.0 - mu * mu, 1e-12))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _meet_terrain(w, s, step, radius_m, ground_m, volume):
+    """The part of a step that ends below ground after which the ray meets it."""
+    least, most = 0.0, step
+    for _ in range(24):
+        m = s + 0.5 * (least + most)
+        if above_ground_m(
+            w[OX] + m * w[DX], w[OY] + m * w[DY], w[OZ] + m * w[DZ], radius_m, ground_m, volume
+        ) < 0.0:
+            most = m - s
+        else:
+            least = m - s
+        if most - least < 0.05:
+            break
+    return max(least, 1e-3)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _air_step_m(above_m, per_cosine, reach_m):
+    """A step in air: part of its scale height, at most ``reach_m``, part of its depth; in vacuum as far as may be."""
+    # level rays bend out of their layer in 50 km or so
+    return min((500.0 + 0.11 * above_m) * min(per_cosine, 67.0), reach_m) if reach_m < FAR_M else FAR_M
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def walk_on(w, places, shells, volume, highest_m, scale):
+    """Take the step that is due, note the place, and say how far the next step goes."""
+    s = w[S]
+    t = s + w[STEP]
+    if t >= w[SAFE]:
+        t = _next_leg(w, shells, volume)
+        if w[STATE] == GONE:
+            return
+    step = w[STEP]
+    count = int(w[COUNT])
+    inside = False
+    level, ix, iy = -1.0, 0.0, 0.0
+    h = 0.0
+    if w[GRIDDED] > 0.0:
+        u = t - w[BEGIN]
+        h = w[H0] + u * (w[H1] + u * w[H2])
+        ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
+        inside = inside_grid(ix, iy, volume)
+        if h < highest_m and w[SAMPLES] > 0.0 and h < terrain_height_m(ix, iy, shells.ground_m, volume):
+            w[STATE] = HIT
+            step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
+            t = s + step
+            u = t - w[BEGIN]
+            h = w[H0] + u * (w[H1] + u * w[H2])
+            ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
+    else:
+        h = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), shells.radius_m)
+    place = count * PLACE
+    above = max(h - shells.ground_m, 0.0)
+    if inside:
+        ny, nx = volume.terrain_m.shape
+        if volume.periodic:
+            ix -= math.floor(ix / nx) * nx
+            iy -= math.floor(iy / ny) * ny
+        level = level_at((h - volume.level_origin_m) * volume.level_per_m, volume.level_table)
+        k = min(int(level), volume.fields.shape[0] - 2)
+        node = k * (ny * nx) + (min(int(iy), ny - 1) * nx + min(int(ix), nx - 1))
+        free = 1.0 * flat(volume.fields, node * volume.fields.shape[3] + volume.free_channel)
+        next_step = _air_step_m(above, w[PER_COSINE], 1.0 * flat(volume.reach_m, k))
+        rising = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2] > 0.0
+        ahead = int(level)
+        if not rising and level == ahead and ahead > 0:
+            ahead -= 1
+        along = 1.0 * flat(volume.spacing_m, ahead)
+        cell = min(w[ACROSS], along * w[PER_COSINE])
+        if free > 2.0:
+            cells = free - 1.0 if next_step >= FAR_M else min(free - 1.0, volume.clear_cells * 1.0)
+            next_step = min(next_step, cells * cell)
+        else:
+            # within cloud a step ends on a level, where the fields have their kinks
+            to_level = (ahead + 1 - level) if rising else (level - ahead)
+            if to_level < 2e-3:
+                to_level += 1.0
+            next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), cell)
+    else:
+        mu = (w[RISE] + t) / (shells.radius_m + h)
+        row = min(int(above * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1)
+        next_step = _air_step_m(above, 1.0 / max(abs(mu), 1e-9), flat(shells.reach_table, row))
+        if w[GRIDDED] > 0.0:
+            # beside the grid, but over it: no farther than the way to it
+            ny, nx = volume.terrain_m.shape
+            gx = max(max(-ix, ix - (nx - 1.0)), 0.0) * flat(volume.cell_m, 0)
+            gy = max(max(-iy, iy - (ny - 1.0)), 0.0) * flat(volume.cell_m, 1)
+            cell = min(w[ACROSS], flat(volume.spacing_m, 0) * w[PER_COSINE])
+            next_step = min(next_step, max(0.9 * max(gx, gy), cell))
+        elif h >= shells.top_m and mu > 0.0 and w[TURNING] == 0.0 and w[STATE] == GOING:
+            w[STATE] = GONE
+        level, ix, iy = -1.0, h, mu
+    put(places, place + PLACE_S, t)
+    put(places, place + PLACE_STEP, step)
+    put(places, place + PLACE_LEVEL, level)
+    put(places, place + PLACE_X, ix)
+    put(places, place + PLACE_Y, iy)
+    w[S], w[STEP], w[HEIGHT] = t, min(scale * next_step, FAR_M), h
+    w[COUNT] = count + 1.0
+    w[SAMPLES] += 1.0

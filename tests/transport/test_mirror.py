@@ -1,0 +1,93 @@
+"""Water mirrors the scene's own sky: calm water like a mirror, rough water smeared, clouds included."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from pyproj import CRS
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.grid import Grid
+from openswim.transport import Solver
+from openswim.transport.mirror import mirrored_sky
+
+N, CELL = 25, 500.0
+
+
+@pytest.fixture(scope="module")
+def lake():
+    """Nothing but water, and a thick cloud in the north."""
+    x = (np.arange(N) - N // 2) * CELL
+    levels = np.linspace(0.0, 4000.0, 9)
+    liquid = np.zeros((levels.size, N, N), np.float32)
+    liquid[3:6, 18:23, 4:21] = 4e-4
+    plane = ("y", "x")
+    data = xr.Dataset(
+        {
+            "liquid_content": (("z", *plane), liquid),
+            "land_area_fraction": (plane, np.zeros((N, N), np.float32)),
+            "surface_altitude": (plane, np.zeros((N, N), np.float32)),
+        }
+    )
+    crs = CRS.from_proj4("+proj=lcc +lat_1=20 +lat_0=20 +lon_0=-40 +R=6371000")
+    scene = Scene(Grid(x, x, levels, crs, 6_371_000.0), data, Atmosphere.us_standard())
+    sun = np.array([0.3, -0.6, 0.74])
+    return Solver().solve(scene, sun / np.linalg.norm(sun), [615.0, 546.0, 450.0])
+
+
+def glance(azimuth_deg, depression_deg, height_m=300.0):
+    """An eye, directions down from it, and where they meet the water."""
+    azimuth, down = np.broadcast_arrays(np.radians(azimuth_deg), np.radians(depression_deg))
+    direction = np.stack([np.cos(down) * np.sin(azimuth), np.cos(down) * np.cos(azimuth), -np.sin(down)], axis=-1)
+    eye = np.array([0.0, 0.0, height_m])
+    return eye, eye + direction * (height_m / np.sin(down))[:, None], direction
+
+
+def sky(field, place, direction):
+    """What an eye at the water sees along the mirrored rays, each for itself."""
+    up = direction * [1.0, 1.0, -1.0]
+    above = place + np.array([0.0, 0.0, 1.0])
+    views = [field.view(Rays(above[n : n + 1], up[n : n + 1])).radiance for n in range(len(place))]
+    return np.concatenate(views)
+
+
+def mirrored(field, eye, place, direction, wind):
+    pack = field.packs[0]
+    return mirrored_sky(pack, pack.shells, eye, place, direction, np.full(len(place), wind))[:, :3]
+
+
+def test_calm_water_is_a_mirror(lake) -> None:
+    """Away from the cloud the sky is smooth, and slopes of 2 degrees change nothing."""
+    eye, place, direction = glance(np.array([150.0, 180.0, 210.0, 240.0]), np.array([20.0, 30.0, 40.0, 25.0]))
+    np.testing.assert_allclose(
+        mirrored(lake, eye, place, direction, 0.0), sky(lake, place, direction), rtol=0.08
+    )
+
+
+def test_what_is_mirrored_is_where_it_stands(lake) -> None:
+    """Up over the northern horizon, under the cloud and past it: as the mirrored rays see it, each for itself."""
+    depression = np.arange(8.0, 40.0, 2.0)
+    eye, place, direction = glance(np.zeros(depression.size), depression)
+    seen, there = mirrored(lake, eye, place, direction, 0.0)[:, 0], sky(lake, place, direction)[:, 0]
+    assert there.max() > 2 * there.min()  # there is something to be seen
+    assert np.corrcoef(seen, there)[0, 1] > 0.9
+    np.testing.assert_allclose(seen, there, rtol=0.4)  # slopes of 2 degrees smear the cloud's edge
+
+
+def test_waves_smear_the_image_and_keep_its_light(lake) -> None:
+    depression = np.arange(8.0, 60.0, 1.0)
+    eye, place, direction = glance(np.zeros(depression.size), depression)
+    calm, rough = (mirrored(lake, eye, place, direction, wind)[:, 0] for wind in (0.0, 10.0))
+    assert rough.max() < calm.max()
+    assert np.abs(np.diff(rough)).max() < np.abs(np.diff(calm)).max()
+    assert rough.mean() == pytest.approx(calm.mean(), rel=0.35)
+    assert (rough > 0).all()
+
+
+def test_from_space_water_mirrors_the_clear_sky(lake) -> None:
+    """Finite and dark where nothing but 2 % of a blue sky is mirrored."""
+    rays = Rays(np.array([0.0, 0.0, 8e5]), np.array([[0.0, -0.002, -1.0]]) / np.hypot(1, 0.002))
+    radiance = lake.view(rays).radiance
+    assert np.isfinite(radiance).all()
+    assert (radiance[0] < 0.6).all()

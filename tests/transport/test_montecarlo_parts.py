@@ -1,0 +1,159 @@
+"""The parts of the Monte Carlo solver: chances, phase functions, majorants, ground, air."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import njit
+
+from openswim.ground import SurfaceSample, bidirectional_reflectance
+from openswim.optics import mie
+from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.transport.montecarlo_ground import reflectance, seen_ground
+from openswim.transport.montecarlo_phase import (
+    drawn_q,
+    phase_place,
+    phases_of,
+    start_stream,
+    turned,
+    uniform,
+    unit_circle,
+)
+from openswim.transport.montecarlo_track import air_beam
+from openswim.transport.montecarlo_world import BLOCK, block_majorants, build_world
+
+PHASES = [HenyeyGreenstein(0.85), HenyeyGreenstein(-0.3), Rayleigh(), mie.phase_function("liquid", 546.0)]
+
+
+@njit
+def _numbers(seed, ray, path, n):
+    rng, out = np.zeros(1, np.uint64), np.zeros(n)
+    start_stream(rng, seed, ray, path)
+    for i in range(n):
+        out[i] = uniform(rng)
+    return out
+
+
+@njit
+def _angles(n, nodes, value, chance, guide):
+    rng, out = np.zeros(1, np.uint64), np.zeros(n)
+    start_stream(rng, 1, 2, 3)
+    for i in range(n):
+        out[i] = drawn_q(uniform(rng), nodes, value, chance, guide)
+    return out
+
+
+@njit
+def _values(q, nodes, value):
+    out = np.zeros(q.size)
+    for n in range(q.size):
+        i, f = phase_place(q[n], nodes)
+        out[n] = value[i] + f * (value[i + 1] - value[i])
+    return out
+
+
+@njit
+def _turns(n, x, y, z, q):
+    rng, out = np.zeros(1, np.uint64), np.zeros((n, 3))
+    start_stream(rng, 4, 5, 6)
+    for i in range(n):
+        c, s = unit_circle(rng)
+        out[i] = turned(x, y, z, q, c, s)
+    return out
+
+
+def test_numbers_are_even_and_streams_apart() -> None:
+    """Mean, variance and lag correlation of 1e5 numbers, to 4 sigma; neighbouring streams do not correlate."""
+    a, b, c = _numbers(0, 0, 0, 100_000), _numbers(0, 0, 1, 100_000), _numbers(0, 1, 0, 100_000)
+    assert a.min() >= 0
+    assert a.max() < 1
+    assert abs(a.mean() - 0.5) < 4 / np.sqrt(12e5)
+    assert abs(a.var() - 1 / 12) < 4 * np.sqrt(1 / 180 / 1e5)
+    for x, y in ((a, b), (a, c), (b, c), (a[1:], a[:-1])):
+        assert abs(np.corrcoef(x, y)[0, 1]) < 4 / np.sqrt(1e5)
+
+
+@pytest.mark.parametrize("phase", PHASES, ids=["hg", "backward", "rayleigh", "mie"])
+def test_phase_tables_are_the_functions(phase: PhaseFunction) -> None:
+    tables = phases_of([[phase]], [[phase]])
+    q = 2 * np.linspace(0, 1, 4001)[1:-1] ** 3
+    np.testing.assert_allclose(_values(q, tables.q, tables.value[0]), phase.value(1 - q), rtol=4e-3)
+
+
+@pytest.mark.parametrize("phase", PHASES, ids=["hg", "backward", "rayleigh", "mie"])
+def test_angles_are_drawn_from_the_phase_function(phase: PhaseFunction) -> None:
+    """Counts in 40 bins of equal chance: chi^2 of 39 within its 4-sigma range; and the asymmetry."""
+    tables = phases_of([[phase]], [[phase]])
+    n = 100_000
+    q = _angles(n, tables.q, tables.value[0], tables.chance[0], tables.guide[0])
+    edges = np.interp(np.linspace(0, 1, 41), tables.chance[0], tables.q)
+    counts, _ = np.histogram(q, edges)
+    # an edge between nodes is placed linearly, the density is not quite even there
+    assert ((counts - n / 40) ** 2 / (n / 40)).sum() < 39 + 4 * np.sqrt(78) + 10
+    assert 1 - q.mean() == pytest.approx(phase.asymmetry, abs=4 * q.std() / np.sqrt(n) + 2e-4)
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1.0), (0, 0, -1.0), (0.6, 0.0, -0.8), (0.48, -0.64, 0.6)])
+def test_turns_keep_the_angle_and_go_round(axis: tuple[float, float, float]) -> None:
+    out = _turns(4000, *map(float, axis), 0.3)
+    np.testing.assert_allclose(out @ np.array(axis), 0.7, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), 1.0, atol=1e-12)
+    across = out - 0.7 * np.array(axis)
+    assert np.linalg.norm(across.mean(axis=0)) < 4 / np.sqrt(4000)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_majorants_hold_a_cell_beyond_their_blocks(periodic: bool) -> None:
+    field = np.random.default_rng(1).random((11, 10, 9)).astype(np.float32) ** 8
+    bound = block_majorants(field, periodic)
+    for k, j, i in np.ndindex(field.shape):
+        for dk, dj, di in np.ndindex(3, 3, 3):
+            place = np.array([k + dk - 1, j + dj - 1, i + di - 1])
+            cells = np.array(field.shape) - 1 + np.array([0, periodic, periodic])
+            if periodic:
+                place[1:] %= cells[1:]
+            if (place < 0).any() or (place >= cells).any():
+                continue
+            assert bound[tuple(place // BLOCK)] >= field[k, j, i]
+
+
+def _ground(n: int) -> SurfaceSample:
+    rng = np.random.default_rng(3)
+    return SurfaceSample(
+        rng.random((n, 2)), rng.random(n), rng.random(n), np.zeros(n), 15 * rng.random(n), rng.random(n)
+    )  # fmt: skip
+
+
+def test_ground_reflects_as_everywhere_else() -> None:
+    n, wavelengths = 200, np.array([450.0, 615.0])
+    rng = np.random.default_rng(4)
+    mu0, mu, azimuth = 0.02 + 0.98 * rng.random(n), 0.02 + 0.98 * rng.random(n), np.pi * rng.random(n)
+    sample = _ground(n)
+    truth = bidirectional_reflectance(sample, mu0, mu, azimuth, wavelengths)
+    cos_angle = mu * mu0 + np.sqrt((1 - mu**2) * (1 - mu0**2)) * np.cos(azimuth)
+    seen, out = seen_ground(sample, wavelengths), np.zeros((n, 2))
+    for i in range(n):
+        reflectance(mu0[i], mu[i], cos_angle[i], i, seen, out[i])
+    np.testing.assert_allclose(out, truth, rtol=2e-3, atol=1e-6)
+
+
+def test_beam_through_the_air_is_the_integral() -> None:
+    """Straight down the transmission is that of the column; at the horizon it follows shell by shell."""
+    scene = Scene.clear(40.0, 10.0, Atmosphere.us_standard())
+    for altitude in (90.0, 20.0, 1.0, -1.0):
+        a = np.radians(altitude)
+        sun = np.array([np.cos(a), 0.0, np.sin(a)])
+        world, _, _, _ = build_world(scene, sun, np.array([450.0]))
+        for height in (0.0, 137.0, 15_300.0, 41_000.0):
+            beam = np.zeros(1)
+            air_beam(0.0, 0.0, height, height, world, beam)
+            s = np.concatenate([np.arange(0, 3e6, 50.0)])
+            r = np.sqrt((world.radius_m + height) ** 2 + s**2 + 2 * s * (world.radius_m + height) * np.sin(a))
+            h = r - world.radius_m
+            if h.min() < 0:
+                assert beam[0] == 0.0
+                continue
+            depth = np.trapezoid(np.interp(h, 100.0 * np.arange(1001), world.air[:, 0, 0]) * (h <= 1e5), s)
+            assert beam[0] == pytest.approx(np.exp(-depth), rel=2e-3, abs=1e-6)

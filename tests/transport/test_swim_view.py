@@ -1,0 +1,189 @@
+"""What `swim` sees: single scattering, clouds from above, mixtures, and the clear sky around them."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import (
+    WAVELENGTH_NM,
+    grid_scene,
+    sky_directions,
+    slab,
+    sun_at_zenith_angle,
+    toward,
+)
+
+from openswim.cameras import Rays
+from openswim.optics.aerosol import aerosol_type, spectral_phase
+from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
+from openswim.transport import Solver
+from openswim.transport.scalar import share_of_step
+from openswim.transport.swim_phase import anisotropy, broadened, shaded_phase, thin_phase
+from openswim.transport.swim_view import clear_share
+
+SWIM = Solver("swim")
+
+
+@pytest.mark.parametrize(("near", "far"), [(0.02, 0.02), (0.0, 0.03), (0.03, 0.0), (0.01, 0.05)])
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.99])
+def test_depth_is_met_within_a_step(near: float, far: float, part: float) -> None:
+    step = 200.0
+    depth = step * (near * part + (far - near) * part**2 / 2)
+    f32 = np.float32
+    assert share_of_step(f32(near), f32(far), f32(step), f32(depth)) == pytest.approx(part, rel=1e-3)
+
+
+@pytest.mark.parametrize("g", [0.3, 0.85, 0.95])
+@pytest.mark.parametrize("s", [1.0, 2.0, 4.0])
+def test_broadening_is_that_of_the_paper_for_its_own_phase_functions(g: float, s: float) -> None:
+    """p(theta, g^s) of Eqs 18 and B1-B3."""
+    mu = np.cos(np.radians(np.linspace(0, 180, 50)))
+    expected = HenyeyGreenstein(g**s).value(mu)
+    # linear interpolation of the peak between the table's angles: 3 %
+    np.testing.assert_allclose(broadened(HenyeyGreenstein(g), mu, np.full_like(mu, s)), expected, rtol=0.03, atol=2e-3)
+
+
+def test_thick_clouds_are_darker_toward_the_horizon_from_below_and_forward_bright_from_above() -> None:
+    np.testing.assert_allclose(shaded_phase(np.array([1.0, 0.5, 0.0, -0.3])), [1, 2 / 3, 1 / 3, 1 / 3])  # Eq. 20
+    # Eq. 25 overhead: (1.48 + 7.76 + P(180))/8, P of g = .7, f_b = .4: .51/1.7^3 + .4 x .51/1.49^1.5 = .2160
+    assert float(anisotropy(np.array(-1.0), np.array(1.0), np.array(1.0))) == pytest.approx(9.456 / 8, rel=1e-3)
+    forward, back = anisotropy(np.array([0.6, -1.0]), np.array([0.4, 0.4]), np.array([0.4, 0.4]))
+    assert forward > back
+
+
+def view(scene, zenith: float, rays: Rays, solver: Solver = SWIM) -> np.ndarray:
+    return solver.solve(scene, sun_at_zenith_angle(zenith), [WAVELENGTH_NM]).view(rays).radiance[:, 0]
+
+
+PHASES: dict[str, PhaseFunction] = {
+    "cloud": HenyeyGreenstein(0.85),
+    "colorado": spectral_phase(aerosol_type("colorado_dust"), [WAVELENGTH_NM])[0],
+    "saudi": spectral_phase(aerosol_type("saudi_dust_pollution"), [WAVELENGTH_NM])[0],
+}
+
+
+@pytest.mark.parametrize("name", PHASES)
+@pytest.mark.parametrize("omega", [1.0, 0.9])
+@pytest.mark.parametrize("upward", [True, False], ids=["from below", "from above"])
+def test_thin_layers_scatter_once(name: str, omega: float, upward: bool) -> None:
+    """Eq. 11: L' = P(theta) omega tau_o, with the phase functions of Eqs 9-10 and 27-29 (Table 3)."""
+    tau, zenith = 0.002, np.array([10.0, 40.0, 60.0])
+    scene = slab(tau, omega=omega, phase=PHASES[name])
+    z = np.radians(zenith)
+    d = np.stack([np.sin(z), 0 * z, np.cos(z) if upward else -np.cos(z)], axis=-1)
+    seen = view(scene, 30.0, Rays(np.array([0, 0, 0.0 if upward else 1001.0]), d))
+    expected = PHASES[name].value(d @ sun_at_zenith_angle(30.0)) * omega * tau / np.cos(z)
+    # what is scattered again, and 1 - c1, are of the order of tau and b tau
+    np.testing.assert_allclose(seen, expected, rtol=0.03, atol=0.05 * tau)
+
+
+@pytest.mark.parametrize(("zenith", "disort"), [(0.0, 3.96), (60.0, 1.70)])
+def test_thick_clouds_are_white_from_above(zenith: float, disort: float) -> None:
+    """Eqs 24-26 straight down on tau = 100; DISORT's values for a Mie cloud."""
+    down = Rays(np.array([0.0, 0.0, 1001.0]), np.array([[0.0, 0.0, -1.0]]))
+    assert view(slab(100.0, levels=129, kind="liquid"), zenith, down)[0] == pytest.approx(disort, rel=0.1)
+
+
+def test_clouds_from_above_have_no_seam_where_from_below_begins() -> None:
+    altitude = np.linspace(-25.0, 8.0, 67)
+    shape = (31, 31, 31)
+    cloud = np.zeros(shape, np.float32)
+    cloud[8:26, 8:23, 8:23] = 0.03
+    scene = grid_scene(cloud, shape)
+    radiance = Solver("swim").solve(scene, toward(90.0, 40.0), [WAVELENGTH_NM]).view(
+        Rays(np.array([-3000.0, 0.0, 2000.0]), np.array([toward(90.0, a) for a in altitude]))
+    )
+    inside = radiance.species_depth[:, 0] > 20
+    assert inside.sum() > 20
+    steps = np.abs(np.diff(np.log(radiance.radiance[inside, 0])))
+    assert steps.max() < 0.12  # half a degree apart
+
+
+def test_absorbing_layers_are_darker_on_both_sides() -> None:
+    up = Rays(np.zeros(3), sky_directions([5.0, 50.0], [0.0, 90.0]))
+    down = Rays(np.array([0.0, 0.0, 1001.0]), -sky_directions([5.0, 50.0], [0.0, 90.0]))
+    for rays in (up, down):
+        by_omega = [view(slab(8.0, omega=o, phase=PHASES["saudi"]), 40.0, rays) for o in (0.86, 0.94, 1.0)]
+        assert (np.diff(by_omega, axis=0) > 0).all()
+
+
+def test_dark_smoke_dims_the_ground_as_two_streams_do() -> None:
+    """tau = 10, g = .85, omega = .95, sun overhead: DISORT lets .437 of the conservative layer's light through."""
+    light = [
+        sum(SWIM.solve(slab(10.0, omega=o), sun_at_zenith_angle(0.0), [WAVELENGTH_NM]).fluxes()[name][0]
+            for name in ("down_bottom", "direct_bottom"))
+        for o in (0.95, 1.0)
+    ]  # fmt: skip
+    assert light[0] / light[1] == pytest.approx(0.437, abs=0.03)
+
+
+def test_mixtures_lie_between_their_parts() -> None:
+    """Appendix B: interpolation between the results for the species."""
+    share, d = 0.3, sky_directions([20.0, 60.0], [0.0, 120.0])
+    across = np.full((65, 3, 3), 1.0, np.float32) * 5e-4
+    phases = {"a": HenyeyGreenstein(0.6), "b": HenyeyGreenstein(0.9)}
+
+    def sky(parts: dict[str, float]) -> np.ndarray:
+        scene = slab(1.0)
+        mixed = type(scene).from_arrays(
+            {name: across * part for name, part in parts.items()}, scene.grid.x, scene.grid.y, scene.grid.height_m,
+            phase={name: phases[name] for name in parts}, kind="liquid", periodic=True,
+        )  # fmt: skip
+        return view(mixed, 40.0, Rays(np.zeros(3), d))
+
+    mixed, a, b = sky({"a": share, "b": 1 - share}), sky({"a": 1.0}), sky({"b": 1.0})
+    np.testing.assert_allclose(mixed, share * a + (1 - share) * b, rtol=1e-3)
+
+
+def test_papers_thin_phases_are_an_option() -> None:
+    rays = Rays(np.zeros(3), sun_at_zenith_angle(35.0)[None])
+    scene = slab(0.5, kind="liquid", phase=HenyeyGreenstein(0.85))
+    own, paper = view(scene, 30.0, rays), view(scene, 30.0, rays, Solver("swim", paper_phases=True))
+    mu = np.cos(np.radians([5.0]))
+    expected = thin_phase("liquid", mu, np.ones(1), WAVELENGTH_NM) / HenyeyGreenstein(0.85).value(mu)
+    assert paper[0] / own[0] == pytest.approx(float(expected[0]), rel=0.02)
+
+
+def test_clear_sky_shows_in_front_of_clouds_and_through_them() -> None:
+    """Eq. 32 corrected: f_front + (1 - f_front) e^-tau."""
+    air = np.full(4, 0.2)
+    tau, front = np.array([0.0, 50.0, 50.0, 1.0]), np.array([0.0, 0.0, 0.2, 0.1])
+    half = (1 - np.exp(-0.1)) / (1 - np.exp(-0.2))
+    np.testing.assert_allclose(
+        clear_share(tau, front, air), [1.0, 0.0, 1.0, half + (1 - half) * np.exp(-1)], atol=1e-9
+    )
+
+
+def test_mountains_and_valleys_have_the_air_that_fast_gives_them() -> None:
+    """A ridge hides the air behind it, and an observer below the plain around the grid still has a sky."""
+    shape, cell = (25, 21, 61), 500.0
+    x = cell * (np.arange(shape[2]) - 30)
+    terrain = np.broadcast_to(600.0 + 2500.0 * np.exp(-(((x - 9000.0) / 2500.0) ** 2)), shape[1:]).copy()
+    terrain[:, 10:20] = 100.0
+    scene = grid_scene({}, shape, (cell, cell, 200.0), curved=True, air=True, terrain_m=terrain)
+    sun = toward(200.0, 50.0)
+    swim, fast = (Solver(name).solve(scene, sun, [450.0]) for name in ("swim", "fast"))
+    eye = np.array([-7500.0, 0.0, 200.0])
+    for azimuth, altitude in ((90.0, 2.0), (90.0, 5.0), (0.0, 30.0), (0.0, 80.0)):
+        rays = Rays(eye[None], toward(azimuth, altitude)[None])
+        a, b = (field.view(rays) for field in (swim, fast))
+        assert a.hit[0] == b.hit[0] == (altitude < 10 and azimuth > 45)
+        # the shadows of ridges and the sky's shading are only in `fast`
+        assert a.radiance[0, 0] == pytest.approx(b.radiance[0, 0], rel=0.2)
+
+
+def test_nothing_negative_and_no_nan_from_random_scenes() -> None:
+    rng = np.random.default_rng(3)
+    shape = (12, 14, 13)
+    for zenith in (0.0, 60.0, 88.0, 95.0):
+        extinction = {
+            "a": rng.exponential(0.02, shape) * (rng.random(shape) > 0.7),
+            "b": rng.exponential(1e-4, shape),
+        }
+        scene = grid_scene(
+            extinction, shape, curved=True, air=True, single_scattering_albedo={"a": 1.0, "b": 0.88}, surface_albedo=0.3
+        )
+        field = SWIM.solve(scene, toward(150.0, 90.0 - zenith))
+        for height, sign in ((2.0, 1), (5000.0, -1), (600.0, 1)):
+            d = sign * sky_directions([0.0, 30.0, 70.0, 89.0], [0.0, 77.0, 150.0, 200.0])
+            seen = field.view(Rays(np.array([30.0, -20.0, height]), d))
+            assert np.isfinite(seen.radiance).all()
+            assert (seen.radiance >= 0).all()

@@ -1,0 +1,93 @@
+"""Where eye rays look: the same picture however finely they step, whichever rays go together, beside what they meet."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_directions, toward
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.transport import Field, Solver
+from openswim.transport.march import march_rays
+from openswim.transport.volume import sphere_crossings
+
+SUN = toward(200.0, 40.0)
+EYE = np.array([120.0, -80.0, 2.0])
+
+
+@pytest.fixture(scope="module")
+def cumulus() -> Field:
+    """A smooth thick cloud in hazy air on the round Earth."""
+    z, y, x = np.mgrid[0:16, 0:20, 0:20]
+    cloud = 0.02 * np.exp(-((x - 10) ** 2 + (y - 9) ** 2) / 12 - (z - 9) ** 2 / 6)
+    scene = grid_scene(
+        np.where(cloud > 2e-4, cloud, 0).astype(np.float32), (16, 20, 20), (100.0,) * 3, curved=True, air=True
+    )
+    return Solver().solve(scene, SUN, [WAVELENGTH_NM])
+
+
+def marched(field: Field, direction: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, int]:
+    pack = field.packs[0]
+    seen = march_rays(EYE, direction, pack.sun, pack.table, pack.shells, pack.volume, scale, columns=1)
+    return seen.radiance[:, 0], seen.full[:, 0], int(seen.samples.sum())
+
+
+def test_steps_are_fine_enough(cumulus: Field) -> None:
+    d = sky_directions([0.0, 20.0, 40.0, 60.0, 75.0, 85.0], np.arange(3.0, 360.0, 10.0))
+    cumulus.view(Rays(EYE, d))  # aims the source at this eye
+    coarse, fine = marched(cumulus, d, 1.0), marched(cumulus, d, 0.125)
+    assert fine[2] > 4 * coarse[2]
+    error = coarse[0] / fine[0] - 1
+    assert abs(error.mean()) < 0.003
+    assert np.sqrt(np.mean(error**2)) < 0.015
+
+
+def test_rays_do_not_know_of_each_other(cumulus: Field) -> None:
+    """Rays walk in turns and are sorted by direction: alone or in any order they must see the same."""
+    rng = np.random.default_rng(0)
+    d = sky_directions(np.linspace(0.0, 89.0, 30), np.arange(0.0, 360.0, 6.0))
+    order = rng.permutation(len(d))
+    together, shuffled = marched(cumulus, d, 1.0), marched(cumulus, d[order], 1.0)
+    np.testing.assert_array_equal(together[0][order], shuffled[0])
+    for n in (0, 700, 1500):
+        alone = marched(cumulus, d[n : n + 1], 1.0)
+        assert alone[0][0] == together[0][n]
+        assert alone[1][0] == together[1][n]
+
+
+def test_parallel_rays_do_not_know_of_each_other(cumulus: Field) -> None:
+    """As a satellite sees: one direction, many origins."""
+    pack = cumulus.packs[0]
+    x, y = np.meshgrid(np.linspace(-700.0, 700.0, 50), np.linspace(-700.0, 700.0, 50))
+    origin = np.stack([x.ravel(), y.ravel(), np.full(x.size, 5000.0)], axis=-1)
+    cumulus.view(Rays(origin[:2], np.array([0.0, 0.0, -1.0])))
+    down = np.array([0.0, 0.0, -1.0])
+    world = (pack.sun, pack.table, pack.shells, pack.volume, 1.0)
+    together = march_rays(origin, down, *world)
+    assert np.ptp(together.full[:, 0]) > 0.5
+    for n in (0, 1234, 2499):
+        np.testing.assert_array_equal(march_rays(origin[n : n + 1], down, *world).radiance[0], together.radiance[n])
+
+
+@pytest.mark.parametrize("below_deg", [0.02, 0.2, 2.0])
+def test_grazing_rays_meet_the_airless_ground_where_geometry_says(below_deg: float) -> None:
+    field = Solver().solve(Scene.clear(LAT, LON, None), np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM])
+    r, height = 6_371_000.0, 3000.0
+    dip = np.degrees(np.arccos(r / (r + height))) + below_deg
+    frame = field.frame
+    view = field.view(Rays(frame.position(LAT, LON, height), frame.direction(77.0, -dip, LAT, LON)))
+    sine = np.sin(np.radians(dip))
+    distance = (r + height) * sine - np.sqrt(((r + height) * sine) ** 2 - height * (2 * r + height))
+    assert view.hit[0]
+    assert view.distance_m[0] == pytest.approx(distance, abs=1.0)
+
+
+@pytest.mark.parametrize("radius_m", [6.371e6, 1e12])
+@pytest.mark.parametrize("mu", [-1.0, -0.3, -0.01, 0.2, 1.0])
+def test_sphere_crossings_lie_on_the_sphere(radius_m: float, mu: float) -> None:
+    height = 8000.0
+    square, rise = height * (2 * radius_m + height), (radius_m + height) * mu
+    for target in (500.0, 7000.0, 20_000.0):
+        for s in sphere_crossings(square, rise, target, radius_m):
+            if abs(s) < 1e9:
+                there = square + s * (2 * rise + s)
+                assert there / (2 * radius_m + target) == pytest.approx(target, abs=0.5)
