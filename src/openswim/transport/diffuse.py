@@ -10,9 +10,9 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport.moments import BLOCK, Coarser, Moments, add_prolonged, nothing_coarser, places, restrict
+from openswim.transport.moments import Coarser, Moments, add_prolonged, nothing_coarser, places, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
-from openswim.transport.products import Mirrored, SparseRows
+from openswim.transport.products import BLOCK, Mirrored, SparseRows
 from openswim.transport.sweep import Half, OpticalGrid, half_sweep
 
 F32 = NDArray[np.float32]
@@ -52,7 +52,7 @@ class Sweeper:
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters."""
         directions, weights = ordinates.direction, ordinates.weight
-        nz, ny, nx = grid.beam.shape
+        nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
         degree = grid.air_scattering.shape[1]
         down = directions[:, 2] >= 0
         halves = []
@@ -70,8 +70,8 @@ class Sweeper:
         up, _ = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
         self.unit_flux = float((up.weight * np.abs(up.direction[:, 2])).sum() / (4 * np.pi))
-        self.down_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
-        self.up_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
+        self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
+        self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
     def over(self, coarser: Coarser) -> Sweeper:
         """The same, keeping but what is thick, over a coarser field that lights the rest."""
@@ -80,10 +80,13 @@ class Sweeper:
     def coarsened(self) -> Sweeper:
         """The same medium on 2x2 means of its columns."""
         g = self.grid
-        extinction = coarsen(g.extinction)
+        nx = g.ground_node.shape[1]
+        extinction = coarsen(g.extinction[..., :nx])
+        harmonics = np.moveaxis(coarsen(np.moveaxis(g.sun_harmonics[..., :nx], 0, -2)), -2, 0)
         grid = g._replace(
-            extinction=extinction, beam=coarsen(g.beam), sun_harmonics=coarse_rows(g.sun_harmonics),
-            cell_m=2 * g.cell_m, ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
+            extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(g.beam[..., :nx])),
+            sun_harmonics=whole_blocks(harmonics), cell_m=2 * g.cell_m,
+            ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
             cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), g.periodic),
         )  # fmt: skip
         return Sweeper.of(
@@ -95,8 +98,8 @@ class Sweeper:
         g = self.grid
         cut = g._replace(
             extinction=np.ascontiguousarray(g.extinction[:, levels]), air_extinction=g.air_extinction[levels],
-            air_scattering=g.air_scattering[levels], beam=np.zeros_like(g.beam[levels]), levels_m=g.levels_m[levels],
-            cloudy=np.ascontiguousarray(g.cloudy[levels]),
+            air_scattering=g.air_scattering[levels], present=g.present[levels], beam=np.zeros_like(g.beam[levels]),
+            levels_m=g.levels_m[levels], cloudy=np.ascontiguousarray(g.cloudy[levels]),
             ground_node=np.clip(g.ground_node - levels.start, 0, levels.stop - levels.start - 1),
         )  # fmt: skip
         on_ground = np.float32(levels.start == 0)
@@ -200,7 +203,7 @@ def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
     everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
     """
-    if fine.grid.periodic or min(fine.grid.beam.shape[1:]) < 2 * _LEAST_COARSE:
+    if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
         values, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
         return Solution(Moments(fine.place, values), fine.coarser, [n])
@@ -208,7 +211,9 @@ def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool 
     below = coarse_to_fine(base, tolerance, most, True)
     level = fine
     if not everywhere:
-        level = fine.over(Coarser(2, *below.moments, base.grid.beam, base.grid.sun_harmonics))
+        level = fine.over(
+            Coarser(2, base.grid.ground_node.shape[1], *below.moments, base.grid.beam, base.grid.sun_harmonics)
+        )
     follow = _Correction(level, base)
     values = level.nothing()
     follow.add(base, below.moments.values, values)
@@ -231,19 +236,22 @@ class _Correction:
         if not self.means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
-        restrict(get_num_threads(), place, change, 2, self.fine.grid.beam.shape[2], self.dark.place, self.means)
+        restrict(
+            get_num_threads(), place, change, 2, self.fine.grid.ground_node.shape[1], self.dark.place, self.means
+        )  # fmt: skip
         self.add(self.dark, self.dark.answer(self.means, 0.2, 5), image, self.levels)
 
     def add(self, coarse: Sweeper, values: F32, out: F32, levels: slice = slice(None)) -> None:
         """Add what a coarse sweeper knows to the moments of the full grid."""
         place = np.ascontiguousarray(self.fine.place[levels])
-        nx, columns = self.fine.grid.beam.shape[2], coarse.grid.beam.shape[2]
+        nx, columns = self.fine.grid.ground_node.shape[1], coarse.grid.ground_node.shape[1]
         add_prolonged(get_num_threads(), 2, coarse.place, values, coarse.coarser, columns, place, nx, out)
 
 
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    extinction = np.tensordot(grid.scaled, grid.extinction, axes=1) + grid.air_extinction[:, None, None]
+    cloud = np.tensordot(grid.scaled, grid.extinction[..., : grid.ground_node.shape[1]], axes=1)
+    extinction = cloud + grid.air_extinction[:, None, None]
     return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
 
 
@@ -302,6 +310,23 @@ def coarsen(field: F32) -> F32:
     )
 
 
-def coarse_rows(field: F32) -> F32:
-    """`coarsen` for (ny, ..., nx)."""
-    return np.ascontiguousarray(np.moveaxis(coarsen(np.moveaxis(field, 0, -2)), -2, 0))
+def whole_blocks(array: NDArray) -> F32:
+    """Rows filled with zeros to whole blocks."""
+    short = -array.shape[-1] % BLOCK
+    padded = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)]) if short else array
+    return np.ascontiguousarray(padded, np.float32)
+
+
+def optical_grid(
+    extinction: F32, coefficients: Coefficients, beam: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64,
+    periodic: bool, ground_node: NDArray[np.int64],
+) -> OpticalGrid:  # fmt: skip
+    """`OpticalGrid` of arrays as wide as the grid."""
+    c = coefficients
+    cloud = extinction > 0
+    present = np.concatenate([(c.air_scattering[:, :1] > 0).T, cloud.any(axis=(2, 3))]).T
+    return OpticalGrid(
+        whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
+        np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
+        ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
+    )  # fmt: skip

@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from openswim.transport.products import BLOCK
+
 F32 = NDArray[np.float32]
 
-BLOCK = 32  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
@@ -29,6 +30,7 @@ class Coarser(NamedTuple):
     """The solved field of a grid coarser by ``factor`` in x and y (0: none), with the beam that lights it."""
 
     factor: int
+    columns: int  # nx; the rows below are filled with zeros to whole blocks
     place: NDArray[np.int32]
     values: F32
     beam: F32  # (nz, ny, nx)
@@ -39,8 +41,8 @@ def nothing_coarser(degree: int) -> Coarser:
     """What the coarsest grid has below it."""
     count = degree * degree
     return Coarser(
-        0, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32), np.zeros((1, 1, 1), np.float32),
-        np.zeros((1, count, 1), np.float32),
+        0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32),
+        np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
     )  # fmt: skip
 
 
@@ -116,7 +118,7 @@ def add_prolonged(threads, factor, coarse_place, coarse_values, coarsest, coarse
     nz, ny, nb = place.shape
     count = values.shape[1]
     rows = coarse_place.shape[1]
-    scratch = np.empty((threads, count, coarsest.beam.shape[2]), np.float32)
+    scratch = np.empty((threads, count, coarsest.columns), np.float32)
     pair = np.empty((threads, 2, count, coarse_nx), np.float32)
     for share in prange(threads):
         t = np.int64(share)
