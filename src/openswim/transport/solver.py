@@ -171,6 +171,7 @@ def _diffuse(
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     light.moments = []
     light.coarser = []
+    traces: list[diffuse.Trace] | None = None
     counts: list[list[int]] = []
     row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
     plane_parallel = (ny, nx) == (1, 1)
@@ -191,9 +192,10 @@ def _diffuse(
             )
             if plane_parallel:
                 values, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
-                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n])
+                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
-                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps)
+                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)
+                traces = traces or solution.traces
             light.moments.append(solution.moments)
             light.coarser.append(solution.coarser)
             counts.append(solution.sweeps)

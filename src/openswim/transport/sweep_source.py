@@ -20,6 +20,7 @@ from openswim.transport.pack import (
     write,
 )
 from openswim.transport.products import BLOCK, multiply
+from openswim.transport.sweep_row import GIVEN, SKIPPED
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -57,14 +58,15 @@ def _kept_source(k, j, b, at, grid, parts, whole, values, terms, sums, source, o
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
-    """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction.
+def _thin_source(k, j, b, grid, coarser, planes, active, source, out, intensity, given):
+    """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction;
+    and radiance, where that is ``given``.
 
-    planes (1 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
-    species, of those that are ``active`` on this level.
+    planes (2 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
+    species, of those that are ``active`` on this level, and radiance.
     """
     ns, nz, ny, nx = grid.extinction.shape
-    kinds, rows, count, stride = planes.shape
+    rows, count, stride = planes.shape[1], planes.shape[2], planes.shape[3]
     m, share = between(j, coarser.factor, rows)
     next_row = min(m + 1, rows - 1) - m
     rest = _ONE - share
@@ -83,11 +85,19 @@ def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
                     light = rest * read_quadruple(planes, kind + one) + share * read_quadruple(planes, kind + two)
                     total += read_quadruple(grid.extinction, s * (nz * ny * nx) + node) * light
             write(source, out + n * stride + i, total)
+            if given:
+                kind = (1 + ns) * rows * count * stride
+                light = rest * read_quadruple(planes, kind + one) + share * read_quadruple(planes, kind + two)
+                write(intensity, out + n * stride + i, light)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def source_row(k, j, at, grid, parts, whole, place, values, coarser, planes, active, terms, sums, source, extinction):
-    """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers."""
+def source_row(
+    k, j, at, grid, parts, whole, place, duty, values, coarser, planes, active, terms, sums, source, extinction,
+    intensity,
+):  # fmt: skip
+    """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers; and
+    the radiance of blocks to which the coarser grid gives it."""
     ns, nz, ny, nx = grid.extinction.shape
     count, stride = source.shape[2], source.shape[3]
     for i in range(0, nx, LANES):
@@ -98,16 +108,21 @@ def source_row(k, j, at, grid, parts, whole, place, values, coarser, planes, act
     columns = grid.ground_node.shape[1]
     _row_ends(extinction, at * stride, columns, grid.periodic)
     for b in range(place.shape[2]):
+        block = (k * ny + j) * place.shape[2] + b
         out = at * count * stride + 1 + b * BLOCK
-        kept = flat(place, (k * ny + j) * place.shape[2] + b)
+        kept, due = flat(place, block), flat(duty, block)
+        if due == SKIPPED:
+            continue
         if kept >= 0:
             _kept_source(k, j, b, kept, grid, parts, whole, values, terms, sums, source, out)
         elif coarser.factor > 0:
-            _thin_source(k, j, b, grid, coarser, planes, active, source, out)
+            _thin_source(k, j, b, grid, coarser, planes, active, source, out, intensity, due == GIVEN)
         else:
             for n in range(count):
                 for i in range(0, BLOCK, LANES):
                     write(source, out + n * stride + i, spread_quadruple(_ZERO))
+                    if due == GIVEN:
+                        write(intensity, out + n * stride + i, spread_quadruple(_ZERO))
     for n in range(count):
         _row_ends(source, (at * count + n) * stride, columns, grid.periodic)
 
@@ -120,10 +135,25 @@ def _row_ends(rows, at, nx, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def coarse_rows(first, last, k, grid, parts, whole, coarser, active, terms, sums, lines, planes):
+def _stretch_row(lines, at, line, columns, planes, out):
+    """Rows of all ordinates of a coarser grid's row at flat element ``at``, interpolated to the nodes of the finer."""
+    count, stride = planes.shape[2], planes.shape[3]
+    for n in range(count):
+        row = at + n * line
+        _row_ends(lines, row, columns, False)
+        for m in range(0, (stride - 2) // 2, 2 * PACK):
+            here = _NEAR * read_double(lines, row + 1 + m)
+            even = here + _FAR * read_double(lines, row + m)
+            odd = here + _FAR * read_double(lines, row + 2 + m)
+            write(planes, out + n * stride + 1 + 2 * m, interleave(even, odd))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, record, terms, sums, lines, planes):
     """Rows first to last of what the coarser field gives the air and the species of level k: see `_thin_source`.
 
-    ``lines`` (ordinate, nodes of the coarser grid and ghosts) is scratch.
+    Only those that are ``wanted``. ``record`` (level, row, ordinate, nodes and ghosts): radiance on the coarser grid;
+    ``lines`` (ordinate, nodes and ghosts of the coarser grid) is scratch.
     """
     degree = grid.air_scattering.shape[1]
     count, stride = planes.shape[2], planes.shape[3]
@@ -132,7 +162,12 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, active, terms, sums
     nx = coarser.beam.shape[2]
     moments = degree * degree
     for j in range(first, last):
-        for kind in range(planes.shape[0]):
+        if not flat(wanted, k * rows + j):
+            continue
+        if record.shape[0] > 1:
+            out = ((planes.shape[0] - 1) * rows + j) * count * stride
+            _stretch_row(record, (k * rows + j) * count * line, line, coarser.columns, planes, out)
+        for kind in range(active.shape[0]):
             if not flat(active, kind):
                 continue
             for b in range(blocks):
@@ -155,14 +190,17 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, active, terms, sums
                         )  # fmt: skip
                 multiply(parts, terms, 0, BLOCK, sums, 0, BLOCK, False)
                 multiply(whole, sums, 0, BLOCK, lines, 1 + b * BLOCK, line, False)
-            for n in range(count):
-                _row_ends(lines, n * line, coarser.columns, False)
-                out = ((kind * rows + j) * count + n) * stride + 1
-                for m in range(0, (stride - 2) // 2, 2 * PACK):
-                    here = _NEAR * read_double(lines, n * line + 1 + m)
-                    even = here + _FAR * read_double(lines, n * line + m)
-                    odd = here + _FAR * read_double(lines, n * line + 2 + m)
-                    write(planes, out + 2 * m, interleave(even, odd))
+            _stretch_row(lines, 0, line, coarser.columns, planes, (kind * rows + j) * count * stride)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def record_row(k, j, at, intensity, record):
+    """Keep row ``at`` of ``intensity`` as row j of level k."""
+    rows, count, stride = record.shape[1], record.shape[2], record.shape[3]
+    out, start = (k * rows + j) * count * stride, at * count * stride
+    for n in range(count):
+        for i in range(1, stride - 1, LANES):
+            write(record, out + n * stride + i, read_quadruple(intensity, start + n * stride + i))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
