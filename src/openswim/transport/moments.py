@@ -183,3 +183,10 @@ def restrict(threads, place, values, nx, coarse_place, out, complete):
                                 if two >= 0:
                                     total += values[two, c, 2 * i] + values[two, c, min(2 * i + 1, last)]
                             out[at, c, side * half + i] = quarter * total
+
+
+@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+def add_scaled(out, weight, values):
+    """out += weight values, rows of numbers."""
+    for i in prange(out.shape[0]):
+        out[i] += weight * values[i]
