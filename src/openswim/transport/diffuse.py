@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -21,6 +22,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
+_MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
 
 
@@ -188,11 +190,12 @@ class Sweeper:
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
         correct: Callable[[F32, F32], None] | None = None,
-    ) -> tuple[F32, int]:  # fmt: skip
+    ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
         correct(change, image) adds to a sweep's result what is yet to follow from its change, which it may overwrite.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too.
+        Returns the moments, those before the last sweep, and how many sweeps there were.
         """
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
@@ -201,20 +204,20 @@ class Sweeper:
             image = self.sweep(values, recent.spare())
             if change_of(values, image) < tolerance:
                 break
-            if correct is not None and change is not None:
+            if correct is not None and change is not None and n <= _MOST_CORRECTIONS:
                 correct(np.subtract(image, values, out=change), image)
             size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
             recent.mix(image, residual, values)
-        return image, n
+        return image, values, n
 
 
 def change_of(before: F32, after: F32) -> float:
     """Change of the first moments, relative."""
     one, two = before[:, :4], after[:, :4]
     change = two - one
-    return float(np.sqrt(np.vdot(change, change) / max(float(np.vdot(two, two)), 1e-30)))
+    return math.sqrt(float(np.vdot(change, change)) / max(float(np.vdot(two, two)), 1e-30))
 
 
 class _Anderson:
@@ -236,18 +239,21 @@ class _Anderson:
         """The best combination, into ``out``."""
         self.images.append(image)
         self.residuals.append(residual)
-        last = residual.ravel()
-        differences = [r.ravel() - last for r in self.residuals[:-1]]
-        gram = np.array([[np.vdot(a, b) for b in differences] for a in differences], float).reshape(2 * [len(differences)])
+        last = residual.ravel().astype(float)
+        differences = np.array([r.ravel() - last for r in self.residuals[:-1]]).reshape(-1, last.size)
+        gram = differences @ differences.T
         gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-        weights = np.linalg.solve(gram, [-float(np.vdot(d, last)) for d in differences])
+        weights = np.linalg.solve(gram, -(differences @ last))
         np.multiply(image, np.float32(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
             add_scaled(out.reshape(-1), np.float32(w), earlier.reshape(-1))
 
 
 class Trace(NamedTuple):
-    """How a solved grid differs from the coarser one: ``defect`` of its moments from the ``start`` that that gave."""
+    """How a grid before its last sweep differs from the coarser one: ``defect`` from the ``start`` that that gave.
+
+    Before the last: another wavelength takes that sweep too, and what it leaves undone is the same, without a tint.
+    """
 
     kept: NDArray[np.bool_]  # (nz, ny, blocks)
     start: F32  # (blocks, 1, BLOCK), l = 0 only
@@ -276,8 +282,9 @@ def coarse_to_fine(
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        values, n = fine.solve(like[0].defect if like else fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, values[:, :1], values)])
+        begin = like[0].defect.copy() if like else fine.nothing()
+        values, before, n = fine.solve(begin, 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
     base = fine.coarsened()
     if not everywhere:
         base = base.recording(like[-1].record if like else None)
@@ -290,16 +297,20 @@ def coarse_to_fine(
             level.place, level.grid.ground_node.shape[1], start)
     if trace:
         ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        values = trace.defect * ratio
-        values += start
+        enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
+        begin = trace.defect * ratio
+        begin += start
     else:
-        values = start.copy()
+        begin, enough = start.copy(), tolerance
     if everywhere:
-        values, n = level.solve(values, tolerance, most, correct=_Correction(level, base))
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     else:
         level.down_flux, level.up_flux = (stretched(f, fine.grid.ground_node.shape) for f in (base.down_flux, base.up_flux))
-        values, n = level.solve(values, tolerance, most, correct=_Correction(level, base))
-        restrict(get_num_threads(), level.place, values, level.grid.ground_node.shape[1], base.place, known, True)
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
+        restrict(
+            get_num_threads(), level.place, values, total_extinction(fine.grid), fine.grid.ground_node.shape[1],
+            base.place, known, True,
+        )  # fmt: skip
         base = base.around(level)
         known = base.sweep(known)
         swept = level.duty == SWEPT
@@ -311,7 +322,7 @@ def coarse_to_fine(
             )
         )
         level = replace(level, coarser=level.coarser._replace(values=known))
-    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), values - start, base.record)]
+    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start, base.record)]
     return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
@@ -324,13 +335,14 @@ class _Correction:
         self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
         self.dark = base.unlit(self.levels)
         self.means = self.dark.nothing()
+        self.weight = total_extinction(fine.grid)[self.levels]
 
     def __call__(self, change: F32, image: F32) -> None:
         if not self.means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
-        restrict(get_num_threads(), place, change, nx, self.dark.place, self.means, False)
+        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means, False)
         follows = Moments(self.dark.place, self.dark.answer(self.means, 0.2, 5))
         prolong(
             get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
@@ -365,10 +377,18 @@ def stretched(field: F32, shape: tuple[int, ...]) -> F32:
     return field
 
 
+def total_extinction(grid: OpticalGrid) -> F32:
+    """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
+    out = np.empty(grid.beam.shape, np.float32)
+    out[...] = grid.air_extinction[:, None, None]
+    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
+        out += scaled * extinction
+    return out
+
+
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    cloud = np.tensordot(grid.scaled, grid.extinction[..., : grid.ground_node.shape[1]], axes=1)
-    extinction = cloud + grid.air_extinction[:, None, None]
+    extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
     return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
 
 
