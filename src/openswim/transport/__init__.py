@@ -6,8 +6,8 @@ import os
 # Read when Numba first starts its threads.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-from openswim.transport.field import Field, View  # noqa: E402
-from openswim.transport.montecarlo import ReferenceField  # noqa: E402
-from openswim.transport.solver import Solver  # noqa: E402
+from openswim.transport.field import Field, View
+from openswim.transport.montecarlo import ReferenceField
+from openswim.transport.solver import Solver
 
 __all__ = ["Field", "ReferenceField", "Solver", "View"]

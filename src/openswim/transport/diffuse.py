@@ -223,7 +223,7 @@ class Trace(NamedTuple):
 
 class Solution(NamedTuple):
     """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, and how each
-    grid's moments came about, from the coarsest on."""
+    grid's moments came about, from the coarsest but one on."""
 
     moments: Moments
     coarser: Coarser
@@ -242,13 +242,13 @@ def coarse_to_fine(
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        begin = like[0].defect.copy() if like else fine.nothing()
-        values, before, n = fine.solve(begin, 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
+        # (nor does another wavelength's light help: what differs changes least of all)
+        values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [])
     base = fine.coarsened()
     below = coarse_to_fine(base, tolerance, most, like, True)
     known = below.moments.values
-    trace = like[len(below.sweeps)] if like else None
+    trace = like[len(below.sweeps) - 1] if like else None
     level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
     start = level.nothing()
     prolong(
