@@ -21,6 +21,7 @@ F64 = NDArray[np.float64]
 
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
+_FOLLOWED = 5  # coarse sweeps between two fine ones
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
 
 
@@ -85,10 +86,17 @@ class Sweeper:
         return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
-        """The same medium on 2x2 means of its columns."""
+        """The same medium on 2x2 means of its columns, with the extinction that lets as much light through a cell.
+
+        The mean extinction of broken cloud would be too bright, and the fine grid slow to mend it.
+        """
         g = self.grid
         nx = g.ground_node.shape[1]
-        extinction = coarsen(g.extinction[..., :nx])
+        extinction = g.extinction[..., :nx]
+        depth = np.tensordot(g.scaled, extinction, axes=1) * np.float32(g.cell_m.max())
+        mean = coarsen(depth)
+        let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
+        extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
         harmonics = np.moveaxis(coarsen(np.moveaxis(g.sun_harmonics[..., :nx], 0, -2)), -2, 0)
         grid = g._replace(
             extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(g.beam[..., :nx])),
@@ -116,16 +124,15 @@ class Sweeper:
         )  # fmt: skip
         return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
 
-    def answer(self, change: F32, tolerance: float, most: int) -> F32:
-        """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
-        values, lit = self.sweep(change), np.empty_like(change)
-        recent = _Anderson(3)
-        for _ in range(most):
-            np.add(values, change, out=lit)
-            image = self.sweep(lit, recent.spare())
-            if change_of(values, image) <= tolerance:
-                break
-            recent.mix(image, image[:, :4] - values[:, :4], values)
+    def answer(self, change: F32) -> F32:
+        """What follows from a ``change`` of the moments in the next `_FOLLOWED` sweeps of the `unlit` medium.
+
+        No more, and not extrapolated: what is left of a change in the end is small and lasts, and from a few sweeps
+        nobody can tell how long.
+        """
+        image, lit = self.sweep(change), np.empty_like(change)
+        for _ in range(_FOLLOWED - 1):
+            image = self.sweep(np.add(image, change, out=lit), image)
         return image
 
     def nothing(self) -> F32:
@@ -285,7 +292,7 @@ class _Correction:
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
         restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means, False)
-        follows = Moments(self.dark.place, self.dark.answer(self.means, 0.2, 5))
+        follows = Moments(self.dark.place, self.dark.answer(self.means))
         prolong(
             get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
         )  # fmt: skip
