@@ -139,16 +139,16 @@ class PackField:
             for part in self._tiles(rays):
                 tile = rays[part]
                 if self.light is not None:
-                    self.light.aim(self.volume, *_eye_of(tile))
+                    layered = self.light.layers is not None
+                    self.light.aim(self.volume, *((tile.directions()[0], True) if layered else _eye_of(tile)))
                 out.samples += self._view_tile(tile, part, shells, out)
                 meter.advance(len(tile))
         self.timings["view"] = time.perf_counter() - started
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
     def _tiles(self, rays: Rays) -> Iterator[Any]:
-        """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
-        plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
-        if plane_parallel and self.light is not None and self.light.moments is not None:
+        """Parts of the rays to march together; in scenes without sides, where a node is everywhere, one a direction."""
+        if self.light is not None and self.light.layers is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
@@ -185,7 +185,12 @@ class PackField:
     def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
         """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
         the ground or -1; what water mirrors."""
-        if self.light is not None:
+        if self.light is not None and self.light.layers is not None:
+            if len(direction) > 1:
+                each = [self.look(o[None], d[None], eye, shells) for o, d in zip(origin, direction, strict=True)]
+                return np.concatenate([e[0] for e in each]), np.concatenate([e[1] for e in each])
+            self.light.aim(self.volume, direction[0], True)
+        elif self.light is not None:
             self.light.aim(self.volume, eye, False)
         radiance, through, _, distance, _, _ = self._march(origin, direction, shells)
         hit = np.flatnonzero(distance > 0)
