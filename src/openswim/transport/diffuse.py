@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -10,15 +11,18 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport.moments import Coarser, Moments, add_prolonged, nothing_coarser, places, restrict
+from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
+from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK, Mirrored, SparseRows
 from openswim.transport.sweep import Half, OpticalGrid, half_sweep
+from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
+_MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
 
 
@@ -45,6 +49,11 @@ class Sweeper:
     halves: tuple[tuple[Half, Mirrored], tuple[Half, Mirrored]]
     coarser: Coarser
     place: NDArray[np.int32]
+    duty: NDArray[np.int8]
+    wanted: NDArray[np.bool_]  # (nz, rows of the coarser grid)
+    given: tuple[F32, F32]  # radiance that is known, of both halves, on the coarser grid or on this one
+    record: tuple[F32, F32]  # radiance of the last sweep
+    means: tuple[F32, F32]  # the same on the coarser grid
 
     @classmethod
     def of(
@@ -61,9 +70,11 @@ class Sweeper:
             edges = np.zeros((len(q), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
             halves.append((Half(q, w, np.ascontiguousarray(inflow[half].T), edges), mirrored(q, w, degree)))
         kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        nothing = np.zeros((1, 1, 1, 1), np.float32)
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept),
+            places(kept), np.full((nz, ny, grid.beam.shape[2] // LANES), SWEPT, np.int8), np.zeros((nz, 1), bool), (nothing, nothing),
+            (nothing, nothing), (nothing, nothing),
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -73,9 +84,42 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def over(self, coarser: Coarser) -> Sweeper:
-        """The same, keeping but what is thick, over a coarser field that lights the rest."""
-        return replace(self, coarser=coarser, place=places(self.grid.cloudy & thick_blocks(self.grid)))
+    def recording(self, room: tuple[F32, F32] | None) -> Sweeper:
+        """The same, keeping the radiance of its sweeps, where there is ``room`` from a like grid's."""
+        nz, ny, nx = self.grid.beam.shape
+        if room is None:
+            one, two = (np.zeros((nz, ny, len(half.direction), nx + 2), np.float32) for half, _ in self.halves)
+            room = one, two
+        return replace(self, record=room)
+
+    def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
+        """The same where it is thick, or where it is ``kept``, between the radiance that the coarser grid of ``base``
+        has recorded; ``values``: its moments."""
+        if kept is None:
+            kept = self.grid.cloudy & thick_blocks(self.grid)
+        duty = local_duty(kept)
+        rows = base.grid.ground_node.shape[0]
+        k, j = np.nonzero((duty == GIVEN).any(axis=2))
+        wanted = np.zeros((len(duty), rows), bool)
+        row = np.maximum((j - 1) // 2, 0)
+        wanted[k, row] = wanted[k, np.minimum(row + 1, rows - 1)] = True
+        coarser = Coarser(
+            2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics
+        )
+        return replace(
+            self, coarser=coarser, place=places(kept), duty=duty, wanted=wanted, given=base.record, means=base.record
+        )  # fmt: skip
+
+    def around(self, fine: Sweeper) -> Sweeper:
+        """The same, with the radiance recorded by a finer grid where that has swept whole cells."""
+        rows = fine.grid.ground_node.shape[0] // 2
+        swept = fine.duty[:, ::2][:, :rows] & fine.duty[:, 1::2][:, :rows] & SWEPT
+        # the finer grid's blocks are LANES nodes here
+        swept = swept[:, :, ::2] > 0
+        duty = np.full_like(self.duty, SWEPT)
+        width = min(duty.shape[2], swept.shape[2])
+        duty[:, :rows, :width][swept[:, :, :width]] = GIVEN
+        return replace(self, duty=duty, given=self.record)
 
     def coarsened(self) -> Sweeper:
         """The same medium on 2x2 means of its columns."""
@@ -107,20 +151,19 @@ class Sweeper:
             cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
             self.ordinates,
         )  # fmt: skip
-        return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
+        kept = cut.cloudy & thick_blocks(cut)
+        return replace(dark, place=places(kept), duty=local_duty(kept))
 
     def answer(self, change: F32, tolerance: float, most: int) -> F32:
         """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
-        values = self.sweep(change)
-        images: list[F32] = []
-        residuals: list[F32] = []
+        values, lit = self.sweep(change), np.empty_like(change)
+        recent = _Anderson(3)
         for _ in range(most):
-            image = self.sweep(values + change)
-            residual = image[:, :4] - values[:, :4]
-            if float(np.linalg.norm(residual)) <= tolerance * float(np.linalg.norm(image[:, :4])):
+            np.add(values, change, out=lit)
+            image = self.sweep(lit, recent.spare())
+            if change_of(values, image) <= tolerance:
                 break
-            images, residuals = [*images, image][-3:], [*residuals, residual][-3:]
-            values = _anderson(images, residuals)
+            recent.mix(image, image[:, :4] - values[:, :4], values)
         return image
 
     def nothing(self) -> F32:
@@ -129,15 +172,16 @@ class Sweeper:
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
-        new = np.zeros_like(values) if out is None else out
+        new = np.zeros(values.shape, np.float32) if out is None else out  # not zeros_like, which touches every page
         radiance = np.zeros_like(self.ground_albedo)
-        for downward, (half, harmonics) in zip((True, False), self.halves, strict=True):
-            flux = self.down_flux if downward else self.up_flux
+        for n, (half, harmonics) in enumerate(self.halves):
+            flux = self.up_flux if n else self.down_flux
             half_sweep(
-                get_num_threads(), downward, self.grid, half, *harmonics, self.place, values, self.coarser, radiance,
-                new, flux,
+                get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, self.duty, values, self.coarser,
+                self.wanted, self.given[n], radiance, new, flux, self.record[n],
+                self.means[n],
             )  # fmt: skip
-            if downward:
+            if n == 0:
                 radiance = np.asarray(
                     self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
                 )
@@ -146,80 +190,140 @@ class Sweeper:
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
         correct: Callable[[F32, F32], None] | None = None,
-    ) -> tuple[F32, int]:  # fmt: skip
+    ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image) adds to a sweep's result what is yet to follow from its change. Levels count by their
-        change relative to their light, since little light under a thick cloud is seen too.
+        correct(change, image) adds to a sweep's result what is yet to follow from its change, which it may overwrite.
+        Levels count by their change relative to their light, since little light under a thick cloud is seen too.
+        Returns the moments, those before the last sweep, and how many sweeps there were.
         """
         level = np.nonzero(self.place >= 0)[0]
-        images: list[F32] = []
-        residuals: list[F32] = []
-        spare = None
+        recent = _Anderson(memory)
+        change = None if correct is None else np.empty_like(values)
         for n in range(1, most + 1):
-            image = self.sweep(values, spare)
-            if correct is not None:
-                correct(image - values, image)
-            residual = image[:, :4] - values[:, :4]
-            size, change = (
-                np.bincount(level, np.einsum("nci,nci->n", a, a), len(self.place)) for a in (image[:, :4], residual)
-            )
-            floor = 1e-12 * size.max(initial=0.0) + 1e-30
-            if float(np.sqrt(change.sum() / max(size.sum(), 1e-30))) < tolerance:
-                return image, n
-            spare = images[0] if len(images) == memory else None
-            images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
-            weight = (1 / np.sqrt(np.maximum(size, floor)))[level].astype(np.float32)
-            values = _anderson(images, [weight[:, None, None] * r for r in residuals])
-        return image, most
+            image = self.sweep(values, recent.spare())
+            if change_of(values, image) < tolerance:
+                break
+            if correct is not None and change is not None and n <= _MOST_CORRECTIONS:
+                correct(np.subtract(image, values, out=change), image)
+            size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
+            weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
+            residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
+            recent.mix(image, residual, values)
+        return image, values, n
 
 
-def _anderson(images: list[F32], residuals: list[F32]) -> F32:
-    """Combination of the images whose residual is least."""
-    if len(images) == 1:
-        return images[0].copy()
-    last = residuals[-1].ravel().astype(float)
-    differences = np.stack([r.ravel() - last for r in residuals[:-1]])
-    gram = differences @ differences.T
-    gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-    weights = np.linalg.solve(gram, -(differences @ last))
-    out = images[-1] * np.float32(1 - weights.sum())
-    for w, image in zip(weights, images[:-1], strict=True):
-        out += np.float32(w) * image
-    return out
+def change_of(before: F32, after: F32) -> float:
+    """Change of the first moments, relative."""
+    one, two = before[:, :4], after[:, :4]
+    change = two - one
+    return math.sqrt(float(np.vdot(change, change)) / max(float(np.vdot(two, two)), 1e-30))
+
+
+class _Anderson:
+    """The last images of an iteration, to be mixed so that their residual is least."""
+
+    def __init__(self, memory: int):
+        self.memory = memory
+        self.images: list[F32] = []
+        self.residuals: list[F32] = []
+
+    def spare(self) -> F32 | None:
+        """Room for the next image: that of the one to be forgotten."""
+        if len(self.images) < self.memory:
+            return None
+        self.residuals.pop(0)
+        return self.images.pop(0)
+
+    def mix(self, image: F32, residual: F32, out: F32) -> None:
+        """The best combination, into ``out``."""
+        self.images.append(image)
+        self.residuals.append(residual)
+        last = residual.ravel().astype(float)
+        differences = np.array([r.ravel() - last for r in self.residuals[:-1]]).reshape(-1, last.size)
+        gram = differences @ differences.T
+        gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
+        weights = np.linalg.solve(gram, -(differences @ last))
+        np.multiply(image, np.float32(1 - weights.sum()), out=out)
+        for w, earlier in zip(weights, self.images[:-1], strict=True):
+            add_scaled(out.reshape(-1), np.float32(w), earlier.reshape(-1))
+
+
+class Trace(NamedTuple):
+    """How a grid before its last sweep differs from the coarser one: ``defect`` from the ``start`` that that gave.
+
+    Before the last: another wavelength takes that sweep too, and what it leaves undone is the same, without a tint.
+    """
+
+    kept: NDArray[np.bool_]  # (nz, ny, blocks)
+    start: F32  # (blocks, 1, BLOCK), l = 0 only
+    defect: F32
+    record: tuple[F32, F32] | None = None  # the coarser grid's, for another wavelength to overwrite
 
 
 class Solution(NamedTuple):
-    """Moments of one wavelength, the field that lights what they leave out, and the sweeps each grid took."""
+    """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, and how each
+    grid's moments came about, from the coarsest on."""
 
     moments: Moments
     coarser: Coarser
     sweeps: list[int]
+    traces: list[Trace]
 
 
-def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool = False) -> Solution:
+def coarse_to_fine(
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, everywhere: bool = False
+) -> Solution:
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
-    everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
+    everywhere: sweep all of the grid, else what is thick, between the coarse grid's radiance.
+    like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        values, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n])
+        begin = like[0].defect.copy() if like else fine.nothing()
+        values, before, n = fine.solve(begin, 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
     base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, True)
-    level = fine
     if not everywhere:
-        level = fine.over(
-            Coarser(2, base.grid.ground_node.shape[1], *below.moments, base.grid.beam, base.grid.sun_harmonics)
+        base = base.recording(like[-1].record if like else None)
+    below = coarse_to_fine(base, tolerance, most, like, True)
+    known = below.moments.values
+    trace = like[len(below.sweeps)] if like else None
+    level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
+    start = level.nothing()
+    prolong(get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser,
+            level.place, level.grid.ground_node.shape[1], start)
+    if trace:
+        ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
+        enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
+        begin = trace.defect * ratio
+        begin += start
+    else:
+        begin, enough = start.copy(), tolerance
+    if everywhere:
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
+    else:
+        level.down_flux, level.up_flux = (stretched(f, fine.grid.ground_node.shape) for f in (base.down_flux, base.up_flux))
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
+        restrict(
+            get_num_threads(), level.place, values, total_extinction(fine.grid), fine.grid.ground_node.shape[1],
+            base.place, known, True,
+        )  # fmt: skip
+        base = base.around(level)
+        known = base.sweep(known)
+        swept = level.duty == SWEPT
+        fine.down_flux, fine.up_flux = (
+            np.where(on_level(swept, node), own, stretched(flux, own.shape))
+            for own, flux, node in (
+                (level.down_flux, base.down_flux, fine.grid.ground_node),
+                (level.up_flux, base.up_flux, np.full_like(fine.grid.ground_node, len(swept) - 1)),
+            )
         )
-    follow = _Correction(level, base)
-    values = level.nothing()
-    follow.add(base, below.moments.values, values)
-    values, n = level.solve(values, tolerance, most, correct=follow)
-    fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
-    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n])
+        level = replace(level, coarser=level.coarser._replace(values=known))
+    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start, base.record)]
+    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
 class _Correction:
@@ -231,27 +335,60 @@ class _Correction:
         self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
         self.dark = base.unlit(self.levels)
         self.means = self.dark.nothing()
+        self.weight = total_extinction(fine.grid)[self.levels]
 
     def __call__(self, change: F32, image: F32) -> None:
         if not self.means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
-        restrict(
-            get_num_threads(), place, change, 2, self.fine.grid.ground_node.shape[1], self.dark.place, self.means
+        nx = self.fine.grid.ground_node.shape[1]
+        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means, False)
+        follows = Moments(self.dark.place, self.dark.answer(self.means, 0.2, 5))
+        prolong(
+            get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
         )  # fmt: skip
-        self.add(self.dark, self.dark.answer(self.means, 0.2, 5), image, self.levels)
+        image += change
 
-    def add(self, coarse: Sweeper, values: F32, out: F32, levels: slice = slice(None)) -> None:
-        """Add what a coarse sweeper knows to the moments of the full grid."""
-        place = np.ascontiguousarray(self.fine.place[levels])
-        nx, columns = self.fine.grid.ground_node.shape[1], coarse.grid.ground_node.shape[1]
-        add_prolonged(get_num_threads(), 2, coarse.place, values, coarse.coarser, columns, place, nx, out)
+
+def local_duty(kept: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """What becomes of nodes (nz, ny, nx / LANES) where blocks that are kept are swept, and their neighbours given."""
+    near = kept
+    for axis in range(3):
+        padded = np.pad(near, [(1, 1) if a == axis else (0, 0) for a in range(3)])
+        n = kept.shape[axis]
+        near = padded.take(range(n), axis) | near | padded.take(range(2, n + 2), axis)
+    duty = np.where(kept, SWEPT, np.where(near, GIVEN, SKIPPED)).astype(np.int8)
+    return duty.repeat(BLOCK // LANES, axis=2)
+
+
+def on_level(found: NDArray[np.bool_], node: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether the node on a level (ny, nx) of each column is among the nodes (nz, ny, nx / LANES) found."""
+    ny, nx = node.shape
+    return found[node, np.arange(ny)[:, None], np.arange(nx)[None] // LANES]
+
+
+def stretched(field: F32, shape: tuple[int, ...]) -> F32:
+    """A field (ny, nx) of a grid coarser by two, bilinearly at the nodes of one of ``shape``."""
+    for axis, n in enumerate(shape):
+        i = np.arange(n)
+        m = i // 2
+        aside = np.clip(m + np.where(i % 2, 1, -1), 0, field.shape[axis] - 1)
+        field = np.float32(0.75) * field.take(m, axis) + np.float32(0.25) * field.take(aside, axis)
+    return field
+
+
+def total_extinction(grid: OpticalGrid) -> F32:
+    """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
+    out = np.empty(grid.beam.shape, np.float32)
+    out[...] = grid.air_extinction[:, None, None]
+    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
+        out += scaled * extinction
+    return out
 
 
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    cloud = np.tensordot(grid.scaled, grid.extinction[..., : grid.ground_node.shape[1]], axes=1)
-    extinction = cloud + grid.air_extinction[:, None, None]
+    extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
     return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
 
 

@@ -49,7 +49,7 @@ class Solver:
     """
 
     name: str = "fast"
-    tolerance: float = 0.04
+    tolerance: float = 0.02
     step: float = 1.0
     most_sweeps: int = 60
     paper_phases: bool = False
@@ -190,6 +190,7 @@ def _diffuse(
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     light.moments = []
     light.coarser = []
+    traces: list[diffuse.Trace] | None = None
     counts: list[list[int]] = []
     row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
     plane_parallel = (ny, nx) == (1, 1)
@@ -209,10 +210,11 @@ def _diffuse(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
             )
             if plane_parallel:
-                values, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
-                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n])
+                values, _, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
+                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
-                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps)
+                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)
+                traces = traces or solution.traces
             light.moments.append(solution.moments)
             light.coarser.append(solution.coarser)
             counts.append(solution.sweeps)
