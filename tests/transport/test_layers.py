@@ -86,7 +86,7 @@ def test_levels_keep_the_given_ones_and_the_depth() -> None:
     assert set(levels) <= set(finer)
     assert (np.diff(finer) > 0).all()
     depth = np.diff(finer) * np.interp(0.5 * (finer[1:] + finer[:-1]), levels, extinction)
-    assert depth.max() < 0.7
+    assert depth.max() < 1.0  # .5, or up to twice as much where the extinction rises from nothing
     assert np.trapezoid(np.interp(finer, levels, extinction), finer) == pytest.approx(
         np.trapezoid(extinction, levels), rel=1e-9
     )

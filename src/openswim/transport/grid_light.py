@@ -169,8 +169,8 @@ def sunlit_volume(
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel, free_channel, fields, scaled, forward,
-        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel, free_channel, fields, scaled,
+        forward, np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return tidy(volume), [depths[n] for n in index["scaled"]]

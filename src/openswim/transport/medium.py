@@ -97,19 +97,21 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-    if (
+    sideless = (
         grid.periodic
         and not terrain.any()
         and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species)
-    ):
+    )
+    if sideless:
         # plane-parallel: one column without sides, so that level light need not be chased around the period
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
-    layered = refine and nx == 1 and scene.atmosphere is None and total is not None
-    if layered:
-        levels = layer_levels(levels, np.interp(levels, heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
+    layered = refine and sideless and scene.atmosphere is None
+    if layered and total is not None:
+        own_heights = heights.reshape(len(heights), -1)[:, 0]
+        levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if nx == 1 else 1.0)
+        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0)
     fineness = _fineness(len(levels), ny, nx, min(dx, dy)) if refine and frame.curved else 1
     shape = (len(levels), fineness * (ny - 1) + 1, fineness * (nx - 1) + 1)
     extinction = np.zeros((len(species), *shape), np.float32)

@@ -47,8 +47,8 @@ def is_radiance_table(reference: Reference) -> bool:
 def compare_radiance_table(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
     """Rows per phase function and optical depth: radiance up and down, all angles and grounds together.
 
-    The light from the sun's own direction has a row of its own: there the forward peak of a cloud's phase function is all,
-    and the reference's approximation of it fails (docs/validation.md).
+    The light from the sun's own direction has a row of its own: there the forward peak of a cloud's phase function is
+    all, and the reference's approximation of it fails (docs/validation.md).
     """
     watch = Stopwatch()
     labels, tau_column = _phase_labels(reference), reference.column("tau")
