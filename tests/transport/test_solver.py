@@ -53,7 +53,7 @@ def disort(slabs: xr.Dataset, tau: float, zenith: float, omega: float, albedo: f
 @pytest.mark.parametrize(
     ("tau", "zenith", "omega", "albedo"),
     [(0.1, 80, 0.95, 0.0), (1.0, 0, 1.0, 0.0), (1.0, 60, 0.95, 0.2), (10.0, 60, 1.0, 0.8), (10.0, 0, 0.95, 0.0),
-     (10.0, 60, 0.95, 0.2)],  # fmt: skip
+     (10.0, 60, 0.95, 0.2)],
 )
 def test_fluxes_of_slabs_by_disort(slabs, tau: float, zenith: float, omega: float, albedo: float) -> None:
     case, field = disort(slabs, tau, zenith, omega, albedo)
