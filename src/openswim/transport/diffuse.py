@@ -223,7 +223,7 @@ class Trace(NamedTuple):
 
 class Solution(NamedTuple):
     """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, and how each
-    grid's moments came about, from the coarsest on."""
+    grid's moments came about, from the coarsest but one on."""
 
     moments: Moments
     coarser: Coarser
@@ -242,21 +242,23 @@ def coarse_to_fine(
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        begin = like[0].defect.copy() if like else fine.nothing()
-        values, before, n = fine.solve(begin, 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
+        # (nor does another wavelength's light help: what differs changes least of all)
+        values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [])
     base = fine.coarsened()
     below = coarse_to_fine(base, tolerance, most, like, True)
     known = below.moments.values
-    trace = like[len(below.sweeps)] if like else None
+    trace = like[len(below.sweeps) - 1] if like else None
     level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
     start = level.nothing()
-    prolong(get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser,
-            level.place, level.grid.ground_node.shape[1], start)
+    prolong(
+        get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
+        level.grid.ground_node.shape[1], start,
+    )  # fmt: skip
     if trace:
         ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
         enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
-        begin = trace.defect * ratio
+        begin = np.asarray(trace.defect * ratio, np.float32)
         begin += start
     else:
         begin, enough = start.copy(), tolerance

@@ -210,7 +210,7 @@ def _diffuse(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
             )
             if plane_parallel:
-                values, _, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
+                values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * solver.tolerance, 400, 12)
                 solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
                 solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)
