@@ -31,6 +31,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 CLEAR_REACH_DEG = 12.0
+CLEAR_STEP = 0.5  # where there is but air, views are cheap and haze may be stepped finely
 _TILE_RAYS = 400_000
 
 
@@ -176,9 +177,8 @@ class PackField:
         if self.solver.name == "swim" and self.medium is not None:
             radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
             return radiance, full, full, distance, depth, int(samples.sum())
-        seen = march_rays(
-            origin, direction, self.sun, self.table, shells, self.volume, self.solver.step,
-        )  # fmt: skip
+        step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
+        seen = march_rays(origin, direction, self.sun, self.table, shells, self.volume, step)
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
 

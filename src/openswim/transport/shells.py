@@ -264,7 +264,7 @@ def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
-            radiance = clear_radiance(origin, direction, sun, shells, 1.6 * scale).reshape(len(levels), len(mu), PACK)
+            radiance = clear_radiance(origin, direction, sun, shells, 2.0 * scale).reshape(len(levels), len(mu), PACK)
             moments[:, star] = weighted @ radiance
             flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
         mean = moments[:, :, 0]

@@ -17,7 +17,7 @@ from openswim.progress import job
 from openswim.scene.frame import scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
-from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
+from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium
@@ -106,7 +106,7 @@ def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) ->
     air = air_of(scene, wl, lighting.ground_m)
     shells = build_shells(
         air, _sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, DEGREE,
-        lighting.ground_m + 1e5,
+        lighting.ground_m + 1e5, 1.5 * CLEAR_STEP,
     )  # fmt: skip
     table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), np.float32)
     lighting.light_clear(shells, sun)
