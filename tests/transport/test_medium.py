@@ -57,6 +57,7 @@ def test_terrain_following_levels_keep_the_columns() -> None:
 def test_plane_parallel_scenes_become_one_column() -> None:
     medium = build_medium(slab(5.0), WL, 0.5)
     assert medium.shape[1:] == (1, 1)
+    assert medium.layered
     assert columns_m(medium.extinction[0], medium.levels_m)[0, 0] == pytest.approx(5.0, rel=1e-5)
 
 

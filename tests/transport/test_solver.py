@@ -29,9 +29,9 @@ from openswim.transport import Field, Solver
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0])
-@pytest.mark.parametrize("tau", [1.0, 10.0])
+@pytest.mark.parametrize("tau", [0.1, 1.0, 10.0, 100.0])
 def test_a_white_cloud_keeps_no_light(tau: float, zenith: float) -> None:
-    """Conservative slab over black ground: up + down + direct = mu0, within the .5 % of 64 layers."""
+    """Conservative slab over black ground: up + down + direct = mu0, within .5 %."""
     fluxes = Solver().solve(slab(tau), sun_at_zenith_angle(zenith), [WAVELENGTH_NM]).fluxes()
     total = sum(fluxes[name][0] for name in ("up_top", "down_bottom", "direct_bottom"))
     assert total == pytest.approx(np.cos(np.radians(zenith)), rel=5e-3)
@@ -52,28 +52,28 @@ def disort(slabs: xr.Dataset, tau: float, zenith: float, omega: float, albedo: f
 
 @pytest.mark.parametrize(
     ("tau", "zenith", "omega", "albedo"),
-    [(1.0, 0, 1.0, 0.0), (1.0, 60, 0.95, 0.2), (10.0, 60, 1.0, 0.8), (10.0, 0, 0.95, 0.0), (10.0, 60, 0.95, 0.2)],
+    [(0.1, 80, 0.95, 0.0), (1.0, 0, 1.0, 0.0), (1.0, 60, 0.95, 0.2), (10.0, 60, 1.0, 0.8), (10.0, 0, 0.95, 0.0),
+     (10.0, 60, 0.95, 0.2)],
 )
 def test_fluxes_of_slabs_by_disort(slabs, tau: float, zenith: float, omega: float, albedo: float) -> None:
     case, field = disort(slabs, tau, zenith, omega, albedo)
     fluxes = field.fluxes()
     down = fluxes["down_bottom"][0] + fluxes["direct_bottom"][0]
-    # DISORT is exact to .02 %; 2 % of the incident light is what 64 layers and 120 ordinates are good for
-    incident = np.cos(np.radians(zenith))
-    assert down == pytest.approx(float(case.flux_dir_bot + case.flux_dif_dn_bot), abs=0.02 * incident, rel=0.02)
-    # what little a thin cloud returns hangs on the truncation at M = 5: .3 % of the incident light
-    assert fluxes["up_top"][0] == pytest.approx(float(case.flux_up_top), rel=0.02, abs=0.005 * incident)
+    # DISORT is exact to .02 %, and so is our method but for the steps between its levels
+    assert down == pytest.approx(float(case.flux_dir_bot + case.flux_dif_dn_bot), rel=0.005)
+    assert fluxes["up_top"][0] == pytest.approx(float(case.flux_up_top), rel=0.005)
 
 
 @pytest.mark.parametrize("upward", [True, False], ids=["from above", "from below"])
-def test_radiance_of_a_thick_slab_by_disort(slabs, upward: bool) -> None:
-    """tau 10, sun overhead: 5 % rms, where M = 5 leaves the shape of the field and the edges their error."""
-    case, field = disort(slabs, 10.0, 0, 1.0, 0.0)
+@pytest.mark.parametrize(("tau", "sza"), [(0.1, 80), (1.0, 60), (10.0, 0)])
+def test_radiance_of_slabs_by_disort(slabs, upward: bool, tau: float, sza: int) -> None:
+    """In the sun's plane, to 1 % rms."""
+    case, field = disort(slabs, tau, sza, 1.0, 0.0)
     zenith = np.radians(case.view_zenith.values)
     direction = np.stack([np.sin(zenith), 0 * zenith, np.cos(zenith) * (-1 if upward else 1)], axis=-1)
     seen = field.view(Rays(np.array([0.0, 0.0, 1001.0 if upward else 0.0]), direction)).radiance[:, 0]
     truth = case["up_top" if upward else "dn_bot"].values[:, 0]
-    assert np.sqrt(np.mean((seen - truth) ** 2)) / truth.mean() < 0.05
+    assert np.sqrt(np.mean((seen - truth) ** 2)) / truth.mean() < 0.01
 
 
 def cumulus(n: int = 16, seed: int = 3) -> np.ndarray:

@@ -27,7 +27,7 @@ def cumulus() -> Field:
 
 def marched(field: Field, direction: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, int]:
     pack = field.packs[0]
-    seen = march_rays(EYE, direction, pack.sun, pack.table, pack.shells, pack.volume, scale, columns=1)
+    seen = march_rays(EYE, direction, pack.sun, pack.table, pack.shells, pack.volume, scale)
     return seen.radiance[:, 0], seen.full[:, 0], int(seen.samples.sum())
 
 

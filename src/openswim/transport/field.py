@@ -31,6 +31,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 CLEAR_REACH_DEG = 12.0
+CLEAR_STEP = 0.5  # where there is but air, views are cheap and haze may be stepped finely
 _TILE_RAYS = 400_000
 
 
@@ -139,16 +140,16 @@ class PackField:
             for part in self._tiles(rays):
                 tile = rays[part]
                 if self.light is not None:
-                    self.light.aim(self.volume, *_eye_of(tile))
+                    layered = self.light.layers is not None
+                    self.light.aim(self.volume, *((tile.directions()[0], True) if layered else _eye_of(tile)))
                 out.samples += self._view_tile(tile, part, shells, out)
                 meter.advance(len(tile))
         self.timings["view"] = time.perf_counter() - started
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
 
     def _tiles(self, rays: Rays) -> Iterator[Any]:
-        """Parts of the rays to march together; in plane-parallel scenes, where a node is everywhere, one a view."""
-        plane_parallel = self.medium is not None and self.medium.shape[1:] == (1, 1)
-        if plane_parallel and self.light is not None and self.light.moments is not None:
+        """Parts of the rays to march together; in scenes without sides, where a node is everywhere, one a direction."""
+        if self.light is not None and self.light.layers is not None:
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             yield from np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)
@@ -176,16 +177,20 @@ class PackField:
         if self.solver.name == "swim" and self.medium is not None:
             radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
             return radiance, full, full, distance, depth, int(samples.sum())
-        seen = march_rays(
-            origin, direction, self.sun, self.table, shells, self.volume, self.solver.step,
-        )  # fmt: skip
+        step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
+        seen = march_rays(origin, direction, self.sun, self.table, shells, self.volume, step)
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
 
     def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
         """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
         the ground or -1; what water mirrors."""
-        if self.light is not None:
+        if self.light is not None and self.light.layers is not None:
+            if len(direction) > 1:
+                each = [self.look(o[None], d[None], eye, shells) for o, d in zip(origin, direction, strict=True)]
+                return np.concatenate([e[0] for e in each]), np.concatenate([e[1] for e in each])
+            self.light.aim(self.volume, direction[0], True)
+        elif self.light is not None:
             self.light.aim(self.volume, eye, False)
         radiance, through, _, distance, _, _ = self._march(origin, direction, shells)
         hit = np.flatnonzero(distance > 0)

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from openswim.transport import diffuse, swim
 from openswim.transport.eye_source import columns_of, view_source, wide
+from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.sun import direct_beam, sun_sweep, terrain_shadow
-from openswim.transport.surface import Lighting, bilinear
-from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
+from openswim.transport.surface import Lighting, bilinear, forward_depth
+from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -38,12 +39,19 @@ class GridLight:
     shadow_m: F64
     ridge_m: F64
     coarser: list[Coarser] = field(default_factory=list)
+    layers: list[Layers] | None = None  # instead of moments, in `Medium.layered` scenes
     _aimed: tuple[bytes, bool] | None = None
 
     def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
         """Fill the source channels for one eye."""
         key = (np.asarray(eye, float).tobytes(), parallel)
-        if self.moments is None or key == self._aimed:
+        if key == self._aimed:
+            return
+        if self.layers is not None:
+            for w, layers in enumerate(self.layers):
+                volume.fields[:, 0, 0, PACK + w] = layers.source(eye)
+            self._aimed = key
+        if self.moments is None:
             return
         m = self.medium
         eye = np.array(eye, float)
@@ -69,7 +77,7 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
         return np.concatenate([clouds, last])
     if not rows or not fast:
         return np.zeros((len(rows) + 1, 2, 2, PACK), np.float32)
-    clouds = peak_tables(rows, DEGREE)
+    clouds = peak_tables(rows, medium.degree)
     return np.concatenate([clouds, np.zeros_like(clouds[:1])])
 
 
@@ -77,7 +85,7 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffu
     """Delta-scaled coefficients of species and air at one wavelength; `swim` keeps the full extinction."""
     scaled, scattering = [], []
     for s in medium.species:
-        chi = s.phase[w].moments(DEGREE + 1)
+        chi = s.phase[w].moments(medium.degree + 1)
         f = chi[-1] if fast else 0.0
         k, omega = s.relative_extinction[w], s.single_scattering_albedo[w]
         scaled.append(k * (1 - omega * f))
@@ -93,7 +101,7 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffu
     f32 = np.float32
     return diffuse.Coefficients(
         np.array(scaled, f32),
-        np.array(scattering, f32).reshape(-1, DEGREE),
+        np.array(scattering, f32).reshape(-1, medium.degree),
         air_e.astype(f32),
         air_s.astype(f32),
         air_f.astype(f32),
@@ -103,7 +111,7 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffu
 def _forward(medium: Medium, nw: int) -> F32:
     """omega f per reference extinction (ns, nw): what delta scaling leaves in the beam."""
     rows = [
-        [k * omega * phase.moments(DEGREE + 1)[-1]
+        [k * omega * phase.moments(medium.degree + 1)[-1]
          for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
         for s in medium.species
     ]  # fmt: skip
@@ -161,11 +169,17 @@ def sunlit_volume(
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and medium.air is not None, ns, cloud_channel, free_channel, fields, scaled, forward,
-        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel, free_channel, fields, scaled,
+        forward, np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return tidy(volume), [depths[n] for n in index["scaled"]]
+
+
+def _peak_cosines(medium: Medium) -> tuple[float, float]:
+    """Where forward peaks are read out: they are the narrower, the more moments the smooth field has."""
+    inner, outer = (DEGREE / medium.degree * np.arccos(c) for c in PEAK_COSINES)
+    return float(np.cos(inner)), float(np.cos(outer))
 
 
 def _sides(medium: Medium) -> F64:
@@ -265,12 +279,9 @@ def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volum
     """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
     node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     node = np.minimum(node, len(medium.levels_m) - 1)[None]
-    count = shells.sun_forward.shape[1]
-    horizon = float(shells.horizon[0])
-    t = np.sqrt(np.clip((lighting.mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    air = forward_depth(shells, lighting.mu_sun)
     out = np.zeros((PACK, *medium.shape[1:]), np.float32)
     for w in range(PACK):
-        air = np.interp(t, np.arange(count), shells.sun_forward[0, :, w])
         cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
-        out[w] = air + (cloud if volume.forward.any() else 0.0)
+        out[w] = air[..., w] + (cloud if volume.forward.any() else 0.0)
     return out

@@ -190,7 +190,9 @@ def _march_tile(
                 which[lane] = n
                 dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
                 angles[lane] = dx * sun[0] + dy * sun[1] + dz * sun[2]
-                shares[lane] = prepare_ray(angles[lane], table, shells.phase, rays[lane], peaks[lane])
+                shares[lane] = prepare_ray(
+                    angles[lane], table, shells.phase, volume.peak_inner, volume.peak_outer, rays[lane], peaks[lane]
+                )
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, shells, volume)
                 _start(got[lane], out.species_depth[n])
             going = going or which[lane] >= 0

@@ -13,7 +13,9 @@ from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
+from openswim.transport.layers import LAYERS_DEGREE, layer_levels
 from openswim.transport.shells import shell_levels
+from openswim.transport.volume import DEGREE
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -22,6 +24,7 @@ _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
 _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
+_MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
 _WITHOUT_SIDES_M = 1e8
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
@@ -51,16 +54,22 @@ class Medium:
     ground_m: float
     air: Background | None
     fineness: int = 1  # nodes of the medium per node of the scene's grid, each way
+    degree: int = DEGREE  # truncation order of the diffuse field
 
     @property
     def shape(self) -> tuple[int, int, int]:
         return (len(self.levels_m), *self.terrain_m.shape)
 
     @property
+    def layered(self) -> bool:
+        """Whether `layers.solve_layers` is to light it: one column, no sides, no air."""
+        return self.degree == LAYERS_DEGREE
+
+    @property
     def level_lookup(self) -> tuple[float, float, F64]:
         """Origin, entries per metre, and table of fractional levels."""
         z = self.levels_m
-        count = int(np.clip(8 * (z[-1] - z[0]) / np.diff(z).min(), 64, 20000))
+        count = int(np.clip(8 * (z[-1] - z[0]) / np.diff(z).min(), 64, _MOST_LOOKUPS))
         heights = np.linspace(z[0], z[-1], count)
         return float(z[0]), (count - 1) / (z[-1] - z[0]), np.interp(heights, z, np.arange(len(z), dtype=float))
 
@@ -88,16 +97,21 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-    if (
+    sideless = (
         grid.periodic
         and not terrain.any()
         and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species)
-    ):
+    )
+    if sideless:
         # plane-parallel: one column without sides, so that level light need not be chased around the period
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
-    if refine:
-        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if nx == 1 else 1.0)
+    layered = refine and sideless and scene.atmosphere is None
+    if layered and total is not None:
+        own_heights = heights.reshape(len(heights), -1)[:, 0]
+        levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
+    elif refine:
+        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0)
     fineness = _fineness(len(levels), ny, nx, min(dx, dy)) if refine and frame.curved else 1
     shape = (len(levels), fineness * (ny - 1) + 1, fineness * (nx - 1) + 1)
     extinction = np.zeros((len(species), *shape), np.float32)
@@ -120,7 +134,7 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
-        per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness,
+        per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness, LAYERS_DEGREE if layered else DEGREE,
     )  # fmt: skip
 
 

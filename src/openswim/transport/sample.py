@@ -14,7 +14,6 @@ from numba import njit
 from openswim.transport.pack import (
     PACK,
     choose_above,
-    each,
     flat,
     high,
     join,
@@ -34,24 +33,18 @@ from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
-# powers of x and z, x toward the sun's azimuth and z up, by which `Shells.source` is expanded
-MONOMIALS = (
-    (0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (3, 1), (0, 2), (1, 2), (2, 2), (4, 0), (0, 3), (1, 3),
-    (0, 4),
-)  # fmt: skip
-COEFFICIENTS = 16
+# directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
+SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
 
 # What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol without its peak; the
 # part of the haze's peak that is read as single scattering
 _MOLECULES, _AEROSOL, _HAZE, RAY = 0, PACK, 2 * PACK, 3 * PACK
-PEAK_INNER = math.cos(math.radians(30.0))  # forward peak read out fully within 30 degrees of the sun,
-PEAK_OUTER = 0.0  # not at all beyond 90 (transport.md section 2)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def prepare_ray(cos_angle, table, phase, ray, peak):
+def prepare_ray(cos_angle, table, phase, inner, outer, ray, peak):
     """Fill in what is constant along a straight ray: phase functions and peaks. Returns the resolved peak's share."""
-    share = np.float32(smoothstep((cos_angle - PEAK_OUTER) / (PEAK_INNER - PEAK_OUTER)))
+    share = np.float32(smoothstep((cos_angle - outer) / (inner - outer)))
     for kind in range(2):
         p0, p1 = 1.0, cos_angle
         total = spread(_ZERO)
@@ -184,10 +177,20 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _towards(source, n, share):
+    """Two packs of `Shells.source` that differ in azimuth, between a zenith angle and the next."""
+    near = read_double(source, n)
+    return near + share * (read_double(source, n + SOURCE_AZIMUTHS * PACK) - near)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
-    """What diffuse light the shells scatter toward the eye: a polynomial in the cosines to sun's azimuth and zenith."""
-    x = np.float32((cos_angle - mu * mu_sun) / math.sqrt(max(1e-12, 1.0 - mu_sun * mu_sun)))
-    z = np.float32(mu)
+    """What diffuse light the shells scatter toward the eye, by the cosines of the zenith angle and of the azimuth."""
+    x = (cos_angle - mu * mu_sun) / math.sqrt(max(1e-12, (1.0 - mu * mu) * (1.0 - mu_sun * mu_sun)))
+    z = 0.5 * (SOURCE_ZENITHS - 1) * (1.0 + min(max(mu, -1.0), 1.0))
+    x = 0.5 * (SOURCE_AZIMUTHS - 1) * (1.0 + min(max(x, -1.0), 1.0))
+    i, j = min(int(z), SOURCE_ZENITHS - 2), min(int(x), SOURCE_AZIMUTHS - 2)
+    a, b = np.float32(z - i), np.float32(x - j)
     suns = shells.source.shape[1]
     place = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
     m = min(int(place), suns - 2)
@@ -195,25 +198,13 @@ def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
     u11 = share * e
     u01, u10 = e - u11, share - u11
     u00 = _ONE - share - u01
-    right = COEFFICIENTS * PACK
+    right = SOURCE_ZENITHS * SOURCE_AZIMUTHS * PACK
     up = suns * right
-    here = (level * suns + m) * right
-    xx, zz = x * x, z * z
-    basis = each(_ONE, x, xx, x * xx)
-    total = spread(_ZERO)
-    for group in range(4):
-        n = here + group * 4 * PACK
-        if group == 1:
-            basis = basis * z
-        elif group == 2:
-            basis = each(zz, x * zz, xx * zz, xx * xx)
-        elif group == 3:
-            basis = each(zz * z, x * zz * z, zz * zz, _ZERO)
-        c = shells.source
-        part = basis * _four(c, n, right, up, u00, u01, u10, u11)
-        half = low(part) + high(part)
-        total += low(half) + high(half)
-    return total
+    n = (level * suns + m) * right + (i * SOURCE_AZIMUTHS + j) * PACK
+    f = shells.source
+    both = u00 * _towards(f, n, a) + u01 * _towards(f, n + right, a)
+    both += u10 * _towards(f, n + up, a) + u11 * _towards(f, n + up + right, a)
+    return low(both) + b * (high(both) - low(both))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)

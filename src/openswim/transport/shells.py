@@ -15,16 +15,26 @@ from openswim.optics import Background
 from openswim.transport.march import ground_radiance_rows, march_rays
 from openswim.transport.ordinates import hemisphere_product
 from openswim.transport.pack import PACK
-from openswim.transport.sample import COEFFICIENTS, MONOMIALS
+from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.scalar import harmonics_symmetric
-from openswim.transport.volume import FAR_M, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
+from openswim.transport.volume import (
+    FAR_M,
+    PEAK_COSINES,
+    SHELL_TABLE_PER_M,
+    Shells,
+    Volume,
+    blank_fields,
+    reach,
+    tidy,
+)
 
 Array = NDArray[np.float64]
 
 _LEVELS_M = np.concatenate(
     [
         np.arange(0, 4000, 200),
-        np.arange(4000, 12000, 500),
+        np.arange(4000, 8000, 250),
+        np.arange(8000, 12000, 500),
         np.arange(12000, 30000, 1000),
         np.arange(30000, 60000, 2500),
         np.arange(60000, 100001, 5000),
@@ -38,6 +48,9 @@ _SUNS_DEG = np.array(
     [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 98, 100, 104, 110], float
 )
 _SUN_NODES = 160
+_DIFFUSE_DEGREE = 10  # moments of the diffuse field, which is narrow near the horizon
+_HARMONICS = _DIFFUSE_DEGREE * (_DIFFUSE_DEGREE + 1) // 2
+_ORDINATES = (6, 8)  # cosines in each hemisphere, azimuths in half a circle
 _CONVERGED = 1e-3
 _MOST_ITERATIONS = 12
 
@@ -58,6 +71,8 @@ def no_volume() -> Volume:
         spacing_m=np.full(1, 1e9, f32),
         periodic=False,
         shining=False,
+        peak_inner=PEAK_COSINES[0],
+        peak_outer=PEAK_COSINES[1],
         species=0,
         cloud_channel=0,
         free_channel=0,
@@ -144,31 +159,32 @@ def build_shells(
             radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)),
             np.full(1, FAR_M), np.zeros((2, 4 * nw), f32), np.zeros((2, degree, nw), f32),
             np.zeros((2, 2, 2 * nw), f32), _horizon(levels, radius_m, ground_m), sun_table,
-            np.zeros((0, len(suns), degree * (degree + 1) // 2, nw), f32),
-            np.zeros((2, len(suns), COEFFICIENTS, nw), f32), flux.astype(f32), albedo,
+            np.zeros((0, len(suns), _HARMONICS, nw), f32),
+            np.zeros((2, len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), f32), flux.astype(f32), albedo,
         ))  # fmt: skip
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
     omega = np.asarray(background.aerosol_albedo, float)
-    chi = np.array([p.moments(degree + 1) for p in background.aerosol_phase])  # (nw, M+1)
-    chi_r = np.zeros(degree)
-    chi_r[: min(degree, 3)] = background.rayleigh_phase.moments(3)[: min(degree, 3)]
+    chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
+    chi_r = np.zeros(_DIFFUSE_DEGREE)
+    chi_r[:3] = background.rayleigh_phase.moments(3)
     f = chi[:, degree]
     rayleigh = background.rayleigh_per_m.T
     forward = aerosol * omega * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
     rows = np.concatenate([extinction, rayleigh, aerosol * omega, forward], axis=1)
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
+    phase = np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
     shells = Shells(
         radius_m, ground_m, ground_m + levels[-1], level_table,
         np.interp(level_table, np.arange(len(levels)), reach(extinction)), rows.astype(f32),
-        np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :degree] - f[:, None]).T]).astype(f32),
+        phase[:, :degree].astype(f32),
         slant.astype(f32), _horizon(levels, radius_m, ground_m), sun_table,
-        np.zeros((len(_MOMENT_LEVELS_M), len(suns), degree * (degree + 1) // 2, nw), f32),
-        np.zeros((len(levels), len(suns), COEFFICIENTS, nw), f32), flux.astype(f32), albedo,
+        np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), f32),
+        np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), f32), flux.astype(f32), albedo,
     )  # fmt: skip
-    return tidy(_solve(tidy(shells), sun_mu, scale))
+    return tidy(_solve(tidy(shells), phase, sun_mu, scale))
 
 
 def without_light(shells: Shells) -> Shells:
@@ -179,29 +195,27 @@ def without_light(shells: Shells) -> Shells:
 
 
 @lru_cache
-def _expansion(degree: int) -> Array:
-    """Coefficients (harmonic, monomial) of the harmonics even in azimuth, in powers of x and z on the unit sphere."""
-    mu, azimuth, _ = hemisphere_product(8, 10)
-    x = np.sqrt(1 - mu**2) * np.cos(azimuth)
-    monomials = np.stack([x**a * mu**b for a, b in MONOMIALS], axis=-1)
-    basis = np.empty((len(mu), degree * (degree + 1) // 2))
-    for row, m, phi in zip(basis, mu, azimuth, strict=True):
-        harmonics_symmetric(m, np.cos(phi), degree, row)
-    return np.asarray(np.linalg.lstsq(monomials, basis, rcond=None)[0].T)
+def _toward_nodes() -> Array:
+    """Harmonics (node, harmonic) toward the directions of `Shells.source`."""
+    basis = np.empty((SOURCE_ZENITHS * SOURCE_AZIMUTHS, _HARMONICS))
+    nodes = ((mu, x) for mu in np.linspace(-1, 1, SOURCE_ZENITHS) for x in np.linspace(-1, 1, SOURCE_AZIMUTHS))
+    for row, (mu, x) in zip(basis, nodes, strict=True):
+        harmonics_symmetric(mu, x, _DIFFUSE_DEGREE, row)
+    return basis
 
 
-def _source(shells: Shells, moments: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What the shells scatter of the diffuse field ``moments``: `Shells.source`."""
+def _source(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArray[np.float32]:
+    """What the shells scatter of the diffuse field ``moments``: `Shells.source`. ``phase``: (2, moment, nw), Legendre
+    moments of molecules and delta-scaled ones of aerosol."""
     index = fractional_index(_MOMENT_LEVELS_M, shell_levels())
     k = np.minimum(index.astype(int), len(moments) - 2)
     share = (index - k)[:, None, None, None]
     field = moments[k] * (1 - share) + moments[k + 1] * share
-    degree = shells.phase.shape[1]
-    order = np.repeat(np.arange(degree), np.arange(degree) + 1)
-    scattered = field * shells.scattering[:, None, order]
-    out = np.zeros(shells.source.shape, np.float32)
-    out[:, :, : len(MONOMIALS)] = np.einsum("ksiw,ip->kspw", scattered, _expansion(degree))
-    return out
+    order = np.repeat(np.arange(_DIFFUSE_DEGREE), np.arange(_DIFFUSE_DEGREE) + 1)
+    molecules, aerosol = shells.rows[:, None, PACK : 2 * PACK], shells.rows[:, None, 2 * PACK : 3 * PACK]
+    scattered = field * (molecules * phase[0] + aerosol * phase[1])[:, None, order]
+    toward = np.tensordot(scattered, _toward_nodes(), axes=([2], [1]))
+    return np.ascontiguousarray(np.moveaxis(toward, -1, 2).reshape(shells.source.shape), np.float32)
 
 
 def _horizon(levels: Array, radius_m: float, ground_m: float) -> Array:
@@ -227,18 +241,18 @@ def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
     return np.exp(-depth) * lit[:, None]
 
 
-def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
+def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
     """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
 
-    Peaks are not read: delta-scaled transport keeps them in the beam.
+    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `_source`.
     """
-    mu, azimuth, weight = hemisphere_product(8, 10)
+    mu, azimuth, weight = hemisphere_product(*_ORDINATES)
     sine = np.sqrt(1 - mu**2)
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
-    degree = shells.phase.shape[1]
-    basis = np.empty((len(mu), degree * (degree + 1) // 2))
+    basis = np.empty((len(mu), _HARMONICS))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
-        harmonics_symmetric(m, np.cos(phi), degree, row)
+        harmonics_symmetric(m, np.cos(phi), _DIFFUSE_DEGREE, row)
+    weighted = np.ascontiguousarray((weight[:, None] * basis).T, np.float32)
     levels = shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
     origin = np.zeros((len(levels) * len(mu), 3))
     origin[:, 2] = np.repeat(levels, len(mu))
@@ -250,13 +264,13 @@ def _solve(shells: Shells, sun_mu: Array, scale: float) -> Shells:
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
-            radiance = clear_radiance(origin, direction, sun, shells, 1.6 * scale).reshape(len(levels), len(mu), PACK)
-            moments[:, star] = np.einsum("n,ni,lnw->liw", weight, basis, radiance)
+            radiance = clear_radiance(origin, direction, sun, shells, 2.0 * scale).reshape(len(levels), len(mu), PACK)
+            moments[:, star] = weighted @ radiance
             flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
         mean = moments[:, :, 0]
         change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
         shells = shells._replace(
-            moments=moments, source=_source(shells, moments), ground_flux=flux.astype(np.float32)
+            moments=moments, source=_source(shells, moments, phase), ground_flux=flux.astype(np.float32)
         )
         if change < _CONVERGED:
             break

@@ -17,8 +17,9 @@ from openswim.progress import job
 from openswim.scene.frame import scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
-from openswim.transport.field import CLEAR_REACH_DEG, Field, PackField
+from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
@@ -105,7 +106,7 @@ def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) ->
     air = air_of(scene, wl, lighting.ground_m)
     shells = build_shells(
         air, _sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, DEGREE,
-        lighting.ground_m + 1e5,
+        lighting.ground_m + 1e5, 1.5 * CLEAR_STEP,
     )  # fmt: skip
     table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), np.float32)
     lighting.light_clear(shells, sun)
@@ -140,12 +141,30 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.light = light
     result.reach_deg = float(reach)
-    if fast:
+    if fast and medium.layered:
+        _light_layers(light, lighting, sun, count)
+    elif fast:
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
     return result
+
+
+def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> None:
+    """The light of a scene without sides, at every wavelength."""
+    extinction = light.medium.extinction[:, :, 0, 0].astype(float)
+    light.layers = []
+    for w in range(count):
+        c = light.coefficients[w]
+        layers = solve_layers(
+            light.medium.levels_m, c.scaled @ extinction, (c.scattering.T @ extinction).T,
+            light.beams[w][:, 0, 0].astype(float), sun, float(lighting.albedo[w, 0, 0]),
+            float(lighting.direct_horizontal(w)[0, 0]),
+        )  # fmt: skip
+        light.layers.append(layers)
+        lighting.diffuse[w], lighting.up_top[w] = layers.down, layers.up
+    lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:

@@ -14,7 +14,7 @@ from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium
 from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
-from openswim.transport.ordinates import Ordinates
+from openswim.transport.ordinates import Ordinates, hemisphere_product
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission, clear_radiance
 from openswim.transport.volume import Shells
@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
 _SKY_AZIMUTHS = 19
+_TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
 
 
 @dataclass
@@ -93,6 +94,8 @@ class Lighting:
         self.mu_sun = mu.reshape(1, 1)
         self.direct[:, 0, 0] = beam
         self.diffuse[:, 0, 0] = ground_flux(shells, mu)[0] - beam * max(sun[2], 0)
+        self.up_top[:, 0, 0] = outgoing_flux(shells, sun)
+        self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(np.float32)
         self.clear_sky = clear_sky_table(shells, sun)
 
     def correct_quadrature(self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64) -> None:
@@ -127,6 +130,27 @@ def ground_flux(shells: Shells, mu_sun: F64) -> F64:
     t = np.interp(mu_sun, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
     index = np.arange(shells.ground_flux.shape[0])
     return np.stack([np.interp(t, index, column) for column in shells.ground_flux.T], axis=-1)
+
+
+def forward_depth(shells: Shells, mu_sun: F64) -> F64:
+    """Depth (n, nw) from the ground below the shells to the sun of what delta scaling takes off."""
+    count = shells.sun_forward.shape[1]
+    horizon = float(shells.horizon[0])
+    t = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    return np.stack([np.interp(t, np.arange(count), column) for column in shells.sun_forward[0].T], axis=-1)
+
+
+def outgoing_flux(shells: Shells, sun: F64) -> F64:
+    """Flux (nw,) that leaves the top of the shells above the origin, per area of the ground."""
+    mu, azimuth, weight = hemisphere_product(_TOP_ZENITHS, 10)
+    horizontal = np.arctan2(sun[1], sun[0])
+    sine = np.sqrt(1 - mu**2)
+    direction = np.stack([sine * np.cos(azimuth + horizontal), sine * np.sin(azimuth + horizontal), mu], axis=-1)
+    down = mu < 0
+    origin = np.array([[0.0, 0.0, shells.top_m - 1.0]])
+    radiance = clear_radiance(np.repeat(origin, down.sum(), axis=0), direction[down], sun, shells, 1.0)
+    widening = ((shells.radius_m + shells.top_m) / (shells.radius_m + shells.ground_m)) ** 2
+    return np.asarray(widening * (weight * np.maximum(-mu, 0))[down] @ radiance / (4 * np.pi))
 
 
 def clear_sky_table(shells: Shells, sun: F64) -> F32:

@@ -19,6 +19,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 SUN_RADIUS_RAD = 0.00465
 DEGREE = 5  # truncation order M of the smooth field
+PEAK_COSINES = (0.75**0.5, 0.0)  # forward peaks: read out within 30 degrees of the sun, not beyond 90 (transport.md 2)
 FAR_M = 1e30  # a distance that no ray meets
 STEP_DEPTH = 0.25  # optical depth of air that a step may pass
 _OUTSIDE = -1e9
@@ -38,8 +39,8 @@ class Shells(NamedTuple):
     slant: F32  # (nl, n_mu, 2 PACK) delta-scaled, forward depth to the sun; axis sqrt of cosine above the horizon
     horizon: F64  # (nl,) cosine of the zenith angle of the horizon
     moment_sun_table: F64  # fractional index into the suns of `moments` and `source`, by cosine from -1 to 1
-    moments: F32  # (nlm, ns, M(M+1)/2, PACK) cosine harmonics of the diffuse radiance
-    source: F32  # (nl, ns, 16, PACK) what diffuse light is scattered: coefficients of `sample.MONOMIALS`
+    moments: F32  # (nlm, ns, harmonic, PACK) cosine harmonics of the diffuse radiance
+    source: F32  # (nl, ns, zenith, azimuth, PACK) what diffuse light is scattered toward `sample.SOURCE_ZENITHS` ...
     ground_flux: F32  # (ns, PACK) total flux reaching the ground below the shells, for E_TOA = 1 (delta-scaled)
     ground_albedo: F32  # (PACK,)
 
@@ -90,6 +91,8 @@ class Volume(NamedTuple):
     spacing_m: F32  # (nz,) distance to the next level up
     periodic: bool
     shining: bool  # whether the air scatters toward the eye
+    peak_inner: float  # cosines of the angles from the sun within which the forward peaks are read out whole,
+    peak_outer: float  # and beyond which they are not: see `PEAK_COSINES`
     species: int
     cloud_channel: int
     free_channel: int

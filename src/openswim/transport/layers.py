@@ -1,0 +1,174 @@
+"""Layers without sides: discrete ordinates and Fourier modes in azimuth, all orders of scattering at once.
+
+One column costs so little that it may have the streams that a phase function asks for (Chandrasekhar 1960; Stamnes et
+al. 1988 for delta scaling and modes). Between levels the source is linear in optical depth, as in the sweeps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+LAYERS_DEGREE = 32  # truncation order M
+_STREAMS = LAYERS_DEGREE // 2  # in each hemisphere: Gauss' rule there is exact for products with the first moment
+_MOST_LEVELS = 640
+_FAINT = 1e-7  # of the sun's light, that a mode must have to count
+
+
+@dataclass(frozen=True)
+class Layers:
+    """The light in layers, at one wavelength, on levels (nz,) from below.
+
+    light (mode, nz, M): moments of diffuse light and beam over the associated Legendre functions; scattering (nz, M):
+    (2l+1) times the delta-scaled moments of the scattering coefficient, 1/m. down, up: diffuse flux at the lowest and
+    the highest level, for E_TOA = 1.
+    """
+
+    light: F64
+    scattering: F64
+    sun: F64
+    down: float
+    up: float
+
+    def source(self, toward: F64) -> F64:
+        """What the levels (nz,) scatter of the light, seen along ``toward`` (3,) from an eye, 1/m."""
+        harmonics = associated_legendre(toward[2:3], len(self.light))[..., 0]
+        azimuth = np.arctan2(toward[1], toward[0]) - np.arctan2(self.sun[1], self.sun[0])
+        modes = harmonics * np.cos(np.arange(len(self.light)) * azimuth)[:, None]
+        return np.asarray(np.einsum("mkl,ml,kl->k", self.light, modes, self.scattering))
+
+
+def layer_levels(levels_m: F64, extinction: F64, mu_sun: float) -> F64:
+    """Levels (nz,) and more between them, close where the light changes fast: near the top, and near the bottom.
+
+    Spaced by optical depth: a twentieth of the distance to the nearer end, at least a thirtieth of what the slanting
+    sun meets in unit depth.
+    """
+    depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
+    from_below = np.concatenate([[0.0], np.cumsum(depth)])
+    total = from_below[-1]
+    coarseness = 1.0
+    while True:
+        least = coarseness * max(mu_sun, 0.05) / 30
+        out = [levels_m[0]]
+        for k, here in enumerate(depth):
+            part = 0.0
+            while part < 1:
+                x = from_below[k] + part * here
+                step = min(coarseness * 0.5, max(0.05 * coarseness * x, 0.02 * coarseness),
+                           max(0.05 * coarseness * (total - x), least))  # fmt: skip
+                # what is left of a cell is shared evenly where two steps would do
+                part = 1.0 if here * (1 - part) <= 1.3 * step else part + min(step / here, 0.6 * (1 - part))
+                out.append(levels_m[k] + part * (levels_m[k + 1] - levels_m[k]))
+        if len(out) <= max(_MOST_LEVELS, len(levels_m)):
+            return np.array(out)
+        coarseness *= 1.3
+
+
+def associated_legendre(mu: F64, modes: int) -> F64:
+    """sqrt((l-m)!/(l+m)!) P_lm(mu), (modes, M, n); zero where l < m."""
+    out = np.zeros((modes, LAYERS_DEGREE, len(mu)))
+    first = np.ones(len(mu))
+    for m in range(modes):
+        before, this = np.zeros(len(mu)), first
+        for ell in range(m, LAYERS_DEGREE):
+            out[m, ell] = this
+            following = (2 * ell + 1) * mu * this - np.sqrt(ell**2 - m**2) * before
+            before, this = this, following / np.sqrt((ell + 1) ** 2 - m**2)
+        first = first * np.sqrt((2 * m + 1) / (2 * m + 2)) * np.sqrt(np.maximum(1 - mu**2, 0))
+    return out
+
+
+def solve_layers(
+    levels_m: F64, extinction: F64, scattering: F64, beam: F64, sun: F64, albedo: float, direct: float
+) -> Layers:
+    """The light in delta-scaled layers over Lambertian ground.
+
+    extinction (nz,) and moments of the scattering coefficient, scattering (nz, M), 1/m; beam (nz,) transmission from
+    the sun (3,); direct: its flux on the ground.
+    """
+    nz = len(levels_m)
+    g, w = np.polynomial.legendre.leggauss(_STREAMS)
+    mu, weight = (g + 1) / 2, np.concatenate([w, w]) / 2
+    weighted = scattering * (2 * np.arange(LAYERS_DEGREE) + 1)
+    lit = associated_legendre(sun[2:3], LAYERS_DEGREE)[..., 0] * np.where(np.arange(LAYERS_DEGREE) > 0, 2, 1)[:, None]
+    strength = np.abs(lit).max(axis=1) * (beam.max() > 0)
+    modes = max(1, int(np.flatnonzero(strength > _FAINT)[-1:].sum()) + 1)
+    lit = lit[:modes]
+    harmonics = associated_legendre(np.concatenate([mu, -mu]), modes)  # toward the light's origin: down, then up
+    receive = 0.5 * np.swapaxes(harmonics, 1, 2) * weight[:, None]  # radiance to moments, (modes, 2N, M)
+    per_depth = np.divide(weighted, extinction[:, None], out=np.zeros_like(weighted), where=extinction[:, None] > 0)
+    depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
+    radiance = _radiance(depth, per_depth, beam, mu, weight, harmonics, receive, lit, albedo, direct)
+    light = np.einsum("mkj,mjl->mkl", radiance, receive) + lit[:, None] * beam[None, :, None]
+    half = 0.5 * mu * weight[: len(mu)]
+    return Layers(
+        light, weighted, sun, float(half @ radiance[0, 0, : len(mu)]), float(half @ radiance[0, nz - 1, len(mu) :])
+    )
+
+
+def _radiance(
+    depth: F64, per_depth: F64, beam: F64, mu: F64, weight: F64, harmonics: F64, receive: F64, lit: F64,
+    albedo: float, direct: float,
+) -> F64:  # fmt: skip
+    """Diffuse radiance (modes, nz, 2N), light that comes down first: elimination from the top, then back."""
+    n, nz, modes = len(mu), len(depth) + 1, len(lit)
+    # at each level down = above @ up + above_const, and up = through @ up of the next lower level + through_const
+    above, above_const = np.zeros((nz, modes, n, n)), np.zeros((nz, modes, n))
+    through, through_const = np.empty((nz, modes, n, n)), np.empty((nz, modes, n))
+    identity = np.eye(2 * n)
+    upper, upper_beam = _scatter(per_depth[-1], beam[-1], harmonics, receive, lit)
+    for k in range(nz - 2, -1, -1):
+        same = np.array_equal(per_depth[k], per_depth[k + 1])
+        lower, lower_beam = _scatter(per_depth[k], beam[k], harmonics, receive, lit, upper if same else None)
+        t, far, near = _step(depth[k] / mu)
+        # unknown are what comes down at the lower level and what goes up at the upper one; given is what goes up below
+        rows_far, rows_near = np.concatenate([far, near]), np.concatenate([near, far])  # weights of upper and lower
+        up_there = upper[:, :, :n] @ above[k + 1] + upper[:, :, n:]  # scattered per upward radiance
+        matrix = np.broadcast_to(identity, (modes, 2 * n, 2 * n)).copy()
+        matrix[:, :, :n] -= rows_near[:, None] * lower[:, :, :n]
+        matrix[:, :, n:] -= rows_far[:, None] * up_there
+        matrix[:, :n, n:] -= t[:, None] * above[k + 1]
+        given = np.empty((modes, 2 * n, n + 1))
+        given[:, :, :n] = rows_near[:, None] * lower[:, :, n:]
+        given[:, n:, :n] += np.diag(t)
+        constant = upper_beam + np.einsum("mij,mj->mi", upper[:, :, :n], above_const[k + 1])
+        given[:, :, n] = rows_far * constant + rows_near * lower_beam
+        given[:, :n, n] += t * above_const[k + 1]
+        solved = np.linalg.solve(matrix, given)
+        above[k], above_const[k] = solved[:, :n, :n], solved[:, :n, n]
+        through[k + 1], through_const[k + 1] = solved[:, n:, :n], solved[:, n:, n]
+        upper, upper_beam = lower, lower_beam
+    flux = 0.5 * mu * weight[:n]
+    up = np.zeros((modes, n))
+    returned = np.eye(n) - 4 * albedo * (flux @ above[0, 0])
+    up[0] = np.linalg.solve(returned, np.full(n, 4 * albedo * (direct + flux @ above_const[0, 0])))
+    radiance = np.empty((modes, nz, 2 * n))
+    for k in range(nz):
+        if k > 0:
+            up = np.einsum("mij,mj->mi", through[k], up) + through_const[k]
+        radiance[:, k, :n] = np.einsum("mij,mj->mi", above[k], up) + above_const[k]
+        radiance[:, k, n:] = up
+    return radiance
+
+
+def _scatter(
+    per_depth: F64, beam: float, harmonics: F64, receive: F64, lit: F64, known: F64 | None = None
+) -> tuple[F64, F64]:
+    """Source per radiance (modes, 2N, 2N) and source of the beam (modes, 2N) at a level."""
+    send = np.swapaxes(harmonics, 1, 2) * per_depth  # (modes, 2N, M)
+    matrix = send @ np.swapaxes(receive, 1, 2) if known is None else known
+    return matrix, beam * np.einsum("mjl,ml->mj", send, lit)
+
+
+def _step(x: F64) -> tuple[F64, F64, F64]:
+    """Transmission, and the shares of the source at the far and the near end, of steps of depth x."""
+    t = np.exp(-x)
+    mean = np.where(x > 1e-6, -np.expm1(-x) / np.maximum(x, 1e-300), 1 - 0.5 * x)
+    near = np.where(x > 1e-3, 1 - mean, x * (0.5 - x * (1 / 6 - x / 24)))
+    far = np.where(x > 1e-3, mean - t, x * (0.5 - x * (1 / 3 - x / 8)))
+    return t, far, near
