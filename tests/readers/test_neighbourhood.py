@@ -93,7 +93,7 @@ def test_only_the_needed_part_is_asked_for():
 def test_stacks_and_gaps():
     mesh = _globe()
     field = _field(mesh)
-    part = select(mesh, Neighbourhood(80.0, 0.0))
+    part = select(mesh, Neighbourhood(80.0, 0.0, radius_m=6e5))
     np.testing.assert_array_equal(part.take(np.stack([field, 2 * field]))[1], 2 * part.take(field))
     field[-8:, 40:] = np.nan
     taken = part.take(field)
@@ -116,10 +116,16 @@ def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
 
 
 def test_small_domains_stay_whole_unless_asked():
-    mesh = Mesh(np.arange(0.0, 20.0, 0.25), np.arange(35.0, 60.0, 0.25), SPHERE)
+    mesh = Mesh(0.04 * np.arange(300), 40 + 0.04 * np.arange(300), SPHERE)
     assert mesh.x.size * mesh.y.size < LARGE_COLUMNS
     assert select(mesh, Neighbourhood(47.0, 8.0, if_large=True)).shape == mesh.shape
-    assert max(select(mesh, Neighbourhood(47.0, 8.0)).shape) < 40
+    assert max(select(mesh, Neighbourhood(47.0, 8.0)).shape) < 140
+
+
+def test_small_domains_of_wide_cells_are_cut_so_that_their_clouds_can_be_drawn_fine():
+    mesh = Mesh(np.arange(0.0, 20.0, 0.25), np.arange(35.0, 60.0, 0.25), SPHERE)
+    assert max(select(mesh, Neighbourhood(47.0, 8.0, if_large=True)).shape) < 40
+    assert select(mesh, Neighbourhood(47.0, 8.0, radius_m=4e6, if_large=True)).shape == mesh.shape
 
 
 def test_reach_grows_with_height():

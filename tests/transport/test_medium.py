@@ -6,7 +6,8 @@ from tests.transport.scenes import LAT, LON, grid_scene, slab
 
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.transport.medium import build_medium, finer_cloud, subdivided
+from openswim.transport.finer import finer_cloud, subdivided
+from openswim.transport.medium import build_medium
 
 WL = np.array([615.0, 546.0, 450.0])
 SHAPE = (9, 7, 6)

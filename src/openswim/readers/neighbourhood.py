@@ -30,8 +30,9 @@ F64 = NDArray[np.float64]
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
 MOST_RADIUS_M = 4_950_000.0  # transport takes domains of 130 degrees from corner to corner
 LARGE_COLUMNS = 300_000
+_WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
 _LARGE_SPAN = 1.9  # radians
-_LEAST_CELLS = 5  # on each side of the observer
+_LEAST_CELLS = 3  # on each side of the observer
 _NARROWING = 1.2  # width of cells at one edge of the part against its middle
 _MOST_SIDE = 420  # columns along a side of a resampled part
 _EVEN = 0.02  # of a cell, as Grid asks
@@ -169,9 +170,16 @@ def is_large(mesh: Mesh) -> bool:
     return nx * ny > LARGE_COLUMNS or math.hypot(nx * dx, ny * dy) > _LARGE_SPAN * mesh.earth_radius_m
 
 
+def _stays_whole(mesh: Mesh, radius_m: float) -> bool:
+    """Whether a domain is taken whole: no large one, and of wide cells only one that the view needs whole."""
+    ny, nx = mesh.shape
+    dx, dy = mesh.grid().spacing_m()
+    return not is_large(mesh) and (min(dx, dy) <= _WIDE_CELL_M or 2 * radius_m > math.hypot(nx * dx, ny * dy))
+
+
 def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
     """The part of a mesh around a place; without one, or where the domain is small enough, all of it."""
-    if around is None or mesh.crs is None or (around.if_large and not is_large(mesh)):
+    if around is None or mesh.crs is None or (around.if_large and _stays_whole(mesh, around.radius_m)):
         return _whole(mesh)
     ix, iy = (float(v) for v in mesh.index(around.lon, around.lat))
     if not mesh.covers(ix, iy):

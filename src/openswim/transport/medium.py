@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.ground.relief import refined_terrain
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
+from openswim.optics.cover import cloud_cover
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
+from openswim.transport.finer import finer_cloud, subdivided
 from openswim.transport.shells import shell_levels
+from openswim.transport.subgrid import cloud_under_cover
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -22,7 +25,9 @@ _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
 _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
-_MOST_FINER_NODES = 3_000_000
+_MOST_FINER_NODES = 3_000_000  # for sweeps; without them
+_MOST_PLAIN_NODES = 8_000_000
+_CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
@@ -88,23 +93,34 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+    cover = cloud_cover(scene) if species else None
+    fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
+    cell_m = min(dx, dy)
     if (
         grid.periodic
         and not terrain.any()
-        and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species)
+        and all((field == field[:, :1, :1]).all() for field in fields)
     ):
         # plane-parallel: one column without sides, so that level light need not be chased around the period
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
     if refine:
         levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if nx == 1 else 1.0)
-    fineness = _fineness(len(levels), ny, nx, min(dx, dy)) if refine and frame.curved else 1
-    shape = (len(levels), fineness * (ny - 1) + 1, fineness * (nx - 1) + 1)
-    extinction = np.zeros((len(species), *shape), np.float32)
-    for out, one in zip(extinction, species, strict=True):
-        own = np.zeros((len(levels), ny, nx), np.float32)
-        _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, own)
-        out[:] = own if fineness == 1 else finer_cloud(own, fineness)
+    divided = frame.curved and (refine or cover is not None)
+    fineness = 1
+    if divided:
+        most = (_MOST_FINER_NODES if refine else _MOST_PLAIN_NODES) // len(levels)
+        fineness = _fineness(ny, nx, cell_m, _CELL_M if cover is None else _CLOUD_CELL_M, most)
+    axes, place = _columns(grid, frame, fineness)
+    if nx == 1:
+        terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
+    fields = [_on_levels(field[:, :ny, :nx], heights, levels, frame.curved) for field in fields]
+    if cover is not None:
+        extinction = cloud_under_cover(fields[:-1], species, fields[-1], levels, _fixed(frame, place), cell_m, fineness)
+    else:
+        extinction = np.zeros((len(species), len(levels), *place.shape[:2]), np.float32)
+        for out, own in zip(extinction, fields, strict=True):
+            out[:] = own if fineness == 1 else finer_cloud(own, fineness)
     if fineness > 1:
         terrain = refined_terrain(scene, subdivided(terrain, fineness), fineness)
         dx, dy = dx / fineness, dy / fineness
@@ -112,11 +128,8 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
         thickness = np.gradient(levels)
         buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
         extinction[:, buried] = 0
-    axes, place = _columns(grid, frame, fineness)
     origin, per_m, chart = _chart(grid, frame)
     chart = chart * fineness
-    if nx == 1:
-        terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
     ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
@@ -124,45 +137,12 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     )  # fmt: skip
 
 
-def _fineness(levels: int, ny: int, nx: int, cell_m: float) -> int:
-    """How often to halve cells wider than 1.5 km, within the budget of nodes."""
+def _fineness(ny: int, nx: int, cell_m: float, wanted_m: float, most: int) -> int:
+    """How often to halve cells wider than wanted, within the most columns."""
     fineness = 1
-    while cell_m / fineness > 1500 and levels * (2 * fineness * ny) * (2 * fineness * nx) < _MOST_FINER_NODES:
+    while cell_m / fineness > wanted_m and (2 * fineness * ny) * (2 * fineness * nx) < most:
         fineness *= 2
     return fineness
-
-
-def subdivided(field: F32, fineness: int) -> F32:
-    """Cubic B-spline subdivision of the last two axes, ``fineness`` (a power of two) nodes per node: smooth edges."""
-    while fineness > 1:
-        for axis in (-2, -1):
-            f = np.moveaxis(field, axis, -1)
-            out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), np.float32)
-            out[..., ::2] = f
-            out[..., 2:-1:2] = (f[..., :-2] + 6 * f[..., 1:-1] + f[..., 2:]) / 8
-            out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
-            field = np.moveaxis(out, -1, axis)
-        fineness //= 2
-    return np.ascontiguousarray(field)
-
-
-def finer_cloud(field: F32, fineness: int) -> F32:
-    """Extinction between the nodes of a coarse model, so that its cells do not show.
-
-    The fourth root is interpolated: between a clear node and a thick one the cloud then ends about midway and its
-    outline is smooth, where linear interpolation would draw the cells' own staircase. The mean of every cell is kept.
-    """
-    fine = subdivided(np.sqrt(np.sqrt(field)), fineness) ** 4
-    mean = fine
-    step = fineness
-    while step > 1:  # the mean around each node, with the weights of linear interpolation
-        for axis in (-2, -1):
-            m = np.moveaxis(mean, axis, -1)
-            padded = np.concatenate([m[..., 1:2], m, m[..., -2:-1]], axis=-1)
-            mean = np.moveaxis((padded[..., :-2:2] + 2 * padded[..., 1:-1:2] + padded[..., 2::2]) / 4, -1, axis)
-        step //= 2
-    ratio = np.where(mean > 0, np.clip(field / np.maximum(mean, 1e-12), 0, 6), 1).astype(np.float32)
-    return np.asarray(fine * subdivided(ratio, fineness), np.float32)
 
 
 def _outside_ground_m(terrain: F32) -> float:
@@ -216,8 +196,22 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     return np.concatenate([*pieces, levels[-1:]])
 
 
-def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32) -> None:
+def _fixed(frame: Frame, place: F64) -> F64:
+    """Places in metres from the Earth's centre, in axes that turn with it."""
+    if not frame.curved:
+        return place
+    lat, lon, _ = frame.latlon(place)
+    return Frame(frame.radius_m, 0.0, 0.0).position(lat, lon, 0.0) + np.array([0.0, 0.0, frame.radius_m])
+
+
+def _on_levels(field: F32, heights: NDArray, levels: F64, extend: bool) -> F32:
     """Linear interpolation in height, column by column; zero above the top, the lowest value down to the ground."""
+    out = np.zeros((len(levels), *field.shape[1:]), np.float32)
+    _to_levels(field, heights, levels, extend, out)
+    return out
+
+
+def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32) -> None:
     if heights.ndim == 1:
         k = np.clip(np.searchsorted(heights, levels, "right") - 1, 0, len(heights) - 2)
         c = np.clip((levels - heights[k]) / (heights[k + 1] - heights[k]), 0, 1).astype(np.float32)
