@@ -10,10 +10,11 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport.moments import BLOCK, Coarser, Moments, add_prolonged, nothing_coarser, places, restrict
+from openswim.transport.moments import Coarser, Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
-from openswim.transport.products import Mirrored, SparseRows
+from openswim.transport.products import BLOCK, Mirrored, SparseRows
 from openswim.transport.sweep import Half, OpticalGrid, half_sweep
+from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -45,6 +46,10 @@ class Sweeper:
     halves: tuple[tuple[Half, Mirrored], tuple[Half, Mirrored]]
     coarser: Coarser
     place: NDArray[np.int32]
+    duty: NDArray[np.int8]
+    wanted: NDArray[np.bool_]  # (nz, rows of the coarser grid)
+    given: tuple[F32, F32]  # radiance on the coarser grid, of both halves
+    record: tuple[F32, F32]  # radiance of the last sweep, of both halves
 
     @classmethod
     def of(
@@ -52,7 +57,7 @@ class Sweeper:
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters."""
         directions, weights = ordinates.direction, ordinates.weight
-        nz, ny, nx = grid.beam.shape
+        nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
         degree = grid.air_scattering.shape[1]
         down = directions[:, 2] >= 0
         halves = []
@@ -61,29 +66,54 @@ class Sweeper:
             edges = np.zeros((len(q), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
             halves.append((Half(q, w, np.ascontiguousarray(inflow[half].T), edges), mirrored(q, w, degree)))
         kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        nothing = np.zeros((1, 1, 1, 1), np.float32)
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept),
+            places(kept), np.full(grid.cloudy.shape, SWEPT, np.int8), np.zeros((nz, 1), bool), (nothing, nothing),
+            (nothing, nothing),
         )  # fmt: skip
 
     def __post_init__(self) -> None:
         up, _ = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
         self.unit_flux = float((up.weight * np.abs(up.direction[:, 2])).sum() / (4 * np.pi))
-        self.down_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
-        self.up_flux = np.zeros(self.grid.beam.shape[1:], np.float32)
+        self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
+        self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def over(self, coarser: Coarser) -> Sweeper:
-        """The same, keeping but what is thick, over a coarser field that lights the rest."""
-        return replace(self, coarser=coarser, place=places(self.grid.cloudy & thick_blocks(self.grid)))
+    def recording(self) -> Sweeper:
+        """The same, keeping the radiance of its sweeps."""
+        nz, ny, nx = self.grid.beam.shape
+        one, two = (np.zeros((nz, ny, len(half.direction), nx + 2), np.float32) for half, _ in self.halves)
+        return replace(self, record=(one, two))
+
+    def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
+        """The same where it is thick, or where it is ``kept``, between the radiance that the coarser grid of ``base``
+        has recorded; ``values``: its moments."""
+        if kept is None:
+            kept = self.grid.cloudy & thick_blocks(self.grid)
+        duty = local_duty(kept)
+        rows = base.grid.ground_node.shape[0]
+        k, j = np.nonzero((duty == GIVEN).any(axis=2))
+        wanted = np.zeros((len(duty), rows), bool)
+        row = np.maximum((j - 1) // 2, 0)
+        wanted[k, row] = wanted[k, np.minimum(row + 1, rows - 1)] = True
+        coarser = Coarser(
+            2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics
+        )
+        return replace(
+            self, coarser=coarser, place=places(kept), duty=duty, wanted=wanted, given=base.record
+        )  # fmt: skip
 
     def coarsened(self) -> Sweeper:
         """The same medium on 2x2 means of its columns."""
         g = self.grid
-        extinction = coarsen(g.extinction)
+        nx = g.ground_node.shape[1]
+        extinction = coarsen(g.extinction[..., :nx])
+        harmonics = np.moveaxis(coarsen(np.moveaxis(g.sun_harmonics[..., :nx], 0, -2)), -2, 0)
         grid = g._replace(
-            extinction=extinction, beam=coarsen(g.beam), sun_harmonics=coarse_rows(g.sun_harmonics),
-            cell_m=2 * g.cell_m, ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
+            extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(g.beam[..., :nx])),
+            sun_harmonics=whole_blocks(harmonics), cell_m=2 * g.cell_m,
+            ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
             cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), g.periodic),
         )  # fmt: skip
         return Sweeper.of(
@@ -95,8 +125,8 @@ class Sweeper:
         g = self.grid
         cut = g._replace(
             extinction=np.ascontiguousarray(g.extinction[:, levels]), air_extinction=g.air_extinction[levels],
-            air_scattering=g.air_scattering[levels], beam=np.zeros_like(g.beam[levels]), levels_m=g.levels_m[levels],
-            cloudy=np.ascontiguousarray(g.cloudy[levels]),
+            air_scattering=g.air_scattering[levels], present=g.present[levels], beam=np.zeros_like(g.beam[levels]),
+            levels_m=g.levels_m[levels], cloudy=np.ascontiguousarray(g.cloudy[levels]),
             ground_node=np.clip(g.ground_node - levels.start, 0, levels.stop - levels.start - 1),
         )  # fmt: skip
         on_ground = np.float32(levels.start == 0)
@@ -104,7 +134,8 @@ class Sweeper:
             cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
             self.ordinates,
         )  # fmt: skip
-        return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
+        kept = cut.cloudy & thick_blocks(cut)
+        return replace(dark, place=places(kept), duty=local_duty(kept))
 
     def answer(self, change: F32, tolerance: float, most: int) -> F32:
         """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
@@ -128,13 +159,13 @@ class Sweeper:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
         new = np.zeros_like(values) if out is None else out
         radiance = np.zeros_like(self.ground_albedo)
-        for downward, (half, harmonics) in zip((True, False), self.halves, strict=True):
-            flux = self.down_flux if downward else self.up_flux
+        for n, (half, harmonics) in enumerate(self.halves):
+            flux = self.up_flux if n else self.down_flux
             half_sweep(
-                get_num_threads(), downward, self.grid, half, *harmonics, self.place, values, self.coarser, radiance,
-                new, flux,
+                get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, self.duty, values, self.coarser,
+                self.wanted, self.given[n], radiance, new, flux, self.record[n],
             )  # fmt: skip
-            if downward:
+            if n == 0:
                 radiance = np.asarray(
                     self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
                 )
@@ -155,20 +186,28 @@ class Sweeper:
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, spare)
+            if change_of(values, image) < tolerance:
+                return image, n
             if correct is not None:
                 correct(image - values, image)
+            if memory == 1:
+                values, spare = image, values
+                continue
             residual = image[:, :4] - values[:, :4]
-            size, change = (
-                np.bincount(level, np.einsum("nci,nci->n", a, a), len(self.place)) for a in (image[:, :4], residual)
-            )
+            size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
             floor = 1e-12 * size.max(initial=0.0) + 1e-30
-            if float(np.sqrt(change.sum() / max(size.sum(), 1e-30))) < tolerance:
-                return image, n
             spare = images[0] if len(images) == memory else None
             images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
             weight = (1 / np.sqrt(np.maximum(size, floor)))[level].astype(np.float32)
             values = _anderson(images, [weight[:, None, None] * r for r in residuals])
         return image, most
+
+
+def change_of(before: F32, after: F32) -> float:
+    """Change of the first moments, relative."""
+    one, two = before[:, :4], after[:, :4]
+    change = two - one
+    return float(np.sqrt(np.vdot(change, change) / max(float(np.vdot(two, two)), 1e-30)))
 
 
 def _anderson(images: list[F32], residuals: list[F32]) -> F32:
@@ -186,35 +225,72 @@ def _anderson(images: list[F32], residuals: list[F32]) -> F32:
     return out
 
 
+class Trace(NamedTuple):
+    """How a solved grid differs from the coarser one: ``defect`` of its moments from the ``start`` that that gave."""
+
+    kept: NDArray[np.bool_]  # (nz, ny, blocks)
+    start: F32  # (blocks, 1, BLOCK), l = 0 only
+    defect: F32
+
+
 class Solution(NamedTuple):
-    """Moments of one wavelength, the field that lights what they leave out, and the sweeps each grid took."""
+    """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, and how each
+    grid's moments came about, from the coarsest on."""
 
     moments: Moments
     coarser: Coarser
     sweeps: list[int]
+    traces: list[Trace]
 
 
-def coarse_to_fine(fine: Sweeper, tolerance: float, most: int, everywhere: bool = False) -> Solution:
+def coarse_to_fine(
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, everywhere: bool = False
+) -> Solution:
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
-    everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
+    everywhere: sweep all of the grid, else what is thick, between the coarse grid's radiance.
+    like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
     """
-    if fine.grid.periodic or min(fine.grid.beam.shape[1:]) < 2 * _LEAST_COARSE:
+    if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        values, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n])
-    base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, True)
-    level = fine
-    if not everywhere:
-        level = fine.over(Coarser(2, *below.moments, base.grid.beam, base.grid.sun_harmonics))
-    follow = _Correction(level, base)
-    values = level.nothing()
-    follow.add(base, below.moments.values, values)
-    values, n = level.solve(values, tolerance, most, correct=follow)
-    fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
-    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n])
+        values, n = fine.solve(like[0].defect if like else fine.nothing(), 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, values[:, :1], values)])
+    base = fine.coarsened().recording() if not everywhere else fine.coarsened()
+    below = coarse_to_fine(base, tolerance, most, like, True)
+    known = below.moments.values
+    trace = like[len(below.sweeps)] if like else None
+    if everywhere:
+        level = fine
+    else:
+        known = base.sweep(known)  # recorded
+        level = fine.over(base, known, trace.kept if trace else None)
+    start = level.nothing()
+    prolong(get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser,
+            level.place, level.grid.ground_node.shape[1], start)
+    values = start
+    if trace:
+        ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
+        values = trace.defect * ratio
+        values += start
+    if everywhere:
+        values, n = level.solve(values, tolerance, most, correct=_Correction(level, base))
+    else:
+        level.down_flux, level.up_flux = (stretched(f, fine.grid.ground_node.shape) for f in (base.down_flux, base.up_flux))
+        values, n = level.solve(values, tolerance, most, 1, _Correction(level, base))
+        restrict(get_num_threads(), level.place, values, level.grid.ground_node.shape[1], base.place, known, True)
+        known = base.sweep(known)
+        swept = level.duty == SWEPT
+        fine.down_flux, fine.up_flux = (
+            np.where(on_level(swept, node), own, stretched(flux, own.shape))
+            for own, flux, node in (
+                (level.down_flux, base.down_flux, fine.grid.ground_node),
+                (level.up_flux, base.up_flux, np.full_like(fine.grid.ground_node, len(swept) - 1)),
+            )
+        )
+        level = replace(level, coarser=level.coarser._replace(values=known))
+    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), values - start)]
+    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
 class _Correction:
@@ -231,19 +307,45 @@ class _Correction:
         if not self.means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
-        restrict(get_num_threads(), place, change, 2, self.fine.grid.beam.shape[2], self.dark.place, self.means)
-        self.add(self.dark, self.dark.answer(self.means, 0.2, 5), image, self.levels)
+        nx = self.fine.grid.ground_node.shape[1]
+        restrict(get_num_threads(), place, change, nx, self.dark.place, self.means, False)
+        follows = Moments(self.dark.place, self.dark.answer(self.means, 0.2, 5))
+        prolong(
+            get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
+        )  # fmt: skip
+        image += change
 
-    def add(self, coarse: Sweeper, values: F32, out: F32, levels: slice = slice(None)) -> None:
-        """Add what a coarse sweeper knows to the moments of the full grid."""
-        place = np.ascontiguousarray(self.fine.place[levels])
-        nx, columns = self.fine.grid.beam.shape[2], coarse.grid.beam.shape[2]
-        add_prolonged(get_num_threads(), 2, coarse.place, values, coarse.coarser, columns, place, nx, out)
+
+def local_duty(kept: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """What becomes of blocks (nz, ny, nb) where those that are kept are swept, and their neighbours given."""
+    near = kept
+    for axis in range(3):
+        padded = np.pad(near, [(1, 1) if a == axis else (0, 0) for a in range(3)])
+        n = kept.shape[axis]
+        near = padded.take(range(n), axis) | near | padded.take(range(2, n + 2), axis)
+    return np.where(kept, SWEPT, np.where(near, GIVEN, SKIPPED)).astype(np.int8)
+
+
+def on_level(found: NDArray[np.bool_], node: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether the block of a level (ny, nx) of each column is among the blocks (nz, ny, nb) found."""
+    ny, nx = node.shape
+    return found[node, np.arange(ny)[:, None], np.arange(nx)[None] // BLOCK]
+
+
+def stretched(field: F32, shape: tuple[int, ...]) -> F32:
+    """A field (ny, nx) of a grid coarser by two, bilinearly at the nodes of one of ``shape``."""
+    for axis, n in enumerate(shape):
+        i = np.arange(n)
+        m = i // 2
+        aside = np.clip(m + np.where(i % 2, 1, -1), 0, field.shape[axis] - 1)
+        field = np.float32(0.75) * field.take(m, axis) + np.float32(0.25) * field.take(aside, axis)
+    return field
 
 
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    extinction = np.tensordot(grid.scaled, grid.extinction, axes=1) + grid.air_extinction[:, None, None]
+    cloud = np.tensordot(grid.scaled, grid.extinction[..., : grid.ground_node.shape[1]], axes=1)
+    extinction = cloud + grid.air_extinction[:, None, None]
     return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
 
 
@@ -302,6 +404,23 @@ def coarsen(field: F32) -> F32:
     )
 
 
-def coarse_rows(field: F32) -> F32:
-    """`coarsen` for (ny, ..., nx)."""
-    return np.ascontiguousarray(np.moveaxis(coarsen(np.moveaxis(field, 0, -2)), -2, 0))
+def whole_blocks(array: NDArray) -> F32:
+    """Rows filled with zeros to whole blocks."""
+    short = -array.shape[-1] % BLOCK
+    padded = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)]) if short else array
+    return np.ascontiguousarray(padded, np.float32)
+
+
+def optical_grid(
+    extinction: F32, coefficients: Coefficients, beam: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64,
+    periodic: bool, ground_node: NDArray[np.int64],
+) -> OpticalGrid:  # fmt: skip
+    """`OpticalGrid` of arrays as wide as the grid."""
+    c = coefficients
+    cloud = extinction > 0
+    present = np.concatenate([(c.air_scattering[:, :1] > 0).T, cloud.any(axis=(2, 3))]).T
+    return OpticalGrid(
+        whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
+        np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
+        ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
+    )  # fmt: skip

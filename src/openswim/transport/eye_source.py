@@ -111,7 +111,7 @@ def view_source(
     nz, ny = beam.shape[:2]
     for j in prange(ny):
         scratch = np.zeros((DEGREE + 1) * LANES, np.float32)
-        coarse = np.empty((DEGREE * DEGREE, coarser.beam.shape[2]), np.float32)
+        coarse = np.empty((DEGREE * DEGREE, coarser.columns), np.float32)
         moments = np.empty((DEGREE * DEGREE, beam.shape[2]), np.float32)
         for k in range(nz):
             moment_row(kept, values, coarser, k, j, coarse, moments)

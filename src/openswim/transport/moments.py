@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from openswim.transport.products import BLOCK
+
 F32 = NDArray[np.float32]
 
-BLOCK = 32  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
@@ -29,6 +30,7 @@ class Coarser(NamedTuple):
     """The solved field of a grid coarser by ``factor`` in x and y (0: none), with the beam that lights it."""
 
     factor: int
+    columns: int  # nx; the rows below are filled with zeros to whole blocks
     place: NDArray[np.int32]
     values: F32
     beam: F32  # (nz, ny, nx)
@@ -39,8 +41,8 @@ def nothing_coarser(degree: int) -> Coarser:
     """What the coarsest grid has below it."""
     count = degree * degree
     return Coarser(
-        0, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32), np.zeros((1, 1, 1), np.float32),
-        np.zeros((1, count, 1), np.float32),
+        0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32),
+        np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
     )  # fmt: skip
 
 
@@ -111,15 +113,17 @@ def moment_row(place, values, coarser, k, j, scratch, out):
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def add_prolonged(threads, factor, coarse_place, coarse_values, coarsest, coarse_nx, place, nx, values):
-    """Add moments of a grid coarser by ``factor``, bilinearly interpolated, to the blocks that are kept."""
+def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values):
+    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept."""
     nz, ny, nb = place.shape
     count = values.shape[1]
-    rows = coarse_place.shape[1]
-    scratch = np.empty((threads, count, coarsest.beam.shape[2]), np.float32)
+    rows = coarse.place.shape[1]
+    scratch = np.empty((threads, count, coarsest.columns), np.float32)
     pair = np.empty((threads, 2, count, coarse_nx), np.float32)
+    near, far = np.float32(0.75), np.float32(0.25)
     for share in prange(threads):
         t = np.int64(share)
+        one, two = pair[t, 0], pair[t, 1]
         for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
             k, j = row // ny, row % ny
             kept = False
@@ -127,49 +131,55 @@ def add_prolonged(threads, factor, coarse_place, coarse_values, coarsest, coarse
                 kept |= place[k, j, b] >= 0
             if not kept:
                 continue
-            m, w = between(j, factor, rows)
-            moment_row(coarse_place, coarse_values, coarsest, k, m, scratch[t], pair[t, 0])
+            m, w = between(j, 2, rows)
+            moment_row(coarse.place, coarse.values, coarsest, k, m, scratch[t], one)
             if w > 0:
-                moment_row(coarse_place, coarse_values, coarsest, k, min(m + 1, rows - 1), scratch[t], pair[t, 1])
+                moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch[t], two)
                 for c in range(count):
                     for i in range(coarse_nx):
-                        pair[t, 0, c, i] += w * (pair[t, 1, c, i] - pair[t, 0, c, i])
-            one = pair[t, 0]
+                        one[c, i] += w * (two[c, i] - one[c, i])
             for b in range(nb):
                 at = place[k, j, b]
                 if at < 0:
                     continue
-                for i in range(b * BLOCK, min(nx, (b + 1) * BLOCK)):
-                    n, v = between(i, factor, coarse_nx)
-                    last = min(n + 1, coarse_nx - 1)
-                    for c in range(count):
-                        values[at, c, i - b * BLOCK] += one[c, n] + v * (one[c, last] - one[c, n])
+                first = b * BLOCK
+                for c in range(count):
+                    for i in range(min(nx - first, BLOCK)):
+                        n = (first + i) // 2
+                        aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
+                        values[at, c, i] = near * one[c, n] + far * one[c, aside]
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def restrict(threads, place, values, factor, nx, coarse_place, out):
-    """Means over factor x factor columns of moments kept in blocks, zero where none are, on a densely kept grid."""
+def restrict(threads, place, values, nx, coarse_place, out, complete):
+    """Means over 2x2 columns of moments kept in blocks, on a densely kept grid coarser by two.
+
+    What is not kept counts as zero; ``complete``: only where all is kept, the rest of ``out`` stays as it is.
+    """
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
-    weight = np.float32(1.0 / (factor * factor))
+    half = BLOCK // 2
+    quarter = np.float32(0.25)
     for share in prange(threads):
         t = np.int64(share)
         for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
             k, m = row // rows, row % rows
             for b in range(coarse_place.shape[2]):
                 at = coarse_place[k, m, b]
-                if at >= 0:
-                    for c in range(values.shape[1]):
-                        for i in range(BLOCK):
-                            out[at, c, i] = np.float32(0.0)
-            for j in range(m * factor, min(ny, (m + 1) * factor)):
-                for b in range(nb):
-                    here = place[k, j, b]
-                    if here < 0:
+                for side in range(2):
+                    block = 2 * b + side
+                    if at < 0 or block >= nb:
                         continue
-                    for i in range(b * BLOCK, min(nx, (b + 1) * BLOCK)):
-                        n = i // factor
-                        at = coarse_place[k, m, n // BLOCK]
-                        if at >= 0:
-                            for c in range(values.shape[1]):
-                                out[at, c, n % BLOCK] += weight * values[here, c, i - b * BLOCK]
+                    one, two = place[k, 2 * m, block], place[k, min(2 * m + 1, ny - 1), block]
+                    if complete and (one < 0 or two < 0):
+                        continue
+                    last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
+                    for c in range(values.shape[1]):
+                        for i in range(half):
+                            total = np.float32(0.0)
+                            if 2 * i <= last:
+                                if one >= 0:
+                                    total += values[one, c, 2 * i] + values[one, c, min(2 * i + 1, last)]
+                                if two >= 0:
+                                    total += values[two, c, 2 * i] + values[two, c, min(2 * i + 1, last)]
+                            out[at, c, side * half + i] = quarter * total

@@ -259,6 +259,17 @@ def join(typingctx, a, b):
     return _DOUBLE(_NARROW, _NARROW), lower
 
 
+@intrinsic
+def interleave(typingctx, a, b):
+    """Two double packs as one, their numbers in turn."""
+
+    def lower(context, builder, sig, args):
+        numbers = [n // 2 + (n % 2) * 2 * PACK for n in range(4 * PACK)]
+        return builder.shuffle_vector(args[0], args[1], _indices(numbers))
+
+    return _QUADRUPLE(_DOUBLE, _DOUBLE), lower
+
+
 def _half_of(pack, which: int):
     kind = _NARROW if pack == _DOUBLE else _DOUBLE
 

@@ -7,29 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from openswim.transport.pack import LANES, flat, read_quadruple, spread_quadruple, write
+
+BLOCK = 2 * LANES  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO = np.float32(0.0)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def add(out, c, row):
-    """out += c row."""
-    for i in range(out.shape[0]):
-        out[i] += c * row[i]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add_four(out, c0, c1, c2, c3, r0, r1, r2, r3):
-    """out += sum of four rows: fewer passes over the row."""
-    for i in range(out.shape[0]):
-        out[i] += c0 * r0[i] + c1 * r1[i] + c2 * r2[i] + c3 * r3[i]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _add_five(out, c0, c1, c2, c3, c4, r0, r1, r2, r3, r4):
-    """out += sum of five rows."""
-    for i in range(out.shape[0]):
-        out[i] += c0 * r0[i] + c1 * r1[i] + c2 * r2[i] + c3 * r3[i] + c4 * r4[i]
 
 
 class SparseRows(NamedTuple):
@@ -55,46 +37,16 @@ class Mirrored(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def add_products(first, second, rows, at, sums, out, out_at, count):
-    """Add (second matrix) (first matrix) (rows), ``count`` nodes from node ``at``, to ``out`` from node ``out_at``."""
-    for r in range(sums.shape[0]):
-        sums[r, :count] = _ZERO
-    sparse, x, x0, y, y0 = first, rows, at, sums, 0
-    for _ in range(2):
-        c, v = sparse.column, sparse.value
-        x1 = x0 + count
-        for r in range(sparse.start.shape[0] - 1):
-            row = y[r, y0 : y0 + count]
-            n, last = sparse.start[r], sparse.start[r + 1]
-            while n + 5 <= last:
-                _add_five(
-                    row,
-                    v[n],
-                    v[n + 1],
-                    v[n + 2],
-                    v[n + 3],
-                    v[n + 4],
-                    x[c[n], x0:x1],
-                    x[c[n + 1], x0:x1],
-                    x[c[n + 2], x0:x1],
-                    x[c[n + 3], x0:x1],
-                    x[c[n + 4], x0:x1],
-                )
-                n += 5
-            if n + 4 <= last:
-                _add_four(
-                    row,
-                    v[n],
-                    v[n + 1],
-                    v[n + 2],
-                    v[n + 3],
-                    x[c[n], x0:x1],
-                    x[c[n + 1], x0:x1],
-                    x[c[n + 2], x0:x1],
-                    x[c[n + 3], x0:x1],
-                )
-                n += 4
-            while n < last:
-                add(row, v[n], x[c[n], x0:x1])
-                n += 1
-        sparse, x, x0, y, y0 = second, sums, 0, out, out_at
+def multiply(sparse, x, x_at, x_stride, y, y_at, y_stride, again):
+    """Rows of y, BLOCK nodes each from flat element ``y_at`` on, as a matrix times rows of x; ``again``: added."""
+    for r in range(sparse.start.shape[0] - 1):
+        at = y_at + r * y_stride
+        one, two = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
+        if again:
+            one, two = read_quadruple(y, at), read_quadruple(y, at + LANES)
+        for n in range(flat(sparse.start, r), flat(sparse.start, r + 1)):
+            v, c = flat(sparse.value, n), x_at + flat(sparse.column, n) * x_stride
+            one += v * read_quadruple(x, c)
+            two += v * read_quadruple(x, c + LANES)
+        write(y, at, one)
+        write(y, at + LANES, two)

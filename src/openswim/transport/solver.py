@@ -27,7 +27,6 @@ from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
-from openswim.transport.sweep import OpticalGrid
 from openswim.transport.volume import DEGREE, Shells
 
 F32 = NDArray[np.float32]
@@ -172,8 +171,8 @@ def _diffuse(
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     light.moments = []
     light.coarser = []
+    traces: list[diffuse.Trace] | None = None
     counts: list[list[int]] = []
-    cloudy = diffuse.near_blocks(np.asarray((medium.extinction > 0).any(axis=0)), medium.periodic)
     row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
     plane_parallel = (ny, nx) == (1, 1)
     with job("diffuse light", count) as meter:
@@ -184,18 +183,19 @@ def _diffuse(
                 lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
                 continue
             c = light.coefficients[w]
-            grid = OpticalGrid(
-                medium.extinction, c.scaled, c.scattering, c.air_extinction, c.air_scattering, light.beams[w],
-                row_harmonics, medium.levels_m, np.array(medium.cell_m, float), medium.periodic, ground_node, cloudy,
+            grid = diffuse.optical_grid(
+                medium.extinction, c, light.beams[w], row_harmonics, medium.levels_m, np.array(medium.cell_m, float),
+                medium.periodic, ground_node,
             )  # fmt: skip
             sweeper = diffuse.Sweeper.of(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
             )
             if plane_parallel:
                 values, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
-                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n])
+                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
-                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps)
+                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)
+                traces = traces or solution.traces
             light.moments.append(solution.moments)
             light.coarser.append(solution.coarser)
             counts.append(solution.sweeps)

@@ -1,0 +1,155 @@
+"""One row of nodes of a sweep: light carried from the upstream points to the nodes, LANES of them at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
+from openswim.transport.products import BLOCK
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
+_SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
+_SHORT = np.float32(0.1)
+
+SKIPPED, GIVEN, SWEPT = 0, 1, 2  # what becomes of a block: nothing, the coarser grid's radiance, a sweep
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def step_weights(extinction, extinction_up, ds):
+    """(trans, near, far) of a step: radiance = trans upstream + near source + far source_up; scalars or packs.
+
+    The same step as `step_emission`, source and extinction linear between, written with a single division since
+    divisions are what it costs.
+    """
+    tau = (extinction + extinction_up) * (_HALF * ds)
+    y = tau * _SIXTEENTH
+    p = y * (_HALF + y * (_SIXTH + y * (np.float32(1 / 24) + y * np.float32(1 / 120)))) + _ONE
+    p = y * p + _ONE
+    q = tau * _TWO + _TWELVE
+    d = choose_above(tau, _SHORT, tau, _SHORT)
+    pq = p * q
+    r = _ONE / (pq * d)
+    t = r * q * d  # e^(-tau/16), see `transmission`
+    t = t * t
+    t = t * t
+    t = t * t
+    t = t * t
+    series = _ONE - tau * (_HALF - tau * (_SIXTH - tau * np.float32(1 / 24)))
+    mean = choose_above(tau, _SHORT, (_ONE - t) * (r * pq), series) * ds
+    c = (r * p * d) * ds
+    return t, mean * (_HALF + extinction_up * c), mean * (_HALF - extinction * c)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _between(array, a, b, c, d, wa, wb, wc, wd):
+    """Bilinear values at the upstream points of LANES nodes, from the corners' four rows."""
+    low = wa * read_quadruple(array, a) + wb * read_quadruple(array, b)
+    return low + (wc * read_quadruple(array, c) + wd * read_quadruple(array, d))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def carry_row(
+    intensity, source, extinction, here, a, b, c, d, n, aside, shift, recurrent, step, cloudy, duty, nx, work
+):  # fmt: skip
+    """Row ``here`` of ordinate n from the corners' rows a to d: indices of rows, all planes counted through.
+
+    Buffers are (planes, rows, ordinates, nodes and a ghost on either side), ``extinction`` without ordinates. Corners
+    b and d lie ``shift`` nodes aside, a and c ``aside``. recurrent: corner a is the neighbour in this very row; all but
+    its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_steps`;
+    ``cloudy``: the blocks whose steps differ; ``duty``: those to be swept. ``work``: scratch of two rows.
+    """
+    count, stride = intensity.shape[2], intensity.shape[3]
+    wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
+    trans, near, far = flat(step, 5), flat(step, 6), flat(step, 7)
+    known = _ZERO if recurrent else wa
+    out, out_e = (here * count + n) * stride + 1, here * stride + 1
+    at_a, at_b = (a * count + n) * stride + 1 + aside, (b * count + n) * stride + 1 + shift
+    at_c, at_d = (c * count + n) * stride + 1 + aside, (d * count + n) * stride + 1 + shift
+    e_a, e_b = a * stride + 1 + aside, b * stride + 1 + shift
+    e_c, e_d = c * stride + 1 + aside, d * stride + 1 + shift
+    ghost = flat(intensity, out + nx)  # the last pack may reach over it
+    for i in range(0, nx, LANES):
+        if flat(duty, i // BLOCK) != SWEPT:
+            continue
+        up = _between(intensity, at_a + i, at_b + i, at_c + i, at_d + i, known, wb, wc, wd)
+        source_up = _between(source, at_a + i, at_b + i, at_c + i, at_d + i, wa, wb, wc, wd)
+        own = read_quadruple(source, out + i)
+        if flat(cloudy, i // BLOCK):
+            extinction_up = _between(extinction, e_a + i, e_b + i, e_c + i, e_d + i, wa, wb, wc, wd)
+            t, w_near, w_far = step_weights(read_quadruple(extinction, out_e + i), extinction_up, ds)
+            up = t * up + (w_near * own + w_far * source_up)
+            if recurrent:
+                write(work, stride + i, wa * t)
+        else:
+            up = trans * up + (near * own + far * source_up)
+            if recurrent:
+                write(work, stride + i, spread_quadruple(wa * trans))
+        if recurrent:
+            write(work, i, up)
+        else:
+            write(intensity, out + i, up)
+    if not recurrent:
+        put(intensity, out + nx, ghost)
+        return
+    blocks = duty.shape[0]
+    for m in range(blocks):  # runs of blocks, in the order of the light
+        block = blocks - 1 - m if shift > 0 else m
+        before = block + 1 if shift > 0 else block - 1
+        if flat(duty, block) != SWEPT or (0 <= before < blocks and flat(duty, before) == SWEPT):
+            continue
+        end = block
+        while 0 <= end < blocks and flat(duty, end) == SWEPT:
+            end += -1 if shift > 0 else 1
+        low, high = (end + 1, block) if shift > 0 else (block, end - 1)
+        first = low * BLOCK
+        _recur(intensity, out + first, work, first, stride + first, min(nx, (high + 1) * BLOCK) - first, shift)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _recur(out, at, work, known, share, nx, shift):
+    """out[i] = known[i] + share[i] out[upstream neighbour], nx nodes from flat element ``at`` of ``out``.
+
+    ``known`` and ``share``: where in ``work`` these begin. Four stretches of the row at once, each from zero, since one
+    alone waits for its own last node; what enters a stretch, times the product of the shares on the way, is added
+    after.
+    """
+    quarter = nx // 4
+    # node n of the way lies at `begin` + n `way`
+    way = -1 if shift > 0 else 1
+    begin = nx - 1 if shift > 0 else 0
+    r0, r1, r2, r3 = flat(out, at + begin + shift), _ZERO, _ZERO, _ZERO
+    p1, p2, p3 = _ONE, _ONE, _ONE
+    for n in range(quarter):
+        a = begin + way * n
+        b = a + way * quarter
+        c = b + way * quarter
+        d = c + way * quarter
+        r0 = r0 * flat(work, share + a) + flat(work, known + a)
+        r1 = r1 * flat(work, share + b) + flat(work, known + b)
+        r2 = r2 * flat(work, share + c) + flat(work, known + c)
+        r3 = r3 * flat(work, share + d) + flat(work, known + d)
+        p1 *= flat(work, share + b)
+        p2 *= flat(work, share + c)
+        p3 *= flat(work, share + d)
+        put(out, at + a, r0)
+        put(out, at + b, r1)
+        put(out, at + c, r2)
+        put(out, at + d, r3)
+        put(work, share + b, p1)
+        put(work, share + c, p2)
+        put(work, share + d, p3)
+    last = r0
+    if quarter > 0:
+        for part in range(1, 4):
+            end = begin + way * ((part + 1) * quarter - 1)
+            low = min(begin + way * (part * quarter), end)
+            for i in range(low, low + quarter):
+                put(out, at + i, flat(out, at + i) + last * flat(work, share + i))
+            last = flat(out, at + end)
+    for n in range(4 * quarter, nx):
+        a = begin + way * n
+        last = last * flat(work, share + a) + flat(work, known + a)
+        put(out, at + a, last)
