@@ -37,8 +37,8 @@ def test_grib(tmp_path, product, share):
 
 
 def _one(condensate, humidity, kelvin=280.0, pascal=8e4):
-    field = np.full((1, 1, 1), 1.0, np.float32)
-    return float(cover_from_humidity(condensate * field, kelvin * field, pascal * field, None, humidity * field)[0, 0, 0])
+    q, t, p, rh = (np.full((1, 1, 1), value, np.float32) for value in (condensate, kelvin, pascal, humidity))
+    return float(cover_from_humidity(q, t, p, None, rh)[0, 0, 0])
 
 
 def test_xu_and_randall():
