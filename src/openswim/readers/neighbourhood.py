@@ -28,7 +28,9 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
-MOST_RADIUS_M = 4_950_000.0  # transport takes domains of 130 degrees from corner to corner
+MOST_RADIUS_M = 10_000_000.0  # a hemisphere
+_SEEN_FROM_SPACE_M = 3_000_000.0
+_MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
 _WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
 _LARGE_SPAN = 1.9  # radians
@@ -183,6 +185,8 @@ def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
         return _whole(mesh)
     ix, iy = (float(v) for v in mesh.index(around.lon, around.lat))
     if not mesh.covers(ix, iy):
+        if around.if_large and around.radius_m > _SEEN_FROM_SPACE_M:
+            return _whole(mesh)  # it lies aside, but is seen
         raise UserError(f"the observer is outside the domain: {extent_text(mesh)}")
     window = _window(mesh, around, ix, iy)
     return window if window is not None else _resampled(mesh, around)
@@ -270,7 +274,7 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
         columns = (slice(west + nx, nx), slice(0, east + 1))
     elif east >= nx:
         columns = (slice(west, nx), slice(0, east + 1 - nx))
-    if (east - west) * wide > 2.0 * MOST_RADIUS_M or (north - south) * tall > 2.0 * MOST_RADIUS_M:
+    if (east - west) * wide > _MOST_WINDOW_M or (north - south) * tall > _MOST_WINDOW_M:
         return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
     note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")
@@ -305,6 +309,15 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     target = Grid(axis, axis, np.array([0.0, 1.0]), crs, radius)
     kept_x, kept_y = _inside(mesh, target)
     target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
+    note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
+    return onto(mesh, target, note)
+
+
+def onto(mesh: Mesh, target: Grid, note: str = "") -> Selection:
+    """A mesh's fields on another grid: linear between its nodes, averaged where cells are wider; NaN beyond it."""
+    ny, nx = mesh.shape
+    _, tall = _cell_m(mesh.grid(), 0.5 * (nx - 1), 0.5 * (ny - 1))
+    step = target.spacing_m()[1]
     parts = max(1, min(4, round(step / tall)))  # cells wider than the model's: the mean of parts x parts points
     offsets = (np.arange(parts) + 0.5) / parts - 0.5
     i, j = np.meshgrid(np.arange(target.x.size, dtype=float), np.arange(target.y.size, dtype=float))
@@ -312,8 +325,7 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     reached = np.concatenate([iy[np.isfinite(iy)] for _, iy in found])
     rows = slice(int(np.clip(np.floor(reached.min()), 0, ny - 2)), int(np.clip(np.ceil(reached.max()), 1, ny - 1)) + 1)
     nodes = tuple(_bilinear(mesh, rows, ix, iy) for ix, iy in found)
-    note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
-    return Selection(target.x, target.y, crs, radius, rows, (slice(0, nx),), nodes, note)
+    return Selection(target.x, target.y, target.crs, target.earth_radius_m, rows, (slice(0, nx),), nodes, note)
 
 
 def _inside(mesh: Mesh, target: Grid) -> tuple[slice, slice]:

@@ -13,6 +13,7 @@ from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.optics.cover import cloud_cover
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
+from openswim.scene.levels import on_levels
 from openswim.scene.scene import Scene
 from openswim.transport.finer import finer_cloud, subdivided
 from openswim.transport.shells import shell_levels
@@ -25,10 +26,11 @@ _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
 _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
-_MOST_FINER_NODES = 3_000_000  # for sweeps; without them
-_MOST_PLAIN_NODES = 8_000_000
+_MOST_FINER_NODES = 3_000_000
+_MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
+_MOST_DEGREES = 200.0  # of longitude
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
 
@@ -82,6 +84,7 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     grid = scene.grid
     if grid is None:
         raise UserError("this scene has no grid")
+    _check_span(grid)
     frame = scene_frame(scene)
     species = scene_optics(scene, wavelengths_nm)
     _, ny, nx = grid.shape
@@ -109,12 +112,14 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     divided = frame.curved and (refine or cover is not None)
     fineness = 1
     if divided:
-        most = (_MOST_FINER_NODES if refine else _MOST_PLAIN_NODES) // len(levels)
-        fineness = _fineness(ny, nx, cell_m, _CELL_M if cover is None else _CLOUD_CELL_M, most)
+        wanted, most = _CELL_M, _MOST_FINER_NODES
+        if cover is not None:
+            wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
+        fineness = _fineness(ny, nx, cell_m, wanted, most // len(levels))
     axes, place = _columns(grid, frame, fineness)
     if nx == 1:
         terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
-    fields = [_on_levels(field[:, :ny, :nx], heights, levels, frame.curved) for field in fields]
+    fields = [on_levels(field[:, :ny, :nx], heights, levels, frame.curved) for field in fields]
     if cover is not None:
         extinction = cloud_under_cover(fields[:-1], species, fields[-1], levels, _fixed(frame, place), cell_m, fineness)
     else:
@@ -204,30 +209,6 @@ def _fixed(frame: Frame, place: F64) -> F64:
     return Frame(frame.radius_m, 0.0, 0.0).position(lat, lon, 0.0) + np.array([0.0, 0.0, frame.radius_m])
 
 
-def _on_levels(field: F32, heights: NDArray, levels: F64, extend: bool) -> F32:
-    """Linear interpolation in height, column by column; zero above the top, the lowest value down to the ground."""
-    out = np.zeros((len(levels), *field.shape[1:]), np.float32)
-    _to_levels(field, heights, levels, extend, out)
-    return out
-
-
-def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32) -> None:
-    if heights.ndim == 1:
-        k = np.clip(np.searchsorted(heights, levels, "right") - 1, 0, len(heights) - 2)
-        c = np.clip((levels - heights[k]) / (heights[k + 1] - heights[k]), 0, 1).astype(np.float32)
-        for n, z in enumerate(levels):
-            out[n] = field[k[n]] * (1 - c[n]) + field[k[n] + 1] * c[n]
-            if z > heights[-1] + 1e-6 or (z < heights[0] - 1e-6 and not extend):
-                out[n] = 0
-        return
-    for n, z in enumerate(levels):
-        k = np.clip((heights <= z).sum(axis=0) - 1, 0, heights.shape[0] - 2)[None]
-        h0, h1 = np.take_along_axis(heights, k, 0)[0], np.take_along_axis(heights, k + 1, 0)[0]
-        c = np.clip((z - h0) / (h1 - h0), 0, 1)
-        f0, f1 = np.take_along_axis(field, k, 0)[0], np.take_along_axis(field, k + 1, 0)[0]
-        out[n] = np.where(z > h1, 0, f0 * (1 - c) + f1 * c)
-
-
 def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     """Axes and sea-level points of the columns."""
     _, ny, nx = grid.shape
@@ -245,13 +226,14 @@ def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     along = at(ix + 0.5, iy) - at(ix - 0.5, iy)
+    along = np.where(np.isfinite(along), along, np.array([1.0, 0.0, 0.0]))  # the map ends here
     along -= (along * up).sum(-1, keepdims=True) * up
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
 
 
 def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
-    """Table of fractional grid indices on the tangent plane (gnomonic, so that rays are straight in it)."""
+    """Table of fractional grid indices on Lambert's azimuthal equal-area map around the origin of the frame."""
     _, ny, nx = grid.shape
     if not frame.curved:
         # linear, so two nodes are exact; extent beyond the domain for distances to it
@@ -263,17 +245,26 @@ def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
         return -half, 1 / (2 * half), chart
     corners = np.array([[0, 0], [nx - 1, 0], [0, ny - 1], [nx - 1, ny - 1], [0, ny / 2], [nx - 1, ny / 2], [nx / 2, 0],
                         [nx / 2, ny - 1]], float)  # fmt: skip
+    radius = frame.radius_m
     lon, lat = grid.lonlat(corners[:, 0], corners[:, 1])
     p = frame.position(lat, lon, 0.0)
-    if (p[:, 2] < -0.6 * frame.radius_m).any():
-        raise UserError("the domain spans more than 130 degrees: global grids are not supported yet, cut a region out")
-    tangent = p[:, :2] * (frame.radius_m / (frame.radius_m + p[:, 2:3]))
-    half = _CHART_MARGIN * np.abs(tangent).max()
+    flat = p[:, :2] * np.sqrt(2 * radius / np.maximum(2 * radius + p[:, 2:3], 1e-3 * radius))
+    half = min(_CHART_MARGIN * np.nanmax(np.abs(flat)), 2 * radius)
     u = np.linspace(-half, half, _CHART_NODES)
     uu, vv = np.meshgrid(u, u)
-    q = np.stack([uu, vv, np.full_like(uu, frame.radius_m)], axis=-1)
-    q *= frame.radius_m / np.linalg.norm(q, axis=-1, keepdims=True)
-    q[..., 2] -= frame.radius_m
-    lat, lon, _ = frame.latlon(q)
-    chart = np.stack(grid.index(lon, lat), axis=-1)
+    square = (uu**2 + vv**2) / (2 * radius**2)  # 1 - cosine of the angle from the origin
+    known = square < 1.99
+    square = np.where(known, square, 0)
+    shrink = np.sqrt(1 - 0.5 * square)
+    lat, lon, _ = frame.latlon(np.stack([uu * shrink, vv * shrink, -radius * square], axis=-1))
+    chart = np.where(known[..., None], np.stack(grid.index(lon, lat), axis=-1), -1e9)
     return -half, (_CHART_NODES - 1) / (2 * half), np.nan_to_num(chart, nan=-1e9, posinf=1e9, neginf=-1e9)
+
+
+def _check_span(grid: Grid) -> None:
+    """Longitudes that go half round the Earth have a seam, or a pole, that no chart can hide."""
+    if grid.in_degrees and grid.x[-1] - grid.x[0] > _MOST_DEGREES:
+        raise UserError(
+            f"the grid spans {grid.x[-1] - grid.x[0]:.0f} degrees of longitude: open the file with around=(lat, lon) "
+            "and radius_km, which resamples what a view needs, up to a hemisphere"
+        )
