@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -10,8 +11,9 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport.moments import Coarser, Moments, nothing_coarser, places, prolong, restrict
+from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
+from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK, Mirrored, SparseRows
 from openswim.transport.sweep import Half, OpticalGrid, half_sweep
 from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
@@ -20,6 +22,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
+_MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
 
 
@@ -48,8 +51,9 @@ class Sweeper:
     place: NDArray[np.int32]
     duty: NDArray[np.int8]
     wanted: NDArray[np.bool_]  # (nz, rows of the coarser grid)
-    given: tuple[F32, F32]  # radiance on the coarser grid, of both halves
-    record: tuple[F32, F32]  # radiance of the last sweep, of both halves
+    given: tuple[F32, F32]  # radiance that is known, of both halves, on the coarser grid or on this one
+    record: tuple[F32, F32]  # radiance of the last sweep
+    means: tuple[F32, F32]  # the same on the coarser grid
 
     @classmethod
     def of(
@@ -69,8 +73,8 @@ class Sweeper:
         nothing = np.zeros((1, 1, 1, 1), np.float32)
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept), np.full(grid.cloudy.shape, SWEPT, np.int8), np.zeros((nz, 1), bool), (nothing, nothing),
-            (nothing, nothing),
+            places(kept), np.full((nz, ny, grid.beam.shape[2] // LANES), SWEPT, np.int8), np.zeros((nz, 1), bool), (nothing, nothing),
+            (nothing, nothing), (nothing, nothing),
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -80,11 +84,13 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def recording(self) -> Sweeper:
-        """The same, keeping the radiance of its sweeps."""
+    def recording(self, room: tuple[F32, F32] | None) -> Sweeper:
+        """The same, keeping the radiance of its sweeps, where there is ``room`` from a like grid's."""
         nz, ny, nx = self.grid.beam.shape
-        one, two = (np.zeros((nz, ny, len(half.direction), nx + 2), np.float32) for half, _ in self.halves)
-        return replace(self, record=(one, two))
+        if room is None:
+            one, two = (np.zeros((nz, ny, len(half.direction), nx + 2), np.float32) for half, _ in self.halves)
+            room = one, two
+        return replace(self, record=room)
 
     def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same where it is thick, or where it is ``kept``, between the radiance that the coarser grid of ``base``
@@ -101,8 +107,19 @@ class Sweeper:
             2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics
         )
         return replace(
-            self, coarser=coarser, place=places(kept), duty=duty, wanted=wanted, given=base.record
+            self, coarser=coarser, place=places(kept), duty=duty, wanted=wanted, given=base.record, means=base.record
         )  # fmt: skip
+
+    def around(self, fine: Sweeper) -> Sweeper:
+        """The same, with the radiance recorded by a finer grid where that has swept whole cells."""
+        rows = fine.grid.ground_node.shape[0] // 2
+        swept = fine.duty[:, ::2][:, :rows] & fine.duty[:, 1::2][:, :rows] & SWEPT
+        # the finer grid's blocks are LANES nodes here
+        swept = swept[:, :, ::2] > 0
+        duty = np.full_like(self.duty, SWEPT)
+        width = min(duty.shape[2], swept.shape[2])
+        duty[:, :rows, :width][swept[:, :, :width]] = GIVEN
+        return replace(self, duty=duty, given=self.record)
 
     def coarsened(self) -> Sweeper:
         """The same medium on 2x2 means of its columns."""
@@ -139,16 +156,14 @@ class Sweeper:
 
     def answer(self, change: F32, tolerance: float, most: int) -> F32:
         """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
-        values = self.sweep(change)
-        images: list[F32] = []
-        residuals: list[F32] = []
+        values, lit = self.sweep(change), np.empty_like(change)
+        recent = _Anderson(3)
         for _ in range(most):
-            image = self.sweep(values + change)
-            residual = image[:, :4] - values[:, :4]
-            if float(np.linalg.norm(residual)) <= tolerance * float(np.linalg.norm(image[:, :4])):
+            np.add(values, change, out=lit)
+            image = self.sweep(lit, recent.spare())
+            if change_of(values, image) <= tolerance:
                 break
-            images, residuals = [*images, image][-3:], [*residuals, residual][-3:]
-            values = _anderson(images, residuals)
+            recent.mix(image, image[:, :4] - values[:, :4], values)
         return image
 
     def nothing(self) -> F32:
@@ -157,13 +172,14 @@ class Sweeper:
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
-        new = np.zeros_like(values) if out is None else out
+        new = np.zeros(values.shape, np.float32) if out is None else out  # not zeros_like, which touches every page
         radiance = np.zeros_like(self.ground_albedo)
         for n, (half, harmonics) in enumerate(self.halves):
             flux = self.up_flux if n else self.down_flux
             half_sweep(
                 get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, self.duty, values, self.coarser,
                 self.wanted, self.given[n], radiance, new, flux, self.record[n],
+                self.means[n],
             )  # fmt: skip
             if n == 0:
                 radiance = np.asarray(
@@ -174,63 +190,75 @@ class Sweeper:
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
         correct: Callable[[F32, F32], None] | None = None,
-    ) -> tuple[F32, int]:  # fmt: skip
+    ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image) adds to a sweep's result what is yet to follow from its change. Levels count by their
-        change relative to their light, since little light under a thick cloud is seen too.
+        correct(change, image) adds to a sweep's result what is yet to follow from its change, which it may overwrite.
+        Levels count by their change relative to their light, since little light under a thick cloud is seen too.
+        Returns the moments, those before the last sweep, and how many sweeps there were.
         """
         level = np.nonzero(self.place >= 0)[0]
-        images: list[F32] = []
-        residuals: list[F32] = []
-        spare = None
+        recent = _Anderson(memory)
+        change = None if correct is None else np.empty_like(values)
         for n in range(1, most + 1):
-            image = self.sweep(values, spare)
+            image = self.sweep(values, recent.spare())
             if change_of(values, image) < tolerance:
-                return image, n
-            if correct is not None:
-                correct(image - values, image)
-            if memory == 1:
-                values, spare = image, values
-                continue
-            residual = image[:, :4] - values[:, :4]
+                break
+            if correct is not None and change is not None and n <= _MOST_CORRECTIONS:
+                correct(np.subtract(image, values, out=change), image)
             size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
-            floor = 1e-12 * size.max(initial=0.0) + 1e-30
-            spare = images[0] if len(images) == memory else None
-            images, residuals = [*images, image][-memory:], [*residuals, residual][-memory:]
-            weight = (1 / np.sqrt(np.maximum(size, floor)))[level].astype(np.float32)
-            values = _anderson(images, [weight[:, None, None] * r for r in residuals])
-        return image, most
+            weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
+            residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
+            recent.mix(image, residual, values)
+        return image, values, n
 
 
 def change_of(before: F32, after: F32) -> float:
     """Change of the first moments, relative."""
     one, two = before[:, :4], after[:, :4]
     change = two - one
-    return float(np.sqrt(np.vdot(change, change) / max(float(np.vdot(two, two)), 1e-30)))
+    return math.sqrt(float(np.vdot(change, change)) / max(float(np.vdot(two, two)), 1e-30))
 
 
-def _anderson(images: list[F32], residuals: list[F32]) -> F32:
-    """Combination of the images whose residual is least."""
-    if len(images) == 1:
-        return images[0].copy()
-    last = residuals[-1].ravel().astype(float)
-    differences = np.stack([r.ravel() - last for r in residuals[:-1]])
-    gram = differences @ differences.T
-    gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-    weights = np.linalg.solve(gram, -(differences @ last))
-    out = images[-1] * np.float32(1 - weights.sum())
-    for w, image in zip(weights, images[:-1], strict=True):
-        out += np.float32(w) * image
-    return out
+class _Anderson:
+    """The last images of an iteration, to be mixed so that their residual is least."""
+
+    def __init__(self, memory: int):
+        self.memory = memory
+        self.images: list[F32] = []
+        self.residuals: list[F32] = []
+
+    def spare(self) -> F32 | None:
+        """Room for the next image: that of the one to be forgotten."""
+        if len(self.images) < self.memory:
+            return None
+        self.residuals.pop(0)
+        return self.images.pop(0)
+
+    def mix(self, image: F32, residual: F32, out: F32) -> None:
+        """The best combination, into ``out``."""
+        self.images.append(image)
+        self.residuals.append(residual)
+        last = residual.ravel().astype(float)
+        differences = np.array([r.ravel() - last for r in self.residuals[:-1]]).reshape(-1, last.size)
+        gram = differences @ differences.T
+        gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
+        weights = np.linalg.solve(gram, -(differences @ last))
+        np.multiply(image, np.float32(1 - weights.sum()), out=out)
+        for w, earlier in zip(weights, self.images[:-1], strict=True):
+            add_scaled(out.reshape(-1), np.float32(w), earlier.reshape(-1))
 
 
 class Trace(NamedTuple):
-    """How a solved grid differs from the coarser one: ``defect`` of its moments from the ``start`` that that gave."""
+    """How a grid before its last sweep differs from the coarser one: ``defect`` from the ``start`` that that gave.
+
+    Before the last: another wavelength takes that sweep too, and what it leaves undone is the same, without a tint.
+    """
 
     kept: NDArray[np.bool_]  # (nz, ny, blocks)
     start: F32  # (blocks, 1, BLOCK), l = 0 only
     defect: F32
+    record: tuple[F32, F32] | None = None  # the coarser grid's, for another wavelength to overwrite
 
 
 class Solution(NamedTuple):
@@ -254,31 +282,36 @@ def coarse_to_fine(
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        values, n = fine.solve(like[0].defect if like else fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, values[:, :1], values)])
-    base = fine.coarsened().recording() if not everywhere else fine.coarsened()
+        begin = like[0].defect.copy() if like else fine.nothing()
+        values, before, n = fine.solve(begin, 0.05 * tolerance, most)
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
+    base = fine.coarsened()
+    if not everywhere:
+        base = base.recording(like[-1].record if like else None)
     below = coarse_to_fine(base, tolerance, most, like, True)
     known = below.moments.values
     trace = like[len(below.sweeps)] if like else None
-    if everywhere:
-        level = fine
-    else:
-        known = base.sweep(known)  # recorded
-        level = fine.over(base, known, trace.kept if trace else None)
+    level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
     start = level.nothing()
     prolong(get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser,
             level.place, level.grid.ground_node.shape[1], start)
-    values = start
     if trace:
         ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        values = trace.defect * ratio
-        values += start
+        enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
+        begin = trace.defect * ratio
+        begin += start
+    else:
+        begin, enough = start.copy(), tolerance
     if everywhere:
-        values, n = level.solve(values, tolerance, most, correct=_Correction(level, base))
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     else:
         level.down_flux, level.up_flux = (stretched(f, fine.grid.ground_node.shape) for f in (base.down_flux, base.up_flux))
-        values, n = level.solve(values, tolerance, most, 1, _Correction(level, base))
-        restrict(get_num_threads(), level.place, values, level.grid.ground_node.shape[1], base.place, known, True)
+        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
+        restrict(
+            get_num_threads(), level.place, values, total_extinction(fine.grid), fine.grid.ground_node.shape[1],
+            base.place, known, True,
+        )  # fmt: skip
+        base = base.around(level)
         known = base.sweep(known)
         swept = level.duty == SWEPT
         fine.down_flux, fine.up_flux = (
@@ -289,7 +322,7 @@ def coarse_to_fine(
             )
         )
         level = replace(level, coarser=level.coarser._replace(values=known))
-    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), values - start)]
+    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start, base.record)]
     return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
@@ -302,13 +335,14 @@ class _Correction:
         self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
         self.dark = base.unlit(self.levels)
         self.means = self.dark.nothing()
+        self.weight = total_extinction(fine.grid)[self.levels]
 
     def __call__(self, change: F32, image: F32) -> None:
         if not self.means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
-        restrict(get_num_threads(), place, change, nx, self.dark.place, self.means, False)
+        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means, False)
         follows = Moments(self.dark.place, self.dark.answer(self.means, 0.2, 5))
         prolong(
             get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
@@ -317,19 +351,20 @@ class _Correction:
 
 
 def local_duty(kept: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """What becomes of blocks (nz, ny, nb) where those that are kept are swept, and their neighbours given."""
+    """What becomes of nodes (nz, ny, nx / LANES) where blocks that are kept are swept, and their neighbours given."""
     near = kept
     for axis in range(3):
         padded = np.pad(near, [(1, 1) if a == axis else (0, 0) for a in range(3)])
         n = kept.shape[axis]
         near = padded.take(range(n), axis) | near | padded.take(range(2, n + 2), axis)
-    return np.where(kept, SWEPT, np.where(near, GIVEN, SKIPPED)).astype(np.int8)
+    duty = np.where(kept, SWEPT, np.where(near, GIVEN, SKIPPED)).astype(np.int8)
+    return duty.repeat(BLOCK // LANES, axis=2)
 
 
 def on_level(found: NDArray[np.bool_], node: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether the block of a level (ny, nx) of each column is among the blocks (nz, ny, nb) found."""
+    """Whether the node on a level (ny, nx) of each column is among the nodes (nz, ny, nx / LANES) found."""
     ny, nx = node.shape
-    return found[node, np.arange(ny)[:, None], np.arange(nx)[None] // BLOCK]
+    return found[node, np.arange(ny)[:, None], np.arange(nx)[None] // LANES]
 
 
 def stretched(field: F32, shape: tuple[int, ...]) -> F32:
@@ -342,10 +377,18 @@ def stretched(field: F32, shape: tuple[int, ...]) -> F32:
     return field
 
 
+def total_extinction(grid: OpticalGrid) -> F32:
+    """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
+    out = np.empty(grid.beam.shape, np.float32)
+    out[...] = grid.air_extinction[:, None, None]
+    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
+        out += scaled * extinction
+    return out
+
+
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    cloud = np.tensordot(grid.scaled, grid.extinction[..., : grid.ground_node.shape[1]], axes=1)
-    extinction = cloud + grid.air_extinction[:, None, None]
+    extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
     return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
 
 

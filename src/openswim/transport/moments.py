@@ -151,15 +151,16 @@ def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values):
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def restrict(threads, place, values, nx, coarse_place, out, complete):
+def restrict(threads, place, values, weight, nx, coarse_place, out, complete):
     """Means over 2x2 columns of moments kept in blocks, on a densely kept grid coarser by two.
 
-    What is not kept counts as zero; ``complete``: only where all is kept, the rest of ``out`` stays as it is.
+    ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
+    as zero; ``complete``: only where all is kept, the rest of ``out`` stays as it is.
     """
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
     half = BLOCK // 2
-    quarter = np.float32(0.25)
+    shares = np.empty((threads, 4, half), np.float32)
     for share in prange(threads):
         t = np.int64(share)
         for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
@@ -174,12 +175,31 @@ def restrict(threads, place, values, nx, coarse_place, out, complete):
                     if complete and (one < 0 or two < 0):
                         continue
                     last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
+                    part = shares[t]
+                    part[:, :] = np.float32(0.0)
+                    for i in range(min(half, last // 2 + 1)):
+                        x = block * BLOCK + 2 * i
+                        beside = block * BLOCK + min(2 * i + 1, last)
+                        y = min(2 * m + 1, ny - 1)
+                        a, b1 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
+                        c1, d = weight[k, y, x], weight[k, y, beside]
+                        total = a + b1 + c1 + d
+                        if total > np.float32(0.0):
+                            scale = np.float32(1.0) / total
+                            part[0, i], part[1, i], part[2, i], part[3, i] = scale * a, scale * b1, scale * c1, scale * d
                     for c in range(values.shape[1]):
                         for i in range(half):
-                            total = np.float32(0.0)
-                            if 2 * i <= last:
-                                if one >= 0:
-                                    total += values[one, c, 2 * i] + values[one, c, min(2 * i + 1, last)]
-                                if two >= 0:
-                                    total += values[two, c, 2 * i] + values[two, c, min(2 * i + 1, last)]
-                            out[at, c, side * half + i] = quarter * total
+                            beside = min(2 * i + 1, last)
+                            mean = np.float32(0.0)
+                            if one >= 0:
+                                mean += part[0, i] * values[one, c, 2 * i] + part[1, i] * values[one, c, beside]
+                            if two >= 0:
+                                mean += part[2, i] * values[two, c, 2 * i] + part[3, i] * values[two, c, beside]
+                            out[at, c, side * half + i] = mean
+
+
+@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+def add_scaled(out, weight, values):
+    """out += weight values, rows of numbers."""
+    for i in prange(out.shape[0]):
+        out[i] += weight * values[i]

@@ -48,7 +48,7 @@ class Solver:
     """
 
     name: str = "fast"
-    tolerance: float = 0.04
+    tolerance: float = 0.02
     step: float = 1.0
     most_sweeps: int = 60
     paper_phases: bool = False
@@ -191,7 +191,7 @@ def _diffuse(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
             )
             if plane_parallel:
-                values, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
+                values, _, n = sweeper.solve(sweeper.nothing(), 0.005 * solver.tolerance, 400, 12)
                 solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
                 solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)

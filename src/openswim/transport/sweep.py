@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.pack import put
+from openswim.transport.pack import LANES, put
 from openswim.transport.products import BLOCK
 from openswim.transport.sweep_row import SWEPT, carry_row, step_weights
-from openswim.transport.sweep_source import coarse_rows, collect_row, record_row, source_row
+from openswim.transport.sweep_source import coarse_rows, collect_row, record_means, record_row, source_row
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -90,7 +90,7 @@ def _plan_steps(ordinates, k, before, levels_m, cell_m, air_extinction, way, ste
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _any_swept(duty):
-    """Whether a row has blocks to sweep."""
+    """Whether a row has nodes to sweep."""
     for b in range(duty.shape[0]):
         if duty[b] == SWEPT:
             return True
@@ -126,7 +126,7 @@ def _sweep_row(
         intensity, source, extinction, here + j, a, b, c, old + t, n, sx if along_x else 0, sx, along_x, step, cloudy,
         duty, nx, work,
     )  # fmt: skip
-    if along_x and not periodic and duty[duty.shape[0] - 1 if sx > 0 else 0] == SWEPT:
+    if along_x and not periodic and duty[(nx - 1) // LANES if sx > 0 else 0] == SWEPT:
         put(intensity, out + (nx if sx > 0 else 1), inflow)
 
 
@@ -211,7 +211,8 @@ def _flux(ordinates, weight, intensity, i):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _finish_rows(
-    first, last, k, downward, plane, intensity, grid, half, gather, spread, place, duty, sums, values, flux, record
+    first, last, k, downward, plane, intensity, grid, half, gather, spread, place, duty, sums, values, flux, record,
+    means,
 ):  # fmt: skip
     """Rows first to last of a plane just swept: moments, and the flux through the ground or the top."""
     nz = grid.beam.shape[0]
@@ -222,9 +223,12 @@ def _finish_rows(
             continue
         collect_row(k, j, plane * rows + j + 1, not downward, intensity, gather, spread, place, sums, values, nx)
         if record.shape[0] > 1:
-            record_row(k, j, plane * rows + j + 1, intensity, record)
+            record_row(k, j, plane * rows + j + 1, duty[k, j], intensity, record)
+        if means.shape[0] > 1 and j % 2 == 1:
+            at = plane * rows + j
+            record_means(k, j // 2, at, at + 1, duty[k, j - 1], duty[k, j], intensity, means)
         for i in range(nx):
-            if k == (grid.ground_node[j, i] if downward else nz - 1) and duty[k, j, i // BLOCK] == SWEPT:
+            if k == (grid.ground_node[j, i] if downward else nz - 1) and duty[k, j, i // LANES] == SWEPT:
                 flux[j, i] = _flux(half.direction, half.weight, intensity[plane, j + 1], i)
 
 
@@ -254,7 +258,7 @@ def _sweep_share(
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def half_sweep(
     threads, downward, grid, half, parts, whole, gather, spread, place, duty, values, coarser, wanted, given,
-    ground_radiance, new_values, flux, record,
+    ground_radiance, new_values, flux, record, means,
 ):  # fmt: skip
     """Carry the light of one hemisphere through the grid, plane by plane, and sum its moments into ``new_values``.
 
@@ -262,10 +266,11 @@ def half_sweep(
     starting at the ground's radiance (ny, nx); the downward half comes first and overwrites, the other adds.
     parts to spread: the ordinates' harmonics, `Mirrored`.
     place, values: `Moments` before; new_values: after; coarser: the field that lights what is not kept.
-    duty (nz, ny, blocks): which blocks are swept, and which take the radiance that is ``given`` on the coarser grid;
-    wanted (nz, rows): rows of the coarser grid that matter.
+    duty (nz, ny, nx / LANES): which nodes are swept, and which take the radiance that is ``given``, on the coarser grid
+    where there is one; wanted (nz, rows): rows of the coarser grid that matter.
     flux (ny, nx): through the ground (down) or through the top (up), where that is swept.
-    given, record (nz, rows, ordinates, nodes and ghosts): radiance on the coarser grid; on this one, to be kept.
+    given, record, means (nz, rows, ordinates, nodes and ghosts): radiance that is known; to be kept on this grid; to be
+    kept on the coarser grid.
     """
     nz, ny, columns = grid.beam.shape
     degree = grid.air_scattering.shape[1]
@@ -279,7 +284,7 @@ def half_sweep(
     terms, sums = np.empty((threads, degree * degree, BLOCK), f32), np.empty((threads, sum_count, BLOCK), f32)
     rows = coarser.beam.shape[1]
     kinds = 1 + grid.extinction.shape[0] if coarser.factor > 0 else 0
-    if given.shape[0] > 1:
+    if given.shape[0] > 1 and kinds > 0:
         kinds += 1
     planes = np.zeros((kinds, rows, count, columns + 2), f32)
     lines = np.empty((threads, count, coarser.beam.shape[2] + 2), f32)
@@ -291,9 +296,10 @@ def half_sweep(
         for share in prange(threads):
             t = np.int64(share)  # an unsigned index makes floats of differences
             if step > 0:
+                # pairs of rows stay together
                 _finish_rows(
-                    t * ny // threads, (t + 1) * ny // threads, before, downward, old, intensity, grid, half, gather,
-                    spread, place, duty, sums[t], new_values, flux, record,
+                    t * ny // (2 * threads) * 2, (t + 1) * ny // (2 * threads) * 2 if t + 1 < threads else ny, before, downward, old, intensity, grid, half, gather,
+                    spread, place, duty, sums[t], new_values, flux, record, means,
                 )  # fmt: skip
             if step < nz and kinds > 0:
                 coarse_rows(
@@ -305,7 +311,7 @@ def half_sweep(
                 t = np.int64(share)
                 for j in range(t * ny // threads, (t + 1) * ny // threads):
                     source_row(
-                        k, j, cur * (ny + 2) + j + 1, grid, parts, whole, place, duty, values, coarser, planes,
+                        k, j, cur * (ny + 2) + j + 1, grid, parts, whole, place, duty, values, coarser, planes, given,
                         grid.present[k], terms[t], sums[t], source, extinction, intensity,
                     )  # fmt: skip
             _end_rows(extinction[cur], 0, grid.periodic)

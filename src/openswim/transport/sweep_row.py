@@ -14,7 +14,7 @@ _TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
 _SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
 _SHORT = np.float32(0.1)
 
-SKIPPED, GIVEN, SWEPT = 0, 1, 2  # what becomes of a block: nothing, the coarser grid's radiance, a sweep
+SKIPPED, GIVEN, SWEPT = 0, 1, 2  # what becomes of LANES nodes: nothing, radiance that is known, a sweep
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -59,7 +59,7 @@ def carry_row(
     Buffers are (planes, rows, ordinates, nodes and a ghost on either side), ``extinction`` without ordinates. Corners
     b and d lie ``shift`` nodes aside, a and c ``aside``. recurrent: corner a is the neighbour in this very row; all but
     its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_steps`;
-    ``cloudy``: the blocks whose steps differ; ``duty``: those to be swept. ``work``: scratch of two rows.
+    ``cloudy``: the blocks whose steps differ; ``duty``: the nodes to be swept, by LANES. ``work``: scratch of two rows.
     """
     count, stride = intensity.shape[2], intensity.shape[3]
     wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
@@ -72,7 +72,7 @@ def carry_row(
     e_c, e_d = c * stride + 1 + aside, d * stride + 1 + shift
     ghost = flat(intensity, out + nx)  # the last pack may reach over it
     for i in range(0, nx, LANES):
-        if flat(duty, i // BLOCK) != SWEPT:
+        if flat(duty, i // LANES) != SWEPT:
             continue
         up = _between(intensity, at_a + i, at_b + i, at_c + i, at_d + i, known, wb, wc, wd)
         source_up = _between(source, at_a + i, at_b + i, at_c + i, at_d + i, wa, wb, wc, wd)
@@ -94,18 +94,18 @@ def carry_row(
     if not recurrent:
         put(intensity, out + nx, ghost)
         return
-    blocks = duty.shape[0]
-    for m in range(blocks):  # runs of blocks, in the order of the light
-        block = blocks - 1 - m if shift > 0 else m
-        before = block + 1 if shift > 0 else block - 1
-        if flat(duty, block) != SWEPT or (0 <= before < blocks and flat(duty, before) == SWEPT):
+    packs = (nx + LANES - 1) // LANES
+    for m in range(packs):  # runs of nodes, in the order of the light
+        begin = packs - 1 - m if shift > 0 else m
+        before = begin + 1 if shift > 0 else begin - 1
+        if flat(duty, begin) != SWEPT or (0 <= before < packs and flat(duty, before) == SWEPT):
             continue
-        end = block
-        while 0 <= end < blocks and flat(duty, end) == SWEPT:
+        end = begin
+        while 0 <= end < packs and flat(duty, end) == SWEPT:
             end += -1 if shift > 0 else 1
-        low, high = (end + 1, block) if shift > 0 else (block, end - 1)
-        first = low * BLOCK
-        _recur(intensity, out + first, work, first, stride + first, min(nx, (high + 1) * BLOCK) - first, shift)
+        low, high = (end + 1, begin) if shift > 0 else (begin, end - 1)
+        first = low * LANES
+        _recur(intensity, out + first, work, first, stride + first, min(nx, (high + 1) * LANES) - first, shift)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

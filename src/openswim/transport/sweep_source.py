@@ -13,6 +13,7 @@ from openswim.transport.pack import (
     PACK,
     flat,
     interleave,
+    neighbour_sums,
     put,
     read_double,
     read_quadruple,
@@ -20,7 +21,7 @@ from openswim.transport.pack import (
     write,
 )
 from openswim.transport.products import BLOCK, multiply
-from openswim.transport.sweep_row import GIVEN, SKIPPED
+from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -58,9 +59,8 @@ def _kept_source(k, j, b, at, grid, parts, whole, values, terms, sums, source, o
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _thin_source(k, j, b, grid, coarser, planes, active, source, out, intensity, given):
-    """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction;
-    and radiance, where that is ``given``.
+def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
+    """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction.
 
     planes (2 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
     species, of those that are ``active`` on this level, and radiance.
@@ -85,19 +85,37 @@ def _thin_source(k, j, b, grid, coarser, planes, active, source, out, intensity,
                     light = rest * read_quadruple(planes, kind + one) + share * read_quadruple(planes, kind + two)
                     total += read_quadruple(grid.extinction, s * (nz * ny * nx) + node) * light
             write(source, out + n * stride + i, total)
-            if given:
-                kind = (1 + ns) * rows * count * stride
-                light = rest * read_quadruple(planes, kind + one) + share * read_quadruple(planes, kind + two)
-                write(intensity, out + n * stride + i, light)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _give(k, j, x, coarser, planes, given, intensity, out):
+    """Radiance of LANES nodes: of the coarser grid, or what is ``given`` on this one, or none."""
+    count, stride = intensity.shape[2], intensity.shape[3]
+    if coarser.factor > 0:
+        kinds, rows = planes.shape[0], planes.shape[1]
+        m, share = between(j, coarser.factor, rows)
+        next_row = (min(m + 1, rows - 1) - m) * count * stride
+        one = ((kinds - 1) * rows + m) * count * stride + 1 + x
+        for n in range(count):
+            at = one + n * stride
+            light = (_ONE - share) * read_quadruple(planes, at) + share * read_quadruple(planes, at + next_row)
+            write(intensity, out + n * stride, light)
+    elif given.shape[0] > 1:
+        one = (k * given.shape[1] + j) * count * stride + 1 + x
+        for n in range(count):
+            write(intensity, out + n * stride, read_quadruple(given, one + n * stride))
+    else:
+        for n in range(count):
+            write(intensity, out + n * stride, spread_quadruple(_ZERO))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def source_row(
-    k, j, at, grid, parts, whole, place, duty, values, coarser, planes, active, terms, sums, source, extinction,
-    intensity,
+    k, j, at, grid, parts, whole, place, duty, values, coarser, planes, given, active, terms, sums, source,
+    extinction, intensity,
 ):  # fmt: skip
     """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers; and
-    the radiance of blocks to which the coarser grid gives it."""
+    the radiance of nodes where it is known."""
     ns, nz, ny, nx = grid.extinction.shape
     count, stride = source.shape[2], source.shape[3]
     for i in range(0, nx, LANES):
@@ -110,19 +128,20 @@ def source_row(
     for b in range(place.shape[2]):
         block = (k * ny + j) * place.shape[2] + b
         out = at * count * stride + 1 + b * BLOCK
-        kept, due = flat(place, block), flat(duty, block)
-        if due == SKIPPED:
+        if flat(duty, 2 * block) == SKIPPED and flat(duty, 2 * block + 1) == SKIPPED:
             continue
+        kept = flat(place, block)
         if kept >= 0:
             _kept_source(k, j, b, kept, grid, parts, whole, values, terms, sums, source, out)
         elif coarser.factor > 0:
-            _thin_source(k, j, b, grid, coarser, planes, active, source, out, intensity, due == GIVEN)
+            _thin_source(k, j, b, grid, coarser, planes, active, source, out)
         else:
             for n in range(count):
                 for i in range(0, BLOCK, LANES):
                     write(source, out + n * stride + i, spread_quadruple(_ZERO))
-                    if due == GIVEN:
-                        write(intensity, out + n * stride + i, spread_quadruple(_ZERO))
+        for i in range(2):
+            if flat(duty, 2 * block + i) == GIVEN:
+                _give(k, j, b * BLOCK + i * LANES, coarser, planes, given, intensity, out + i * LANES)
     for n in range(count):
         _row_ends(source, (at * count + n) * stride, columns, grid.periodic)
 
@@ -164,7 +183,7 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, rec
     for j in range(first, last):
         if not flat(wanted, k * rows + j):
             continue
-        if record.shape[0] > 1:
+        if planes.shape[0] > active.shape[0]:
             out = ((planes.shape[0] - 1) * rows + j) * count * stride
             _stretch_row(record, (k * rows + j) * count * line, line, coarser.columns, planes, out)
         for kind in range(active.shape[0]):
@@ -194,13 +213,28 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, rec
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def record_row(k, j, at, intensity, record):
-    """Keep row ``at`` of ``intensity`` as row j of level k."""
+def record_row(k, j, at, duty, intensity, record):
+    """Keep what was swept of row ``at`` of ``intensity`` as row j of level k."""
     rows, count, stride = record.shape[1], record.shape[2], record.shape[3]
-    out, start = (k * rows + j) * count * stride, at * count * stride
-    for n in range(count):
-        for i in range(1, stride - 1, LANES):
-            write(record, out + n * stride + i, read_quadruple(intensity, start + n * stride + i))
+    out, start = (k * rows + j) * count * stride + 1, at * count * stride + 1
+    for i in range(0, stride - 2, LANES):
+        if flat(duty, i // LANES) == SWEPT:
+            for n in range(count):
+                write(record, out + n * stride + i, read_quadruple(intensity, start + n * stride + i))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def record_means(k, m, at, next_at, duty, next_duty, intensity, record):
+    """Keep the means of rows ``at`` and ``next_at``, over 2x2 nodes, as row m of the coarser grid's radiance."""
+    count, stride = intensity.shape[2], intensity.shape[3]
+    rows, line = record.shape[1], record.shape[3]
+    quarter = _FAR
+    for i in range(0, stride - 2, LANES):
+        if flat(duty, i // LANES) == SWEPT and flat(next_duty, i // LANES) == SWEPT:
+            for n in range(count):
+                one, two = (at * count + n) * stride + 1 + i, (next_at * count + n) * stride + 1 + i
+                both = neighbour_sums(read_quadruple(intensity, one) + read_quadruple(intensity, two))
+                write(record, ((k * rows + m) * count + n) * line + 1 + i // 2, quarter * both)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
