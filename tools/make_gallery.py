@@ -43,11 +43,12 @@ def space(name: str, file: str, lat: float, lon: float, height_m: float, **more:
     return Picture(f"{name}_space", file, "satellite", camera, **more)
 
 
-def flat(name: str, file: str, x: float, y: float, wide: float, ground_m: float) -> list[Picture]:
-    below = {"x_m": x, "y_m": y, "height_m": ground_m, "azimuth_deg": 180.0, "size": PANORAMA}
-    above = {"x_m": x, "y_m": y - 0.9 * wide, "height_m": 1.6 * wide, "azimuth_deg": 0.0, "altitude_deg": -50.0,
-             "fov_deg": 60.0, "size": (300, 400)}  # fmt: skip
-    return [Picture(f"{name}_ground", file, "panorama", below), Picture(f"{name}_space", file, "perspective", above)]
+def large_eddy(name: str, file: str, lat: float, lon: float, wide_m: float) -> list[Picture]:
+    """A domain without a place, laid around one: from below, and from above on the slant."""
+    here = {"lat": lat, "lon": lon}
+    above = here | {"height_m": 1.1 * wide_m, "azimuth_deg": 20.0, "altitude_deg": -75.0, "fov_deg": 60.0,
+                    "size": (300, 400)}  # fmt: skip
+    return [ground(name, file, lat, lon), Picture(f"{name}_space", file, "perspective", above)]
 
 
 GFS, ERA5 = "gfs_2011-10-08_f072.grib1", "era5_europe_2019-01-01.nc"
@@ -80,8 +81,8 @@ PICTURES = [
     ground("smoke", SMOKE, 34.0, -84.0, sun_time="2026-03-01T20:00"),
     space("smoke", SMOKE, 36.0, -95.0, 4e6, sun_time="2026-03-01T20:00"),
     ground("rams", "rams_clear_2019-07-02.h5", 72.6, -38.6),
-    *flat("rico", "les_rico_122x106x39.txt", 1200.0, 1000.0, 2400.0, 2.0),
-    *flat("stratocumulus", "les_stratocumulus_64x64x16.txt", 1700.0, 1700.0, 3400.0, 2.0),
+    *large_eddy("rico", "les_rico_122x106x39.txt", 18.0, -61.5, 2400.0),
+    *large_eddy("stratocumulus", "les_stratocumulus_64x64x16.txt", 31.0, -121.0, 3500.0),
 ]
 
 

@@ -117,6 +117,15 @@ def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
         select(mesh, Neighbourhood(50.0, 10.0))
 
 
+def test_a_large_domain_seen_whole_is_averaged_and_no_farther_than_it_reaches():
+    crs = CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229")
+    mesh = Mesh(3000.0 * np.arange(1799) - 2.7e6, 3000.0 * np.arange(1059) - 1.6e6, crs, 6371229.0)
+    part = select(mesh, Neighbourhood(38.0, -97.0, reach_m(35_786_000.0), if_large=True))
+    assert max(part.shape) <= 421
+    assert part.x[1] - part.x[0] < 16_000  # 5400 km by 3200 km
+    assert part.x[-1] - part.x[0] > 5.2e6
+
+
 def test_small_domains_stay_whole_unless_asked():
     mesh = Mesh(0.04 * np.arange(300), 40 + 0.04 * np.arange(300), SPHERE)
     assert mesh.x.size * mesh.y.size < LARGE_COLUMNS

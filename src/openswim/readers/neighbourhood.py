@@ -34,6 +34,7 @@ _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
 _WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
 _LARGE_SPAN = 1.9  # radians
+_MOST_COLUMNS = 300_000  # cut as they are; more are averaged
 _LEAST_CELLS = 3  # on each side of the observer
 _NARROWING = 1.2  # width of cells at one edge of the part against its middle
 _MOST_SIDE = 420  # columns along a side of a resampled part
@@ -276,6 +277,8 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
         columns = (slice(west, nx), slice(0, east + 1 - nx))
     if (east - west) * wide > _MOST_WINDOW_M or (north - south) * tall > _MOST_WINDOW_M:
         return None
+    if (east - west) * (north - south) > _MOST_COLUMNS:
+        return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
     note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")
     return Selection(x, even, mesh.crs, mesh.earth_radius_m, slice(south, north + 1), columns, note=note)
@@ -301,7 +304,8 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     ny, nx = mesh.shape
     grid, radius = mesh.grid(), mesh.earth_radius_m
     _, tall = _cell_m(grid, 0.5 * (nx - 1), 0.5 * (ny - 1))
-    half = 2.0 * radius * math.sin(0.5 * min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M) / radius)
+    wanted = min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M, _farthest_m(mesh, around) + tall)
+    half = 2.0 * radius * math.sin(0.5 * wanted / radius)
     step = max(tall, 2.0 * half / (_MOST_SIDE - 1))
     count = 2 * math.floor(half / step + 1e-6) + 1  # never beyond the farthest radius
     crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
@@ -311,6 +315,20 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
     note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
     return onto(mesh, target, note)
+
+
+def _farthest_m(mesh: Mesh, around: Neighbourhood) -> float:
+    """How far the domain reaches from a place."""
+    from openswim.scene.grid import great_circle_m
+
+    if mesh.all_round:
+        return math.inf
+    ny, nx = mesh.shape
+    edge = np.linspace(0, 1, 21)
+    i = np.concatenate([edge, edge, 0 * edge, 0 * edge + 1]) * (nx - 1)
+    j = np.concatenate([0 * edge, 0 * edge + 1, edge, edge]) * (ny - 1)
+    ends = zip(*mesh.grid().lonlat(i, j), strict=True)
+    return max(great_circle_m([around.lon, lon], [around.lat, lat], mesh.earth_radius_m) for lon, lat in ends)
 
 
 def onto(mesh: Mesh, target: Grid, note: str = "") -> Selection:
