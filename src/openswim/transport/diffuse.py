@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
-from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK, Mirrored, SparseRows
 from openswim.transport.sweep import Half, OpticalGrid, half_sweep
-from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -49,11 +47,6 @@ class Sweeper:
     halves: tuple[tuple[Half, Mirrored], tuple[Half, Mirrored]]
     coarser: Coarser
     place: NDArray[np.int32]
-    duty: NDArray[np.int8]
-    wanted: NDArray[np.bool_]  # (nz, rows of the coarser grid)
-    given: tuple[F32, F32]  # radiance that is known, of both halves, on the coarser grid or on this one
-    record: tuple[F32, F32]  # radiance of the last sweep
-    means: tuple[F32, F32]  # the same on the coarser grid
 
     @classmethod
     def of(
@@ -70,11 +63,9 @@ class Sweeper:
             edges = np.zeros((len(q), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
             halves.append((Half(q, w, np.ascontiguousarray(inflow[half].T), edges), mirrored(q, w, degree)))
         kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
-        nothing = np.zeros((1, 1, 1, 1), np.float32)
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept), np.full((nz, ny, grid.beam.shape[2] // LANES), SWEPT, np.int8), np.zeros((nz, 1), bool), (nothing, nothing),
-            (nothing, nothing), (nothing, nothing),
+            places(kept),
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -84,42 +75,14 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def recording(self, room: tuple[F32, F32] | None) -> Sweeper:
-        """The same, keeping the radiance of its sweeps, where there is ``room`` from a like grid's."""
-        nz, ny, nx = self.grid.beam.shape
-        if room is None:
-            one, two = (np.zeros((nz, ny, len(half.direction), nx + 2), np.float32) for half, _ in self.halves)
-            room = one, two
-        return replace(self, record=room)
-
     def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
-        """The same where it is thick, or where it is ``kept``, between the radiance that the coarser grid of ``base``
-        has recorded; ``values``: its moments."""
+        """The same, keeping moments where it is thick, or what is told, over ``values`` of a coarser grid."""
         if kept is None:
             kept = self.grid.cloudy & thick_blocks(self.grid)
-        duty = local_duty(kept)
-        rows = base.grid.ground_node.shape[0]
-        k, j = np.nonzero((duty == GIVEN).any(axis=2))
-        wanted = np.zeros((len(duty), rows), bool)
-        row = np.maximum((j - 1) // 2, 0)
-        wanted[k, row] = wanted[k, np.minimum(row + 1, rows - 1)] = True
         coarser = Coarser(
             2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics
         )
-        return replace(
-            self, coarser=coarser, place=places(kept), duty=duty, wanted=wanted, given=base.record, means=base.record
-        )  # fmt: skip
-
-    def around(self, fine: Sweeper) -> Sweeper:
-        """The same, with the radiance recorded by a finer grid where that has swept whole cells."""
-        rows = fine.grid.ground_node.shape[0] // 2
-        swept = fine.duty[:, ::2][:, :rows] & fine.duty[:, 1::2][:, :rows] & SWEPT
-        # the finer grid's blocks are LANES nodes here
-        swept = swept[:, :, ::2] > 0
-        duty = np.full_like(self.duty, SWEPT)
-        width = min(duty.shape[2], swept.shape[2])
-        duty[:, :rows, :width][swept[:, :, :width]] = GIVEN
-        return replace(self, duty=duty, given=self.record)
+        return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
         """The same medium on 2x2 means of its columns."""
@@ -151,8 +114,7 @@ class Sweeper:
             cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
             self.ordinates,
         )  # fmt: skip
-        kept = cut.cloudy & thick_blocks(cut)
-        return replace(dark, place=places(kept), duty=local_duty(kept))
+        return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
 
     def answer(self, change: F32, tolerance: float, most: int) -> F32:
         """What follows from a ``change`` of the moments: e = K (e + change), K a sweep of the `unlit` medium."""
@@ -177,9 +139,8 @@ class Sweeper:
         for n, (half, harmonics) in enumerate(self.halves):
             flux = self.up_flux if n else self.down_flux
             half_sweep(
-                get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, self.duty, values, self.coarser,
-                self.wanted, self.given[n], radiance, new, flux, self.record[n],
-                self.means[n],
+                get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, values, self.coarser, radiance,
+                new, flux,
             )  # fmt: skip
             if n == 0:
                 radiance = np.asarray(
@@ -202,10 +163,10 @@ class Sweeper:
         change = None if correct is None else np.empty_like(values)
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare())
-            if change_of(values, image) < tolerance:
-                break
             if correct is not None and change is not None and n <= _MOST_CORRECTIONS:
                 correct(np.subtract(image, values, out=change), image)
+            if change_of(values, image) < tolerance:
+                break
             size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
@@ -258,7 +219,6 @@ class Trace(NamedTuple):
     kept: NDArray[np.bool_]  # (nz, ny, blocks)
     start: F32  # (blocks, 1, BLOCK), l = 0 only
     defect: F32
-    record: tuple[F32, F32] | None = None  # the coarser grid's, for another wavelength to overwrite
 
 
 class Solution(NamedTuple):
@@ -277,7 +237,7 @@ def coarse_to_fine(
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
-    everywhere: sweep all of the grid, else what is thick, between the coarse grid's radiance.
+    everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
     like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
@@ -286,8 +246,6 @@ def coarse_to_fine(
         values, before, n = fine.solve(begin, 0.05 * tolerance, most)
         return Solution(Moments(fine.place, values), fine.coarser, [n], [Trace(fine.place >= 0, before[:, :1], before)])
     base = fine.coarsened()
-    if not everywhere:
-        base = base.recording(like[-1].record if like else None)
     below = coarse_to_fine(base, tolerance, most, like, True)
     known = below.moments.values
     trace = like[len(below.sweeps)] if like else None
@@ -302,27 +260,9 @@ def coarse_to_fine(
         begin += start
     else:
         begin, enough = start.copy(), tolerance
-    if everywhere:
-        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
-    else:
-        level.down_flux, level.up_flux = (stretched(f, fine.grid.ground_node.shape) for f in (base.down_flux, base.up_flux))
-        values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
-        restrict(
-            get_num_threads(), level.place, values, total_extinction(fine.grid), fine.grid.ground_node.shape[1],
-            base.place, known, True,
-        )  # fmt: skip
-        base = base.around(level)
-        known = base.sweep(known)
-        swept = level.duty == SWEPT
-        fine.down_flux, fine.up_flux = (
-            np.where(on_level(swept, node), own, stretched(flux, own.shape))
-            for own, flux, node in (
-                (level.down_flux, base.down_flux, fine.grid.ground_node),
-                (level.up_flux, base.up_flux, np.full_like(fine.grid.ground_node, len(swept) - 1)),
-            )
-        )
-        level = replace(level, coarser=level.coarser._replace(values=known))
-    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start, base.record)]
+    values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
+    fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
+    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start)]
     return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
@@ -348,33 +288,6 @@ class _Correction:
             get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
         )  # fmt: skip
         image += change
-
-
-def local_duty(kept: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """What becomes of nodes (nz, ny, nx / LANES) where blocks that are kept are swept, and their neighbours given."""
-    near = kept
-    for axis in range(3):
-        padded = np.pad(near, [(1, 1) if a == axis else (0, 0) for a in range(3)])
-        n = kept.shape[axis]
-        near = padded.take(range(n), axis) | near | padded.take(range(2, n + 2), axis)
-    duty = np.where(kept, SWEPT, np.where(near, GIVEN, SKIPPED)).astype(np.int8)
-    return duty.repeat(BLOCK // LANES, axis=2)
-
-
-def on_level(found: NDArray[np.bool_], node: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether the node on a level (ny, nx) of each column is among the nodes (nz, ny, nx / LANES) found."""
-    ny, nx = node.shape
-    return found[node, np.arange(ny)[:, None], np.arange(nx)[None] // LANES]
-
-
-def stretched(field: F32, shape: tuple[int, ...]) -> F32:
-    """A field (ny, nx) of a grid coarser by two, bilinearly at the nodes of one of ``shape``."""
-    for axis, n in enumerate(shape):
-        i = np.arange(n)
-        m = i // 2
-        aside = np.clip(m + np.where(i % 2, 1, -1), 0, field.shape[axis] - 1)
-        field = np.float32(0.75) * field.take(m, axis) + np.float32(0.25) * field.take(aside, axis)
-    return field
 
 
 def total_extinction(grid: OpticalGrid) -> F32:

@@ -186,7 +186,8 @@ def restrict(threads, place, values, weight, nx, coarse_place, out, complete):
                         total = a + b1 + c1 + d
                         if total > np.float32(0.0):
                             scale = np.float32(1.0) / total
-                            part[0, i], part[1, i], part[2, i], part[3, i] = scale * a, scale * b1, scale * c1, scale * d
+                            part[0, i], part[1, i] = scale * a, scale * b1
+                            part[2, i], part[3, i] = scale * c1, scale * d
                     for c in range(values.shape[1]):
                         for i in range(half):
                             beside = min(2 * i + 1, last)

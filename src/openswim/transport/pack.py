@@ -270,19 +270,6 @@ def interleave(typingctx, a, b):
     return _QUADRUPLE(_DOUBLE, _DOUBLE), lower
 
 
-@intrinsic
-def neighbour_sums(typingctx, pack):
-    """Sums of every two neighbours in a quadruple pack, as a double pack."""
-
-    def lower(context, builder, sig, args):
-        even, odd = (
-            builder.shuffle_vector(args[0], args[0], _indices(range(start, 4 * PACK, 2))) for start in (0, 1)
-        )
-        return builder.fadd(even, odd, flags=_FAST)
-
-    return _DOUBLE(_QUADRUPLE), lower
-
-
 def _half_of(pack, which: int):
     kind = _NARROW if pack == _DOUBLE else _DOUBLE
 

@@ -48,7 +48,7 @@ class Solver:
     """
 
     name: str = "fast"
-    tolerance: float = 0.02
+    tolerance: float = 0.04
     step: float = 1.0
     most_sweeps: int = 60
     paper_phases: bool = False

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.pack import LANES, put
+from openswim.transport.pack import put
 from openswim.transport.products import BLOCK
-from openswim.transport.sweep_row import SWEPT, carry_row, step_weights
-from openswim.transport.sweep_source import coarse_rows, collect_row, record_means, record_row, source_row
+from openswim.transport.sweep_row import carry_row, step_weights
+from openswim.transport.sweep_source import coarse_rows, collect_row, source_row
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -89,18 +89,7 @@ def _plan_steps(ordinates, k, before, levels_m, cell_m, air_extinction, way, ste
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _any_swept(duty):
-    """Whether a row has nodes to sweep."""
-    for b in range(duty.shape[0]):
-        if duty[b] == SWEPT:
-            return True
-    return False
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _sweep_row(
-    n, j, begins, way, step, cur, intensity, source, extinction, cloudy, duty, inflow, top, periodic, nx, work
-):  # fmt: skip
+def _sweep_row(n, j, begins, way, step, cur, intensity, source, extinction, cloudy, inflow, top, periodic, nx, work):
     """Row j of ordinate n in plane ``cur``. begins: the first row on the way through the plane; top: the first plane.
 
     ``inflow``: radiance entering through open sides at this level.
@@ -124,28 +113,26 @@ def _sweep_row(
     c = old + (j if along_x else t)
     carry_row(
         intensity, source, extinction, here + j, a, b, c, old + t, n, sx if along_x else 0, sx, along_x, step, cloudy,
-        duty, nx, work,
+        nx, work,
     )  # fmt: skip
-    if along_x and not periodic and duty[(nx - 1) // LANES if sx > 0 else 0] == SWEPT:
+    if along_x and not periodic:
         put(intensity, out + (nx if sx > 0 else 1), inflow)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _sweep_plane(
-    first, stride, way, steps, cur, intensity, source, extinction, cloudy, duty, inflow, top, periodic, nx, work
+    first, stride, way, steps, cur, intensity, source, extinction, cloudy, inflow, top, periodic, nx, work
 ):  # fmt: skip
     """Ordinates first, first + stride, ... through one plane, row by row together: their rows lie side by side."""
     ny = intensity.shape[1] - 2
     for side in (1, -1):
         for m in range(ny):
             j = ny - m if side > 0 else 1 + m
-            if not _any_swept(duty[j - 1]):
-                continue
             for n in range(first, way.shape[0], stride):
                 if way[n, 2] == side:
                     _sweep_row(
-                        n, j, m == 0, way[n], steps[n], cur, intensity, source, extinction, cloudy[j - 1],
-                        duty[j - 1], inflow[n], top, periodic, nx, work,
+                        n, j, m == 0, way[n], steps[n], cur, intensity, source, extinction, cloudy[j - 1], inflow[n],
+                        top, periodic, nx, work,
                     )  # fmt: skip
 
 
@@ -210,31 +197,21 @@ def _flux(ordinates, weight, intensity, i):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _finish_rows(
-    first, last, k, downward, plane, intensity, grid, half, gather, spread, place, duty, sums, values, flux, record,
-    means,
-):  # fmt: skip
+def _finish_rows(first, last, k, downward, plane, intensity, grid, half, gather, spread, place, sums, values, flux):
     """Rows first to last of a plane just swept: moments, and the flux through the ground or the top."""
     nz = grid.beam.shape[0]
     nx = grid.ground_node.shape[1]
     rows = intensity.shape[1]
     for j in range(first, last):
-        if not _any_swept(duty[k, j]):
-            continue
         collect_row(k, j, plane * rows + j + 1, not downward, intensity, gather, spread, place, sums, values, nx)
-        if record.shape[0] > 1:
-            record_row(k, j, plane * rows + j + 1, duty[k, j], intensity, record)
-        if means.shape[0] > 1 and j % 2 == 1:
-            at = plane * rows + j
-            record_means(k, j // 2, at, at + 1, duty[k, j - 1], duty[k, j], intensity, means)
         for i in range(nx):
-            if k == (grid.ground_node[j, i] if downward else nz - 1) and duty[k, j, i // LANES] == SWEPT:
+            if k == (grid.ground_node[j, i] if downward else nz - 1):
                 flux[j, i] = _flux(half.direction, half.weight, intensity[plane, j + 1], i)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _sweep_share(
-    first, stride, k, downward, top, cur, grid, half, duty, ground_radiance, highest, way, steps, intensity, source,
+    first, stride, k, downward, top, cur, grid, half, ground_radiance, highest, way, steps, intensity, source,
     extinction, work,
 ):  # fmt: skip
     """One thread's share of a plane: ordinates first, first + stride, ..., and what bounds them."""
@@ -245,8 +222,8 @@ def _sweep_share(
         _set_sides(swept, n, nx, grid.periodic, inflow[n], half.edges[n, k if grid.periodic else 0])
         _end_rows(own, n, grid.periodic)
     _sweep_plane(
-        first, stride, way, steps, cur, intensity, source, extinction, grid.cloudy[k], duty[k], inflow, top, grid.periodic,
-        nx, work,
+        first, stride, way, steps, cur, intensity, source, extinction, grid.cloudy[k], inflow, top, grid.periodic, nx,
+        work,
     )  # fmt: skip
     for n in range(first, way.shape[0], stride):
         if not downward and k <= highest:
@@ -257,8 +234,8 @@ def _sweep_share(
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def half_sweep(
-    threads, downward, grid, half, parts, whole, gather, spread, place, duty, values, coarser, wanted, given,
-    ground_radiance, new_values, flux, record, means,
+    threads, downward, grid, half, parts, whole, gather, spread, place, values, coarser, ground_radiance,
+    new_values, flux,
 ):  # fmt: skip
     """Carry the light of one hemisphere through the grid, plane by plane, and sum its moments into ``new_values``.
 
@@ -266,11 +243,7 @@ def half_sweep(
     starting at the ground's radiance (ny, nx); the downward half comes first and overwrites, the other adds.
     parts to spread: the ordinates' harmonics, `Mirrored`.
     place, values: `Moments` before; new_values: after; coarser: the field that lights what is not kept.
-    duty (nz, ny, nx / LANES): which nodes are swept, and which take the radiance that is ``given``, on the coarser grid
-    where there is one; wanted (nz, rows): rows of the coarser grid that matter.
-    flux (ny, nx): through the ground (down) or through the top (up), where that is swept.
-    given, record, means (nz, rows, ordinates, nodes and ghosts): radiance that is known; to be kept on this grid; to be
-    kept on the coarser grid.
+    flux (ny, nx): through the ground (down) or through the top (up).
     """
     nz, ny, columns = grid.beam.shape
     degree = grid.air_scattering.shape[1]
@@ -284,8 +257,6 @@ def half_sweep(
     terms, sums = np.empty((threads, degree * degree, BLOCK), f32), np.empty((threads, sum_count, BLOCK), f32)
     rows = coarser.beam.shape[1]
     kinds = 1 + grid.extinction.shape[0] if coarser.factor > 0 else 0
-    if given.shape[0] > 1 and kinds > 0:
-        kinds += 1
     planes = np.zeros((kinds, rows, count, columns + 2), f32)
     lines = np.empty((threads, count, coarser.beam.shape[2] + 2), f32)
     highest = grid.ground_node.max()
@@ -296,29 +267,28 @@ def half_sweep(
         for share in prange(threads):
             t = np.int64(share)  # an unsigned index makes floats of differences
             if step > 0:
-                # pairs of rows stay together
                 _finish_rows(
-                    t * ny // (2 * threads) * 2, (t + 1) * ny // (2 * threads) * 2 if t + 1 < threads else ny, before, downward, old, intensity, grid, half, gather,
-                    spread, place, duty, sums[t], new_values, flux, record, means,
+                    t * ny // threads, (t + 1) * ny // threads, before, downward, old, intensity, grid, half, gather,
+                    spread, place, sums[t], new_values, flux,
                 )  # fmt: skip
             if step < nz and kinds > 0:
                 coarse_rows(
-                    t * rows // threads, (t + 1) * rows // threads, k, grid, parts, whole, coarser, wanted,
-                    grid.present[k], given, terms[t], sums[t], lines[t], planes,
+                    t * rows // threads, (t + 1) * rows // threads, k, grid, parts, whole, coarser, grid.present[k],
+                    terms[t], sums[t], lines[t], planes,
                 )  # fmt: skip
         if step < nz:
             for share in prange(threads):
                 t = np.int64(share)
                 for j in range(t * ny // threads, (t + 1) * ny // threads):
                     source_row(
-                        k, j, cur * (ny + 2) + j + 1, grid, parts, whole, place, duty, values, coarser, planes, given,
-                        grid.present[k], terms[t], sums[t], source, extinction, intensity,
+                        k, j, cur * (ny + 2) + j + 1, grid, parts, whole, place, values, coarser, planes,
+                        grid.present[k], terms[t], sums[t], source, extinction,
                     )  # fmt: skip
             _end_rows(extinction[cur], 0, grid.periodic)
             _plan_steps(half.direction, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, way, steps)
             for share in prange(threads):
                 t = np.int64(share)
                 _sweep_share(
-                    t, threads, k, downward, step == 0, cur, grid, half, duty, ground_radiance, highest, way, steps,
+                    t, threads, k, downward, step == 0, cur, grid, half, ground_radiance, highest, way, steps,
                     intensity, source, extinction, work[t],
                 )  # fmt: skip

@@ -14,8 +14,6 @@ _TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
 _SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
 _SHORT = np.float32(0.1)
 
-SKIPPED, GIVEN, SWEPT = 0, 1, 2  # what becomes of LANES nodes: nothing, radiance that is known, a sweep
-
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def step_weights(extinction, extinction_up, ds):
@@ -51,15 +49,13 @@ def _between(array, a, b, c, d, wa, wb, wc, wd):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def carry_row(
-    intensity, source, extinction, here, a, b, c, d, n, aside, shift, recurrent, step, cloudy, duty, nx, work
-):  # fmt: skip
+def carry_row(intensity, source, extinction, here, a, b, c, d, n, aside, shift, recurrent, step, cloudy, nx, work):
     """Row ``here`` of ordinate n from the corners' rows a to d: indices of rows, all planes counted through.
 
     Buffers are (planes, rows, ordinates, nodes and a ghost on either side), ``extinction`` without ordinates. Corners
     b and d lie ``shift`` nodes aside, a and c ``aside``. recurrent: corner a is the neighbour in this very row; all but
     its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_steps`;
-    ``cloudy``: the blocks whose steps differ; ``duty``: the nodes to be swept, by LANES. ``work``: scratch of two rows.
+    ``cloudy``: the blocks whose steps differ. ``work``: scratch of two rows.
     """
     count, stride = intensity.shape[2], intensity.shape[3]
     wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
@@ -72,8 +68,6 @@ def carry_row(
     e_c, e_d = c * stride + 1 + aside, d * stride + 1 + shift
     ghost = flat(intensity, out + nx)  # the last pack may reach over it
     for i in range(0, nx, LANES):
-        if flat(duty, i // LANES) != SWEPT:
-            continue
         up = _between(intensity, at_a + i, at_b + i, at_c + i, at_d + i, known, wb, wc, wd)
         source_up = _between(source, at_a + i, at_b + i, at_c + i, at_d + i, wa, wb, wc, wd)
         own = read_quadruple(source, out + i)
@@ -91,30 +85,19 @@ def carry_row(
             write(work, i, up)
         else:
             write(intensity, out + i, up)
-    if not recurrent:
+    if recurrent:
+        _recur(intensity, out, work, stride, nx, shift)
+    else:
         put(intensity, out + nx, ghost)
-        return
-    packs = (nx + LANES - 1) // LANES
-    for m in range(packs):  # runs of nodes, in the order of the light
-        begin = packs - 1 - m if shift > 0 else m
-        before = begin + 1 if shift > 0 else begin - 1
-        if flat(duty, begin) != SWEPT or (0 <= before < packs and flat(duty, before) == SWEPT):
-            continue
-        end = begin
-        while 0 <= end < packs and flat(duty, end) == SWEPT:
-            end += -1 if shift > 0 else 1
-        low, high = (end + 1, begin) if shift > 0 else (begin, end - 1)
-        first = low * LANES
-        _recur(intensity, out + first, work, first, stride + first, min(nx, (high + 1) * LANES) - first, shift)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _recur(out, at, work, known, share, nx, shift):
-    """out[i] = known[i] + share[i] out[upstream neighbour], nx nodes from flat element ``at`` of ``out``.
+def _recur(out, at, work, share, nx, shift):
+    """out[i] = known[i] + share[i] out[upstream neighbour], from the ghost node on.
 
-    ``known`` and ``share``: where in ``work`` these begin. Four stretches of the row at once, each from zero, since one
-    alone waits for its own last node; what enters a stretch, times the product of the shares on the way, is added
-    after.
+    ``work`` holds what is known and, from flat element ``share`` on, the shares. Four stretches of the row at once,
+    each from zero, since one alone waits for its own last node; what enters a stretch, times the product of the shares
+    on the way, is added after.
     """
     quarter = nx // 4
     # node n of the way lies at `begin` + n `way`
@@ -127,10 +110,10 @@ def _recur(out, at, work, known, share, nx, shift):
         b = a + way * quarter
         c = b + way * quarter
         d = c + way * quarter
-        r0 = r0 * flat(work, share + a) + flat(work, known + a)
-        r1 = r1 * flat(work, share + b) + flat(work, known + b)
-        r2 = r2 * flat(work, share + c) + flat(work, known + c)
-        r3 = r3 * flat(work, share + d) + flat(work, known + d)
+        r0 = r0 * flat(work, share + a) + flat(work, a)
+        r1 = r1 * flat(work, share + b) + flat(work, b)
+        r2 = r2 * flat(work, share + c) + flat(work, c)
+        r3 = r3 * flat(work, share + d) + flat(work, d)
         p1 *= flat(work, share + b)
         p2 *= flat(work, share + c)
         p3 *= flat(work, share + d)
@@ -151,5 +134,5 @@ def _recur(out, at, work, known, share, nx, shift):
             last = flat(out, at + end)
     for n in range(4 * quarter, nx):
         a = begin + way * n
-        last = last * flat(work, share + a) + flat(work, known + a)
+        last = last * flat(work, share + a) + flat(work, a)
         put(out, at + a, last)

@@ -13,7 +13,6 @@ from openswim.transport.pack import (
     PACK,
     flat,
     interleave,
-    neighbour_sums,
     put,
     read_double,
     read_quadruple,
@@ -21,7 +20,6 @@ from openswim.transport.pack import (
     write,
 )
 from openswim.transport.products import BLOCK, multiply
-from openswim.transport.sweep_row import GIVEN, SKIPPED, SWEPT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -53,7 +51,8 @@ def _kept_source(k, j, b, at, grid, parts, whole, values, terms, sums, source, o
                 sigma += flat(grid.scattering, s * degree + ell) * read_quadruple(
                     grid.extinction, s * (nz * ny * nx) + node
                 )
-            _terms(terms, i, ell, sigma, values, at * count * BLOCK + i, grid.sun_harmonics, j * count * nx + x, nx, lit)
+            start = at * count * BLOCK + i
+            _terms(terms, i, ell, sigma, values, start, grid.sun_harmonics, j * count * nx + x, nx, lit)
     multiply(parts, terms, 0, BLOCK, sums, 0, BLOCK, False)
     multiply(whole, sums, 0, BLOCK, source, out, source.shape[3], False)
 
@@ -62,8 +61,8 @@ def _kept_source(k, j, b, at, grid, parts, whole, values, terms, sums, source, o
 def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
     """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction.
 
-    planes (2 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
-    species, of those that are ``active`` on this level, and radiance.
+    planes (1 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
+    species, of those that are ``active`` on this level.
     """
     ns, nz, ny, nx = grid.extinction.shape
     rows, count, stride = planes.shape[1], planes.shape[2], planes.shape[3]
@@ -88,34 +87,8 @@ def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _give(k, j, x, coarser, planes, given, intensity, out):
-    """Radiance of LANES nodes: of the coarser grid, or what is ``given`` on this one, or none."""
-    count, stride = intensity.shape[2], intensity.shape[3]
-    if coarser.factor > 0:
-        kinds, rows = planes.shape[0], planes.shape[1]
-        m, share = between(j, coarser.factor, rows)
-        next_row = (min(m + 1, rows - 1) - m) * count * stride
-        one = ((kinds - 1) * rows + m) * count * stride + 1 + x
-        for n in range(count):
-            at = one + n * stride
-            light = (_ONE - share) * read_quadruple(planes, at) + share * read_quadruple(planes, at + next_row)
-            write(intensity, out + n * stride, light)
-    elif given.shape[0] > 1:
-        one = (k * given.shape[1] + j) * count * stride + 1 + x
-        for n in range(count):
-            write(intensity, out + n * stride, read_quadruple(given, one + n * stride))
-    else:
-        for n in range(count):
-            write(intensity, out + n * stride, spread_quadruple(_ZERO))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def source_row(
-    k, j, at, grid, parts, whole, place, duty, values, coarser, planes, given, active, terms, sums, source,
-    extinction, intensity,
-):  # fmt: skip
-    """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers; and
-    the radiance of nodes where it is known."""
+def source_row(k, j, at, grid, parts, whole, place, values, coarser, planes, active, terms, sums, source, extinction):
+    """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers."""
     ns, nz, ny, nx = grid.extinction.shape
     count, stride = source.shape[2], source.shape[3]
     for i in range(0, nx, LANES):
@@ -126,11 +99,8 @@ def source_row(
     columns = grid.ground_node.shape[1]
     _row_ends(extinction, at * stride, columns, grid.periodic)
     for b in range(place.shape[2]):
-        block = (k * ny + j) * place.shape[2] + b
         out = at * count * stride + 1 + b * BLOCK
-        if flat(duty, 2 * block) == SKIPPED and flat(duty, 2 * block + 1) == SKIPPED:
-            continue
-        kept = flat(place, block)
+        kept = flat(place, (k * ny + j) * place.shape[2] + b)
         if kept >= 0:
             _kept_source(k, j, b, kept, grid, parts, whole, values, terms, sums, source, out)
         elif coarser.factor > 0:
@@ -139,9 +109,6 @@ def source_row(
             for n in range(count):
                 for i in range(0, BLOCK, LANES):
                     write(source, out + n * stride + i, spread_quadruple(_ZERO))
-        for i in range(2):
-            if flat(duty, 2 * block + i) == GIVEN:
-                _give(k, j, b * BLOCK + i * LANES, coarser, planes, given, intensity, out + i * LANES)
     for n in range(count):
         _row_ends(source, (at * count + n) * stride, columns, grid.periodic)
 
@@ -154,25 +121,10 @@ def _row_ends(rows, at, nx, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _stretch_row(lines, at, line, columns, planes, out):
-    """Rows of all ordinates of a coarser grid's row at flat element ``at``, interpolated to the nodes of the finer."""
-    count, stride = planes.shape[2], planes.shape[3]
-    for n in range(count):
-        row = at + n * line
-        _row_ends(lines, row, columns, False)
-        for m in range(0, (stride - 2) // 2, 2 * PACK):
-            here = _NEAR * read_double(lines, row + 1 + m)
-            even = here + _FAR * read_double(lines, row + m)
-            odd = here + _FAR * read_double(lines, row + 2 + m)
-            write(planes, out + n * stride + 1 + 2 * m, interleave(even, odd))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, record, terms, sums, lines, planes):
+def coarse_rows(first, last, k, grid, parts, whole, coarser, active, terms, sums, lines, planes):
     """Rows first to last of what the coarser field gives the air and the species of level k: see `_thin_source`.
 
-    Only those that are ``wanted``. ``record`` (level, row, ordinate, nodes and ghosts): radiance on the coarser grid;
-    ``lines`` (ordinate, nodes and ghosts of the coarser grid) is scratch.
+    ``lines`` (ordinate, nodes of the coarser grid and ghosts) is scratch.
     """
     degree = grid.air_scattering.shape[1]
     count, stride = planes.shape[2], planes.shape[3]
@@ -181,12 +133,7 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, rec
     nx = coarser.beam.shape[2]
     moments = degree * degree
     for j in range(first, last):
-        if not flat(wanted, k * rows + j):
-            continue
-        if planes.shape[0] > active.shape[0]:
-            out = ((planes.shape[0] - 1) * rows + j) * count * stride
-            _stretch_row(record, (k * rows + j) * count * line, line, coarser.columns, planes, out)
-        for kind in range(active.shape[0]):
+        for kind in range(planes.shape[0]):
             if not flat(active, kind):
                 continue
             for b in range(blocks):
@@ -209,32 +156,14 @@ def coarse_rows(first, last, k, grid, parts, whole, coarser, wanted, active, rec
                         )  # fmt: skip
                 multiply(parts, terms, 0, BLOCK, sums, 0, BLOCK, False)
                 multiply(whole, sums, 0, BLOCK, lines, 1 + b * BLOCK, line, False)
-            _stretch_row(lines, 0, line, coarser.columns, planes, (kind * rows + j) * count * stride)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def record_row(k, j, at, duty, intensity, record):
-    """Keep what was swept of row ``at`` of ``intensity`` as row j of level k."""
-    rows, count, stride = record.shape[1], record.shape[2], record.shape[3]
-    out, start = (k * rows + j) * count * stride + 1, at * count * stride + 1
-    for i in range(0, stride - 2, LANES):
-        if flat(duty, i // LANES) == SWEPT:
             for n in range(count):
-                write(record, out + n * stride + i, read_quadruple(intensity, start + n * stride + i))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def record_means(k, m, at, next_at, duty, next_duty, intensity, record):
-    """Keep the means of rows ``at`` and ``next_at``, over 2x2 nodes, as row m of the coarser grid's radiance."""
-    count, stride = intensity.shape[2], intensity.shape[3]
-    rows, line = record.shape[1], record.shape[3]
-    quarter = _FAR
-    for i in range(0, stride - 2, LANES):
-        if flat(duty, i // LANES) == SWEPT and flat(next_duty, i // LANES) == SWEPT:
-            for n in range(count):
-                one, two = (at * count + n) * stride + 1 + i, (next_at * count + n) * stride + 1 + i
-                both = neighbour_sums(read_quadruple(intensity, one) + read_quadruple(intensity, two))
-                write(record, ((k * rows + m) * count + n) * line + 1 + i // 2, quarter * both)
+                _row_ends(lines, n * line, coarser.columns, False)
+                out = ((kind * rows + j) * count + n) * stride + 1
+                for m in range(0, (stride - 2) // 2, 2 * PACK):
+                    here = _NEAR * read_double(lines, n * line + 1 + m)
+                    even = here + _FAR * read_double(lines, n * line + m)
+                    odd = here + _FAR * read_double(lines, n * line + 2 + m)
+                    write(planes, out + 2 * m, interleave(even, odd))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
