@@ -238,7 +238,7 @@ def _fields(laid: Sequence[_Laid]) -> dict[str, F32]:
         ]
         cover = _blend(laid, one_of)
         assert cover is not None
-        out["cloud_area_fraction"] = cover
+        out["cloud_area_fraction"] = np.clip(cover, 0, 1)
     return out
 
 
