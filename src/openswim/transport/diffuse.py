@@ -251,12 +251,14 @@ def coarse_to_fine(
     trace = like[len(below.sweeps)] if like else None
     level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
     start = level.nothing()
-    prolong(get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser,
-            level.place, level.grid.ground_node.shape[1], start)
+    prolong(
+        get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
+        level.grid.ground_node.shape[1], start,
+    )  # fmt: skip
     if trace:
         ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
         enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
-        begin = trace.defect * ratio
+        begin = np.asarray(trace.defect * ratio, np.float32)
         begin += start
     else:
         begin, enough = start.copy(), tolerance
