@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from openswim.errors import UserError
 from openswim.optics import mie
 from openswim.optics.aerosol import aerosol_profile
+from openswim.optics.cover import cloud_cover
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.optics.species import scene_optics, size_bins
 from openswim.scene import Optics
@@ -149,3 +150,17 @@ def test_direct_extinction_refusals():
 
 def test_nothing_there():
     assert scene_optics(fake_scene({"ice_content": 0.0}), WAVELENGTHS) == []
+
+
+def test_sizes_are_those_within_cloud():
+    """.1 g/m3 over the cell in a quarter of it: droplets of .4 g/m3, and a quarter of their extinction."""
+    broken = scene_optics(fake_scene({"liquid_content": 1e-4, "cloud_area_fraction": 0.25}), WAVELENGTHS)[0]
+    within = scene_optics(fake_scene({"liquid_content": 4e-4}), WAVELENGTHS)[0]
+    np.testing.assert_allclose(broken.extinction_per_m, 0.25 * within.extinction_per_m, rtol=1e-4)
+    np.testing.assert_allclose(broken.single_scattering_albedo, within.single_scattering_albedo)
+
+
+def test_cover_holds_at_most_a_gram_within_cloud():
+    cover = cloud_cover(fake_scene({"liquid_content": 3e-4, "ice_content": 1e-4, "cloud_area_fraction": 0.05}))
+    np.testing.assert_allclose(cover, 0.4, rtol=1e-5)
+    assert cloud_cover(fake_scene({"liquid_content": 3e-4})) is None

@@ -72,9 +72,11 @@ def test_a_hemisphere_is_averaged_on_wider_cells_and_keeps_its_mean():
 @pytest.mark.parametrize("step", [0.25, 1.0, 2.5])
 @pytest.mark.parametrize("lat", [0.0, 40.0, -90.0])
 def test_the_widest_part_is_what_transport_takes(step, lat):
-    part = select(_globe(step), Neighbourhood(lat, -100.0, radius_m=9e6)).grid(np.array([0.0, 1.0]))
-    lon, lat = part.lonlat([0, part.x.size - 1], [0, part.y.size - 1])
-    assert 6.371e6 * np.radians(115) < great_circle_m(lon, lat, 6.371e6) < 6.371e6 * np.radians(130)
+    part = select(_globe(step), Neighbourhood(lat, -100.0, radius_m=3e7)).grid(np.array([0.0, 1.0]))
+    middle = (part.y.size - 1) / 2
+    lon, lat = part.lonlat([0, part.x.size - 1], [middle, middle])
+    assert np.isfinite(lon).all()
+    assert 6.371e6 * np.radians(174) < great_circle_m(lon, lat, 6.371e6) < 6.371e6 * np.radians(180)
 
 
 def test_only_the_needed_part_is_asked_for():
@@ -93,7 +95,7 @@ def test_only_the_needed_part_is_asked_for():
 def test_stacks_and_gaps():
     mesh = _globe()
     field = _field(mesh)
-    part = select(mesh, Neighbourhood(80.0, 0.0))
+    part = select(mesh, Neighbourhood(80.0, 0.0, radius_m=6e5))
     np.testing.assert_array_equal(part.take(np.stack([field, 2 * field]))[1], 2 * part.take(field))
     field[-8:, 40:] = np.nan
     taken = part.take(field)
@@ -115,17 +117,33 @@ def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
         select(mesh, Neighbourhood(50.0, 10.0))
 
 
+def test_a_large_domain_seen_whole_is_averaged_and_no_farther_than_it_reaches():
+    crs = CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229")
+    mesh = Mesh(3000.0 * np.arange(1799) - 2.7e6, 3000.0 * np.arange(1059) - 1.6e6, crs, 6371229.0)
+    part = select(mesh, Neighbourhood(38.0, -97.0, reach_m(35_786_000.0), if_large=True))
+    assert max(part.shape) <= 421
+    assert part.x[1] - part.x[0] < 16_000  # 5400 km by 3200 km
+    assert part.x[-1] - part.x[0] > 5.2e6
+
+
 def test_small_domains_stay_whole_unless_asked():
-    mesh = Mesh(np.arange(0.0, 20.0, 0.25), np.arange(35.0, 60.0, 0.25), SPHERE)
+    mesh = Mesh(0.04 * np.arange(300), 40 + 0.04 * np.arange(300), SPHERE)
     assert mesh.x.size * mesh.y.size < LARGE_COLUMNS
     assert select(mesh, Neighbourhood(47.0, 8.0, if_large=True)).shape == mesh.shape
-    assert max(select(mesh, Neighbourhood(47.0, 8.0)).shape) < 40
+    assert max(select(mesh, Neighbourhood(47.0, 8.0)).shape) < 140
+
+
+def test_small_domains_of_wide_cells_are_cut_so_that_their_clouds_can_be_drawn_fine():
+    mesh = Mesh(np.arange(0.0, 20.0, 0.25), np.arange(35.0, 60.0, 0.25), SPHERE)
+    assert max(select(mesh, Neighbourhood(47.0, 8.0, if_large=True)).shape) < 40
+    assert select(mesh, Neighbourhood(47.0, 8.0, radius_m=4e6, if_large=True)).shape == mesh.shape
 
 
 def test_reach_grows_with_height():
     assert reach_m(2.0) == pytest.approx(205e3, rel=0.01)
     assert reach_m(10_000.0) == pytest.approx(200e3 + 357e3, rel=0.01)
-    assert reach_m(35_786_000.0) == 4.95e6
+    assert reach_m(35_786_000.0) == pytest.approx(9.24e6, rel=0.01)
+    assert reach_m(1.5e9) == 1e7
 
 
 def test_places_that_are_none_are_refused():

@@ -160,3 +160,16 @@ def test_rays_past_the_limb_see_black_space() -> None:
         assert not view.hit[0]
         assert (view.radiance[0, 0] == 0.0) == black
         assert (view.transmittance[0, 0] == 1.0) == black
+
+
+def test_rays_from_far_away_see_the_air_from_its_top_on() -> None:
+    """Where a ray meets the top of the air is known to a micrometre or so; on which side of it must not matter."""
+    scene = Scene.clear(10.0, 20.0, terrain_m=2.0)  # whose shells end above the atmosphere of the tables
+    field = Solver().solve(scene, np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM])
+    angle = np.linspace(0, 0.8, 400)
+    radius = 6.371e6
+    place = radius * np.stack([np.sin(angle), 0 * angle, np.cos(angle) - 1], axis=-1)
+    eye = np.array([0.0, 0.0, 1.5e9])
+    along = (place - eye) / np.linalg.norm(place - eye, axis=1, keepdims=True)
+    radiance = field.view(Rays(eye, along)).radiance[:, 0]
+    assert np.abs(np.diff(radiance) / radiance[1:]).max() < 0.02

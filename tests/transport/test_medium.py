@@ -1,12 +1,20 @@
 """From a scene to levels, columns and a chart: nothing is lost or moved on the way."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.transport.scenes import LAT, LON, grid_scene, slab
 
+from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.transport.medium import build_medium, finer_cloud, subdivided
+from openswim.scene.frame import scene_frame
+from openswim.transport import Solver
+from openswim.transport.finer import finer_cloud, subdivided
+from openswim.transport.medium import build_medium
+from openswim.transport.shells import no_volume
+from openswim.transport.volume import grid_index
 
 WL = np.array([615.0, 546.0, 450.0])
 SHAPE = (9, 7, 6)
@@ -132,5 +140,46 @@ def test_global_grids_are_refused_with_a_remedy() -> None:
     scene = Scene.from_arrays(
         {}, np.arange(-180.0, 180.0, 10.0), np.arange(-80.0, 81.0, 10.0), np.arange(3) * 1000.0, crs=lonlat
     )
-    with pytest.raises(UserError, match="cut a region"):
+    with pytest.raises(UserError, match="350 degrees"):
         build_medium(scene, WL, 0.8)
+
+
+def hemisphere(lat: float = 20.0, lon: float = 170.0, half_deg: float = 89.0, nodes: int = 61, **more: Any) -> Scene:
+    """The half of the Earth around a place, as `readers.neighbourhood` maps it: equal-area, over date line and pole."""
+    from pyproj import CRS
+
+    radius = 6.371e6
+    axis = np.linspace(-1, 1, nodes) * 2 * radius * np.sin(np.radians(half_deg) / 2)
+    crs = CRS.from_proj4(f"+proj=laea +lat_0={lat} +lon_0={lon} +R={radius}")
+    return Scene.from_arrays({}, axis, axis, np.arange(5) * 4000.0, crs=crs, earth_radius_m=radius, **more)
+
+
+def test_chart_finds_places_all_over_a_hemisphere() -> None:
+    scene = hemisphere()
+    medium = build_medium(scene, WL, 0.8, refine=False)
+    up = np.random.default_rng(0).standard_normal((4000, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    up = up[up[:, 2] > np.cos(np.radians(88))]
+    radius = medium.frame.radius_m
+    place = up * (radius + 5000.0) - np.array([0, 0, radius])
+    volume = no_volume()._replace(
+        chart_origin_m=medium.chart_origin_m, chart_per_m=medium.chart_per_m, chart=medium.chart
+    )
+    ours = np.array([grid_index(*p, radius, volume) for p in place])
+    lat, lon, _ = medium.frame.latlon(place)
+    np.testing.assert_allclose(ours, np.stack(scene.grid.index(lon, lat), axis=-1), atol=0.02)
+
+
+def test_a_hemisphere_of_cloud_is_seen_to_the_limb_without_a_hole() -> None:
+    shape = (5, 61, 61)
+    cloud = np.zeros(shape, np.float32)
+    cloud[1:3] = 2e-3  # 16 optical depths
+    scene = hemisphere(fields={"liquid_content": 1e-3 * cloud})
+    frame = scene_frame(scene)
+    eye = np.array([0.0, 0.0, 4e7])
+    radius = frame.radius_m
+    angle, turn = np.meshgrid(np.linspace(0, 0.985, 24), np.linspace(0, 2 * np.pi, 24, endpoint=False))
+    sine = angle * radius / (radius + eye[2])
+    rays = np.stack([sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1 - sine**2)], axis=-1).reshape(-1, 3)
+    view = Solver("swim").solve(scene, np.array([0.3, 0.2, 0.9]), WL[:1]).view(Rays(eye, rays))
+    assert view.transmittance.max() < 1e-3

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.transport.scenes import (
     WAVELENGTH_NM,
     grid_scene,
@@ -14,6 +15,8 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.optics.aerosol import aerosol_type, spectral_phase
 from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
+from openswim.scene import Grid, Scene
+from openswim.scene.atmosphere import Atmosphere
 from openswim.transport import Solver
 from openswim.transport.scalar import share_of_step
 from openswim.transport.swim_phase import anisotropy, broadened, shaded_phase, thin_phase
@@ -187,3 +190,26 @@ def test_nothing_negative_and_no_nan_from_random_scenes() -> None:
             seen = field.view(Rays(np.array([30.0, -20.0, height]), d))
             assert np.isfinite(seen.radiance).all()
             assert (seen.radiance >= 0).all()
+
+
+@pytest.mark.parametrize("cloudy", [True, False], ids=["cloud", "water"])
+def test_the_night_side_is_dark(cloudy: bool) -> None:
+    """From noon far into the night: cloud and sea are lit where the sun is up, black 40 degrees past the terminator."""
+    from pyproj import CRS
+
+    radius, nodes = 6.371e6, 41
+    axis = np.linspace(-1, 1, nodes) * 2 * radius * np.sin(np.radians(80) / 2)
+    cloud = np.zeros((5, nodes, nodes), np.float32)
+    cloud[2] = 2e-4 * cloudy
+    level, plane = ("z", "y", "x"), ("y", "x")
+    data = xr.Dataset({"liquid_content": (level, cloud), "land_area_fraction": (plane, np.zeros((nodes, nodes)))})
+    crs = CRS.from_proj4(f"+proj=laea +lat_0=10 +lon_0=20 +R={radius}")
+    scene = Scene(Grid(axis, axis, np.arange(5) * 2000.0, crs, radius), data, Atmosphere.us_standard())
+    field = SWIM.solve(scene, np.array([np.cos(0.4), 0.0, np.sin(0.4)]), [WAVELENGTH_NM])
+    eye = np.array([0.0, 0.0, 4e7])
+    for angle_deg, low, high in ((50.0, 0.1, 5.0), (0.0, 0.1, 5.0), (-63.0, 0.0, 1e-3)):
+        angle = np.radians(angle_deg)
+        place = radius * np.array([np.sin(angle), 0.0, np.cos(angle) - 1])
+        along = (place - eye) / np.linalg.norm(place - eye)
+        seen = field.view(Rays(eye, np.stack([along, along * [1.0, 1.0, 1.000001]]))).radiance[0, 0]
+        assert low <= seen <= high, (angle_deg, seen)

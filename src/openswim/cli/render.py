@@ -91,10 +91,14 @@ def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | 
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":
-    """A satellite's camera with a field of view that shows the scene's domain, not the whole Earth around it."""
-    if scene.grid is None or not scene.grid.curved:
+    """A satellite's camera with a field of view that shows the scene's domain, not the whole Earth around it; the whole
+    Earth where the domain lies aside."""
+    if scene.grid is None or not scene.grid.curved or camera.lat is None or camera.lon is None:
         return camera
     _, ny, nx = scene.grid.shape
+    ix, iy = scene.grid.index(camera.lon, camera.lat)
+    if not (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1):
+        return camera
     dx, dy = scene.grid.spacing_m()
     half = 0.5 * math.hypot((nx - 1) * dx, (ny - 1) * dy)
     fov = 2 * math.degrees(math.atan2(0.85 * half, camera.height_m))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
+from openswim.optics.cover import CLOUD, cloud_cover
 from openswim.optics.ozone import ozone_cross_section_m2
 from openswim.optics.phase import PhaseFunction, Rayleigh, phases_at
 from openswim.optics.rayleigh import depolarisation_factor, rayleigh_scattering_per_m
@@ -82,9 +83,11 @@ def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> list[Optic
     if not present.any():
         return []
     own, number = (_field(scene, f"{kind}_{what}") for what in ("effective_radius", "number"))
-    given = tuple(None if field is None else field[present] for field in (own, number))
-    radius = hydrometeors.effective_radius_m(kind, content[present], *given)
-    extinction = hydrometeors.extinction_per_m(kind, content[present], *given)
+    cover = cloud_cover(scene) if kind in CLOUD else None
+    share = np.float32(1) if cover is None else cover[present]  # sizes are those within cloud
+    given = (None if own is None else own[present], None if number is None else number[present] / share)
+    radius = hydrometeors.effective_radius_m(kind, content[present] / share, *given)
+    extinction = hydrometeors.extinction_per_m(kind, content[present] / share, *given) * share
     extinction *= hydrometeors.extinction_factor(kind, REFERENCE_NM, radius)
     informed = own is not None or number is not None
     found = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from inspect import signature
 from pathlib import Path
@@ -33,17 +34,19 @@ def open_scene(
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
     path : one file, a pattern such as "wrfout_d01_*", or a list of files of one model: a time series, or the parts of
-        one state (pressure levels and surface).
+        one state (pressure levels and surface); or of nested domains, of one model or several, of which each place is
+        shown from the finest that covers it.
     time : UTC; one of the files' times to within 1 s (default: the first).
     around : (latitude, longitude): only the part of the domain around this place, to `radius_km` (default 200 km) to
         the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
-        followed on domains up to 130 degrees wide. Domains without a place on Earth are laid around it.
+        followed on up to a hemisphere (radius_km=10000). Domains without a place on Earth are laid around it.
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     """
     if ground is not None:
         ground.open()
     paths = files_of(path)
-    scene = _open(_reader_of_all(paths), paths, time, _neighbourhood(around, radius_km))
+    groups, place = _by_reader(paths), _neighbourhood(around, radius_km)
+    scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if ground is not None:
         scene.ground = ground
     return scene
@@ -105,16 +108,41 @@ def readers() -> tuple[Reader, ...]:
 
 
 def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> Scene:
-    scene: Scene
+    """The scene of one model's files."""
     if hasattr(reader, "read_parts"):
-        scene = reader.read_parts(paths, time, place)
-        return scene
-    if len(paths) > 1:
-        from openswim.readers.series import file_at
+        parts: Scene = reader.read_parts(paths, time, place)
+        return parts
+    if len(paths) == 1:
+        return _read(reader, paths[0], time, place)
+    from openswim.readers.series import files_at
 
-        path, time = file_at(reader, paths, time, place)
-    else:
-        path = paths[0]
+    holding, time = files_at(reader, paths, time, place)
+    if len(holding) == 1:
+        return _read(reader, holding[0], time, place)
+    from openswim.readers.nested import merged
+
+    return merged([_read(reader, path, time, _wider(place)) for path in holding], place)
+
+
+def _open_several(groups: dict[Reader, list[Path]], time: Time, place: Neighbourhood | None) -> Scene:
+    """The scene of several models' files, one domain within the other."""
+    from openswim.readers.nested import merged
+
+    if place is None:
+        path = list(groups.values())[1][0]
+        raise UserError(
+            f"{path}: not of the same model as the other files; nested domains need around=(latitude, longitude)"
+        )
+    return merged([_open(reader, paths, time, _wider(place)) for reader, paths in groups.items()], place)
+
+
+def _wider(place: Neighbourhood | None) -> Neighbourhood | None:
+    """What to read of a domain that may be large, so that it reaches beyond the part that is wanted."""
+    return None if place is None else replace(place, radius_m=1.2 * place.radius_m + 1e4, if_large=True)
+
+
+def _read(reader: Any, path: Path, time: Time, place: Neighbourhood | None) -> Scene:
+    scene: Scene
     if place is None:
         scene = reader.read(path, time)
         return scene
@@ -135,21 +163,34 @@ def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km
 
 
 def _reader_of_all(paths: Sequence[Path]) -> Reader:
-    """The reader that knows the files; one that joins parts may know some by the company they keep only."""
+    """The reader that knows the files, all of one model."""
+    groups = _by_reader(paths)
+    first, *others = groups
+    if others:
+        path = groups[others[0]][0]
+        raise UserError(f"{path}: not of the same model as the other files ({first.name}): look at them one by one")
+    return first
+
+
+def _by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
+    """The files by the readers that know them; one that joins parts may know some by the company they keep only."""
     if len(paths) == 1:
-        return _reader_of(paths[0])
+        return {_reader_of(paths[0]): list(paths)}
     for path in paths:
         if not path.exists():
             raise UserError(unreadable(path))
     known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
-    first = next((reader for reader in known.values() if reader is not None), None)
-    if first is None:
+    groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
+    if not groups:
         raise UserError(_why_unknown(paths[0]))
     for path, reader in known.items():
-        joins: Any = getattr(first, "joins", None)
-        if reader is not first and not (reader is None and joins is not None and joins(path)):
-            raise UserError(f"{path}: not of the same model as the other files ({first.name}): open them one by one")
-    return first
+        if reader is None:
+            company = (each for each in groups if hasattr(each, "joins") and each.joins(path))
+            reader = next(company, None)
+            if reader is None:
+                raise UserError(_why_unknown(path))
+        groups[reader].append(path)
+    return groups
 
 
 def _reader_of(path: Path) -> Reader:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.grib_codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib_columns import Air, Columns
 from openswim.readers.grib_file import Field
@@ -40,11 +41,32 @@ def condensate(columns: Columns, air: Air) -> dict[str, F32]:
             values = np.maximum(_per_volume(columns, air, name, fields), np.float32(0))
             if values.any():
                 found[name] = values
-    if columns.levels_of("cloud_cover"):
-        columns.notes.append("cloud fraction is in the file but not used: contents are means over the cells")
-    if found and not any(values.any() for values in found.values()):
+    _cover(columns, air, found)
+    if found and not any(values.any() for name, values in found.items() if name.endswith(CONTENT)):
         columns.notes.append("all cloud and precipitation fields are zero: a clear sky")
     return found
+
+
+def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
+    """Cloud fraction of the levels; where a file of wide cells has none, from its humidity."""
+    fields = columns.levels_of("cloud_cover")
+    if fields:
+        values = np.nan_to_num(columns.stack(fields, air.levels))
+        if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
+            raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
+        found["cloud_area_fraction"] = np.clip(values, 0, 1)
+        return
+    water = [found[name] for name in (_LIQUID, _ICE) if name in found]
+    humid = air.dry_density_kg_m3 is not air.density_kg_m3
+    if humid and np.any(water) and min(columns.layout.mesh.grid().spacing_m()) > WIDE_CELL_M:
+        given = columns.levels_of("relative_humidity")
+        relative = columns.stack(given, air.levels) if given else None
+        humidity = 1 - air.dry_density_kg_m3 / air.density_kg_m3
+        condensate = np.sum(water, axis=0) / air.density_kg_m3
+        found["cloud_area_fraction"] = cover_from_humidity(
+            condensate, air.temperature_k, air.pressure_pa, humidity, relative
+        )
+        columns.notes.append(XU_RANDALL)
 
 
 def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field]) -> F32:

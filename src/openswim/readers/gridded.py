@@ -20,7 +20,7 @@ from openswim.readers.aerosol_species import AerosolSpecies, added_up, extinctio
 from openswim.readers.base import SceneInfo, Time, iso, levels_text, naming, place_text, spacing_text
 from openswim.readers.clock import start_of_undated, undated
 from openswim.readers.columns import PER_VOLUME, Columns
-from openswim.readers.cover import liquid_from_cover
+from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
 from openswim.readers.fileset import FileSet, Part, opened_set
 from openswim.readers.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, matches
 from openswim.readers.neighbourhood import Neighbourhood
@@ -189,6 +189,8 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
     if cover is not None:
         share = _without_gaps(columns.read("cloud_fraction", cover, "1", cloud=True))
         _by_cover(columns, levels, grid, terrain, share, fields)
+    elif grid.crs is not None and levels.specific_humidity is not None and min(grid.spacing_m()) > WIDE_CELL_M:
+        _cover_of_wide_cells(columns, levels, fields)
     if not any(f"{species}_content" in fields and fields[f"{species}_content"].any() for species in HYDROMETEORS):
         columns.notes.append("all cloud and precipitation fields are zero or absent: a clear sky")
     return fields
@@ -220,7 +222,7 @@ def _without_gaps(values: F32) -> F32:
 def _by_cover(
     columns: Columns, levels: Levels, grid: Grid, terrain: F32 | None, cover: F32, fields: dict[str, F32]
 ) -> None:
-    """Liquid where a file gives cloud cover without it; a note on how cover is (not) used."""
+    """Cloud fraction, and liquid where a file gives only that."""
     name = ", ".join(columns.used["cloud_fraction"])
     cover = np.clip(checked_values(name, cover, Variable("1", "", 0.0, 1.0, clip=True), columns.notes), 0, 1)
     if "liquid_content" not in fields and levels.specific_humidity is not None:
@@ -231,7 +233,18 @@ def _by_cover(
         columns.notes.append(
             f"no liquid water in the file: a climatology of it (Hack 1998) where the cloud fraction ({name}) has cloud"
         )
-    columns.notes.append(f"cloud fraction ({name}): each cell's mean water is spread over the whole cell")
+    fields["cloud_area_fraction"] = cover
+
+
+def _cover_of_wide_cells(columns: Columns, levels: Levels, fields: dict[str, F32]) -> None:
+    """Cloud fraction of cells so wide that their water does not fill them, where the file has none."""
+    water = [fields[f"{kind}_content"] for kind in ("liquid", "ice") if f"{kind}_content" in fields]
+    if water and np.any(water):
+        condensate = np.sum(water, axis=0) / levels.density_kg_m3
+        fields["cloud_area_fraction"] = cover_from_humidity(
+            condensate, levels.temperature_k, levels.pressure_pa, levels.specific_humidity, None
+        )
+        columns.notes.append(XU_RANDALL)
 
 
 def _aerosol(columns: Columns, levels: Levels) -> Any:

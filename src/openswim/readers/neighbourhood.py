@@ -28,10 +28,14 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
-MOST_RADIUS_M = 4_950_000.0  # transport takes domains of 130 degrees from corner to corner
+MOST_RADIUS_M = 10_000_000.0  # a hemisphere
+_SEEN_FROM_SPACE_M = 3_000_000.0
+_MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
+_WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
 _LARGE_SPAN = 1.9  # radians
-_LEAST_CELLS = 5  # on each side of the observer
+_MOST_COLUMNS = 300_000  # cut as they are; more are averaged
+_LEAST_CELLS = 3  # on each side of the observer
 _NARROWING = 1.2  # width of cells at one edge of the part against its middle
 _MOST_SIDE = 420  # columns along a side of a resampled part
 _EVEN = 0.02  # of a cell, as Grid asks
@@ -169,12 +173,21 @@ def is_large(mesh: Mesh) -> bool:
     return nx * ny > LARGE_COLUMNS or math.hypot(nx * dx, ny * dy) > _LARGE_SPAN * mesh.earth_radius_m
 
 
+def _stays_whole(mesh: Mesh, radius_m: float) -> bool:
+    """Whether a domain is taken whole: no large one, and of wide cells only one that the view needs whole."""
+    ny, nx = mesh.shape
+    dx, dy = mesh.grid().spacing_m()
+    return not is_large(mesh) and (min(dx, dy) <= _WIDE_CELL_M or 2 * radius_m > math.hypot(nx * dx, ny * dy))
+
+
 def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
     """The part of a mesh around a place; without one, or where the domain is small enough, all of it."""
-    if around is None or mesh.crs is None or (around.if_large and not is_large(mesh)):
+    if around is None or mesh.crs is None or (around.if_large and _stays_whole(mesh, around.radius_m)):
         return _whole(mesh)
     ix, iy = (float(v) for v in mesh.index(around.lon, around.lat))
     if not mesh.covers(ix, iy):
+        if around.if_large and around.radius_m > _SEEN_FROM_SPACE_M:
+            return _whole(mesh)  # it lies aside, but is seen
         raise UserError(f"the observer is outside the domain: {extent_text(mesh)}")
     window = _window(mesh, around, ix, iy)
     return window if window is not None else _resampled(mesh, around)
@@ -262,7 +275,9 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
         columns = (slice(west + nx, nx), slice(0, east + 1))
     elif east >= nx:
         columns = (slice(west, nx), slice(0, east + 1 - nx))
-    if (east - west) * wide > 2.0 * MOST_RADIUS_M or (north - south) * tall > 2.0 * MOST_RADIUS_M:
+    if (east - west) * wide > _MOST_WINDOW_M or (north - south) * tall > _MOST_WINDOW_M:
+        return None
+    if (east - west) * (north - south) > _MOST_COLUMNS:
         return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
     note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")
@@ -289,7 +304,8 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     ny, nx = mesh.shape
     grid, radius = mesh.grid(), mesh.earth_radius_m
     _, tall = _cell_m(grid, 0.5 * (nx - 1), 0.5 * (ny - 1))
-    half = 2.0 * radius * math.sin(0.5 * min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M) / radius)
+    wanted = min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M, _farthest_m(mesh, around) + tall)
+    half = 2.0 * radius * math.sin(0.5 * wanted / radius)
     step = max(tall, 2.0 * half / (_MOST_SIDE - 1))
     count = 2 * math.floor(half / step + 1e-6) + 1  # never beyond the farthest radius
     crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
@@ -297,6 +313,29 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     target = Grid(axis, axis, np.array([0.0, 1.0]), crs, radius)
     kept_x, kept_y = _inside(mesh, target)
     target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
+    note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
+    return onto(mesh, target, note)
+
+
+def _farthest_m(mesh: Mesh, around: Neighbourhood) -> float:
+    """How far the domain reaches from a place."""
+    from openswim.scene.grid import great_circle_m
+
+    if mesh.all_round:
+        return math.inf
+    ny, nx = mesh.shape
+    edge = np.linspace(0, 1, 21)
+    i = np.concatenate([edge, edge, 0 * edge, 0 * edge + 1]) * (nx - 1)
+    j = np.concatenate([0 * edge, 0 * edge + 1, edge, edge]) * (ny - 1)
+    ends = zip(*mesh.grid().lonlat(i, j), strict=True)
+    return max(great_circle_m([around.lon, lon], [around.lat, lat], mesh.earth_radius_m) for lon, lat in ends)
+
+
+def onto(mesh: Mesh, target: Grid, note: str = "") -> Selection:
+    """A mesh's fields on another grid: linear between its nodes, averaged where cells are wider; NaN beyond it."""
+    ny, nx = mesh.shape
+    _, tall = _cell_m(mesh.grid(), 0.5 * (nx - 1), 0.5 * (ny - 1))
+    step = target.spacing_m()[1]
     parts = max(1, min(4, round(step / tall)))  # cells wider than the model's: the mean of parts x parts points
     offsets = (np.arange(parts) + 0.5) / parts - 0.5
     i, j = np.meshgrid(np.arange(target.x.size, dtype=float), np.arange(target.y.size, dtype=float))
@@ -304,8 +343,7 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     reached = np.concatenate([iy[np.isfinite(iy)] for _, iy in found])
     rows = slice(int(np.clip(np.floor(reached.min()), 0, ny - 2)), int(np.clip(np.ceil(reached.max()), 1, ny - 1)) + 1)
     nodes = tuple(_bilinear(mesh, rows, ix, iy) for ix, iy in found)
-    note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
-    return Selection(target.x, target.y, crs, radius, rows, (slice(0, nx),), nodes, note)
+    return Selection(target.x, target.y, target.crs, target.earth_radius_m, rows, (slice(0, nx),), nodes, note)
 
 
 def _inside(mesh: Mesh, target: Grid) -> tuple[slice, slice]:

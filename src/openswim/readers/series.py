@@ -14,10 +14,10 @@ from openswim.readers.base import SceneInfo, Time, iso, parse_time, times_text
 from openswim.readers.neighbourhood import Neighbourhood
 
 
-def file_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> tuple[Path, Time]:
-    """The file that holds a time (default: the first of all), and that time.
+def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> tuple[list[Path], Time]:
+    """The files that hold a time (default: the first of all), and that time.
 
-    Where several do (nested domains), the finest that covers the place; without a place, the coarsest.
+    Several where domains are nested: those that cover the place; without a place, the coarsest alone.
     """
     times = {path: _times(reader, path) for path in paths}
     everything = np.unique(np.concatenate([np.asarray(each, "datetime64[ms]") for each in times.values()]))
@@ -32,7 +32,7 @@ def file_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood
     holding = [path for path in paths if near in np.asarray(times[path], "datetime64[ms]")]
     if len(holding) > 1:
         return _nested(reader, holding, near, place), near
-    return holding[0], near
+    return holding, near
 
 
 def describe_series(reader: Any, paths: Sequence[Path]) -> SceneInfo:
@@ -48,16 +48,12 @@ def _times(reader: Any, path: Path) -> list[np.datetime64]:
     return [np.datetime64(time, "ms") for time in reader.describe(path).times]
 
 
-def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neighbourhood | None) -> Path:
+def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neighbourhood | None) -> list[Path]:
     if not hasattr(reader, "grid"):
         raise UserError(f"{paths[0]} and {paths[1]} both hold {iso(time)}: open one of them")
     grids = {path: reader.grid(path, time) for path in paths}
     by_cell = sorted(paths, key=lambda path: grids[path].spacing_m()[0])
-    if place is None:
-        return by_cell[-1]
-    for path in by_cell:
-        ix, iy = grids[path].index(place.lon, place.lat)
-        _, ny, nx = grids[path].shape
-        if 0 <= ix <= nx - 1 and 0 <= iy <= ny - 1:
-            return path
-    return by_cell[-1]
+    alike = [(grid.shape, *grid.lonlat(0, 0)) for grid in grids.values()]
+    if any(one == other for n, one in enumerate(alike) for other in alike[:n]):
+        raise UserError(f"{paths[0]} and others hold {iso(time)} on the same grid: open one of them")
+    return by_cell[-1:] if place is None else by_cell

@@ -23,7 +23,7 @@ from openswim.readers.base import (
 )
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
-from openswim.readers.wrf_particles import AEROSOL, CONTENTS, EXPECTED, aerosol, hydrometeors, mixing_ratio
+from openswim.readers.wrf_particles import AEROSOL, CONTENTS, EXPECTED, aerosol, cover, hydrometeors, mixing_ratio
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
@@ -63,6 +63,7 @@ class WRFReader:
             grid = wrf_grid(file, notes)
             levels, air, humidity = _air(file, notes)
             levels |= hydrometeors(file, air, notes)
+            levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
             if haze is not None:
                 levels["aerosol_extinction"] = haze.extinction_per_m

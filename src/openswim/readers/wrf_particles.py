@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from openswim.readers import aerosol_species
 from openswim.readers.aerosol_species import AerosolSpecies, AerosolSum, added_up, extinction_per_m
+from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.particles import Category, together
 from openswim.readers.wrf_file import MASS_LEVELS, WRFFile
 from openswim.scene.checks import checked_values
@@ -36,6 +37,7 @@ GOCART |= {"BC1": "BCPHOBIC", "BC2": "BCPHILIC", "OC1": "OCPHOBIC", "OC2": "OCPH
 SMOKE = ("smoke", "SMOKE", "trc_smoke", "tracer_smoke")
 PARTICULATE = "PM2_5_DRY"
 AEROSOL = (EXTINCTION, *GOCART, PARTICULATE, *SMOKE)
+_FRACTION = Variable("1", "", 0.0, 1.0, clip=True, hint="is it in percent?")
 _MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
 
 
@@ -74,6 +76,26 @@ def hydrometeors(file: WRFFile, dry_density: F32, notes: list[str]) -> dict[str,
     if fields and not any(field.any() for name, field in fields.items() if name.endswith("_content")):
         notes.append("all cloud and precipitation fields are zero: a clear sky")
     return fields
+
+
+def cover(file: WRFFile, cell_m: float, air: dict[str, F32], dry_density: F32, notes: list[str]) -> dict[str, F32]:
+    """Cloud fraction: CLDFRA, or that of humidity where cells are wide and CLDFRA is missing or knows only 0 and 1.
+
+    air: scene variables read so far, pressure, temperature and contents among them.
+    """
+    if "CLDFRA" in file:
+        fraction = checked_values("CLDFRA", file.field("CLDFRA", MASS_LEVELS, ""), _FRACTION, notes)
+        if ((fraction > 0) & (fraction < 1)).any() or cell_m <= WIDE_CELL_M:
+            return {"cloud_area_fraction": fraction}
+    water = [air[f"{kind}_content"] for kind in ("liquid", "ice") if f"{kind}_content" in air]
+    if cell_m <= WIDE_CELL_M or not np.any(water) or "QVAPOR" not in file:
+        return {}
+    vapour = mixing_ratio(file, "QVAPOR", [])
+    notes.append(XU_RANDALL + (", since CLDFRA is 0 or 1" if "CLDFRA" in file else ""))
+    condensate = np.sum(water, axis=0) / dry_density
+    humidity = np.asarray(vapour / (1 + vapour), np.float32)
+    temperature, pressure = air["air_temperature"], air["air_pressure"]
+    return {"cloud_area_fraction": cover_from_humidity(condensate, temperature, pressure, humidity, None)}
 
 
 def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) -> AerosolSum | None:

@@ -80,6 +80,10 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         clip=True,
         hint="is it in km-1?",
     ),
+    "cloud_area_fraction": Variable(
+        "1", "fraction of a cell that its cloud covers", 0.0, 1.0, "cloud_area_fraction_in_atmosphere_layer", clip=True,
+        hint="is it in percent?",
+    ),
     "air_pressure": Variable("Pa", "air pressure", 1e-3, 1.2e5, "air_pressure", hint="is it a fill value?"),
     "air_temperature": Variable(
         "K", "air temperature", 90.0, 1200.0, "air_temperature", hint="is it in degrees Celsius?"

@@ -23,6 +23,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _CLEAR_CELLS = 8
+_LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
 @dataclass
@@ -185,7 +186,8 @@ def _peak_cosines(medium: Medium) -> tuple[float, float]:
 def _sides(medium: Medium) -> F64:
     """Least and greatest x, then y, of the columns' places projected from the Earth's centre on the tangent plane."""
     radius = medium.frame.radius_m
-    tangent = medium.place[..., :2] * (radius / (radius + medium.place[..., 2:]))
+    depth = np.maximum(radius + medium.place[..., 2:], _LEAST_DEPTH * radius)
+    tangent = medium.place[..., :2] * (radius / depth)
     return np.array([end(tangent[..., axis]) for axis in range(2) for end in (np.min, np.max)])
 
 

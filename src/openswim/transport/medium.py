@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.ground.relief import refined_terrain
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
+from openswim.optics.cover import cloud_cover
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
+from openswim.scene.levels import on_levels
 from openswim.scene.scene import Scene
+from openswim.transport.finer import finer_cloud, subdivided
 from openswim.transport.layers import LAYERS_DEGREE, layer_levels
 from openswim.transport.shells import shell_levels
+from openswim.transport.subgrid import cloud_under_cover
 from openswim.transport.volume import DEGREE
 
 F32 = NDArray[np.float32]
@@ -26,7 +30,10 @@ _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
+_MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
+_CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
+_MOST_DEGREES = 200.0  # of longitude
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
 
@@ -86,6 +93,7 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     grid = scene.grid
     if grid is None:
         raise UserError("this scene has no grid")
+    _check_span(grid)
     frame = scene_frame(scene)
     species = scene_optics(scene, wavelengths_nm)
     _, ny, nx = grid.shape
@@ -97,28 +105,39 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     heights = grid.height_m
     levels = _levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+    cover = cloud_cover(scene) if species else None
+    fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
+    cell_m = min(dx, dy)
     sideless = (
-        grid.periodic
-        and not terrain.any()
-        and all((s.extinction_per_m == s.extinction_per_m[:, :1, :1]).all() for s in species)
+        grid.periodic and not terrain.any() and all((field == field[:, :1, :1]).all() for field in fields)
     )
     if sideless:
         # plane-parallel: one column without sides, so that level light need not be chased around the period
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
-    layered = refine and sideless and scene.atmosphere is None
+    layered = refine and sideless and scene.atmosphere is None and cover is None
     if layered and total is not None:
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
         levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0)
-    fineness = _fineness(len(levels), ny, nx, min(dx, dy)) if refine and frame.curved else 1
-    shape = (len(levels), fineness * (ny - 1) + 1, fineness * (nx - 1) + 1)
-    extinction = np.zeros((len(species), *shape), np.float32)
-    for out, one in zip(extinction, species, strict=True):
-        own = np.zeros((len(levels), ny, nx), np.float32)
-        _to_levels(one.extinction_per_m[:, :ny, :nx], heights, levels, frame.curved, own)
-        out[:] = own if fineness == 1 else finer_cloud(own, fineness)
+    divided = frame.curved and (refine or cover is not None)
+    fineness = 1
+    if divided:
+        wanted, most = _CELL_M, _MOST_FINER_NODES
+        if cover is not None:
+            wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
+        fineness = _fineness(ny, nx, cell_m, wanted, most // len(levels))
+    axes, place = _columns(grid, frame, fineness)
+    if nx == 1:
+        terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
+    fields = [on_levels(field[:, :ny, :nx], heights, levels, frame.curved) for field in fields]
+    if cover is not None:
+        extinction = cloud_under_cover(fields[:-1], species, fields[-1], levels, _fixed(frame, place), cell_m, fineness)
+    else:
+        extinction = np.zeros((len(species), len(levels), *place.shape[:2]), np.float32)
+        for out, own in zip(extinction, fields, strict=True):
+            out[:] = own if fineness == 1 else finer_cloud(own, fineness)
     if fineness > 1:
         terrain = refined_terrain(scene, subdivided(terrain, fineness), fineness)
         dx, dy = dx / fineness, dy / fineness
@@ -126,11 +145,8 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
         thickness = np.gradient(levels)
         buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
         extinction[:, buried] = 0
-    axes, place = _columns(grid, frame, fineness)
     origin, per_m, chart = _chart(grid, frame)
     chart = chart * fineness
-    if nx == 1:
-        terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
     ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
@@ -138,45 +154,12 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     )  # fmt: skip
 
 
-def _fineness(levels: int, ny: int, nx: int, cell_m: float) -> int:
-    """How often to halve cells wider than 1.5 km, within the budget of nodes."""
+def _fineness(ny: int, nx: int, cell_m: float, wanted_m: float, most: int) -> int:
+    """How often to halve cells wider than wanted, within the most columns."""
     fineness = 1
-    while cell_m / fineness > 1500 and levels * (2 * fineness * ny) * (2 * fineness * nx) < _MOST_FINER_NODES:
+    while cell_m / fineness > wanted_m and (2 * fineness * ny) * (2 * fineness * nx) < most:
         fineness *= 2
     return fineness
-
-
-def subdivided(field: F32, fineness: int) -> F32:
-    """Cubic B-spline subdivision of the last two axes, ``fineness`` (a power of two) nodes per node: smooth edges."""
-    while fineness > 1:
-        for axis in (-2, -1):
-            f = np.moveaxis(field, axis, -1)
-            out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), np.float32)
-            out[..., ::2] = f
-            out[..., 2:-1:2] = (f[..., :-2] + 6 * f[..., 1:-1] + f[..., 2:]) / 8
-            out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
-            field = np.moveaxis(out, -1, axis)
-        fineness //= 2
-    return np.ascontiguousarray(field)
-
-
-def finer_cloud(field: F32, fineness: int) -> F32:
-    """Extinction between the nodes of a coarse model, so that its cells do not show.
-
-    The fourth root is interpolated: between a clear node and a thick one the cloud then ends about midway and its
-    outline is smooth, where linear interpolation would draw the cells' own staircase. The mean of every cell is kept.
-    """
-    fine = subdivided(np.sqrt(np.sqrt(field)), fineness) ** 4
-    mean = fine
-    step = fineness
-    while step > 1:  # the mean around each node, with the weights of linear interpolation
-        for axis in (-2, -1):
-            m = np.moveaxis(mean, axis, -1)
-            padded = np.concatenate([m[..., 1:2], m, m[..., -2:-1]], axis=-1)
-            mean = np.moveaxis((padded[..., :-2:2] + 2 * padded[..., 1:-1:2] + padded[..., 2::2]) / 4, -1, axis)
-        step //= 2
-    ratio = np.where(mean > 0, np.clip(field / np.maximum(mean, 1e-12), 0, 6), 1).astype(np.float32)
-    return np.asarray(fine * subdivided(ratio, fineness), np.float32)
 
 
 def _outside_ground_m(terrain: F32) -> float:
@@ -230,22 +213,12 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     return np.concatenate([*pieces, levels[-1:]])
 
 
-def _to_levels(field: F32, heights: NDArray, levels: F64, extend: bool, out: F32) -> None:
-    """Linear interpolation in height, column by column; zero above the top, the lowest value down to the ground."""
-    if heights.ndim == 1:
-        k = np.clip(np.searchsorted(heights, levels, "right") - 1, 0, len(heights) - 2)
-        c = np.clip((levels - heights[k]) / (heights[k + 1] - heights[k]), 0, 1).astype(np.float32)
-        for n, z in enumerate(levels):
-            out[n] = field[k[n]] * (1 - c[n]) + field[k[n] + 1] * c[n]
-            if z > heights[-1] + 1e-6 or (z < heights[0] - 1e-6 and not extend):
-                out[n] = 0
-        return
-    for n, z in enumerate(levels):
-        k = np.clip((heights <= z).sum(axis=0) - 1, 0, heights.shape[0] - 2)[None]
-        h0, h1 = np.take_along_axis(heights, k, 0)[0], np.take_along_axis(heights, k + 1, 0)[0]
-        c = np.clip((z - h0) / (h1 - h0), 0, 1)
-        f0, f1 = np.take_along_axis(field, k, 0)[0], np.take_along_axis(field, k + 1, 0)[0]
-        out[n] = np.where(z > h1, 0, f0 * (1 - c) + f1 * c)
+def _fixed(frame: Frame, place: F64) -> F64:
+    """Places in metres from the Earth's centre, in axes that turn with it."""
+    if not frame.curved:
+        return place
+    lat, lon, _ = frame.latlon(place)
+    return Frame(frame.radius_m, 0.0, 0.0).position(lat, lon, 0.0) + np.array([0.0, 0.0, frame.radius_m])
 
 
 def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
@@ -265,13 +238,14 @@ def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     along = at(ix + 0.5, iy) - at(ix - 0.5, iy)
+    along = np.where(np.isfinite(along), along, np.array([1.0, 0.0, 0.0]))  # the map ends here
     along -= (along * up).sum(-1, keepdims=True) * up
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
 
 
 def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
-    """Table of fractional grid indices on the tangent plane (gnomonic, so that rays are straight in it)."""
+    """Table of fractional grid indices on Lambert's azimuthal equal-area map around the origin of the frame."""
     _, ny, nx = grid.shape
     if not frame.curved:
         # linear, so two nodes are exact; extent beyond the domain for distances to it
@@ -283,17 +257,26 @@ def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
         return -half, 1 / (2 * half), chart
     corners = np.array([[0, 0], [nx - 1, 0], [0, ny - 1], [nx - 1, ny - 1], [0, ny / 2], [nx - 1, ny / 2], [nx / 2, 0],
                         [nx / 2, ny - 1]], float)  # fmt: skip
+    radius = frame.radius_m
     lon, lat = grid.lonlat(corners[:, 0], corners[:, 1])
     p = frame.position(lat, lon, 0.0)
-    if (p[:, 2] < -0.6 * frame.radius_m).any():
-        raise UserError("the domain spans more than 130 degrees: global grids are not supported yet, cut a region out")
-    tangent = p[:, :2] * (frame.radius_m / (frame.radius_m + p[:, 2:3]))
-    half = _CHART_MARGIN * np.abs(tangent).max()
+    flat = p[:, :2] * np.sqrt(2 * radius / np.maximum(2 * radius + p[:, 2:3], 1e-3 * radius))
+    half = min(_CHART_MARGIN * np.nanmax(np.abs(flat)), 2 * radius)
     u = np.linspace(-half, half, _CHART_NODES)
     uu, vv = np.meshgrid(u, u)
-    q = np.stack([uu, vv, np.full_like(uu, frame.radius_m)], axis=-1)
-    q *= frame.radius_m / np.linalg.norm(q, axis=-1, keepdims=True)
-    q[..., 2] -= frame.radius_m
-    lat, lon, _ = frame.latlon(q)
-    chart = np.stack(grid.index(lon, lat), axis=-1)
+    square = (uu**2 + vv**2) / (2 * radius**2)  # 1 - cosine of the angle from the origin
+    known = square < 1.99
+    square = np.where(known, square, 0)
+    shrink = np.sqrt(1 - 0.5 * square)
+    lat, lon, _ = frame.latlon(np.stack([uu * shrink, vv * shrink, -radius * square], axis=-1))
+    chart = np.where(known[..., None], np.stack(grid.index(lon, lat), axis=-1), -1e9)
     return -half, (_CHART_NODES - 1) / (2 * half), np.nan_to_num(chart, nan=-1e9, posinf=1e9, neginf=-1e9)
+
+
+def _check_span(grid: Grid) -> None:
+    """Longitudes that go half round the Earth have a seam, or a pole, that no chart can hide."""
+    if grid.in_degrees and grid.x[-1] - grid.x[0] > _MOST_DEGREES:
+        raise UserError(
+            f"the grid spans {grid.x[-1] - grid.x[0]:.0f} degrees of longitude: open the file with around=(lat, lon) "
+            "and radius_km, which resamples what a view needs, up to a hemisphere"
+        )

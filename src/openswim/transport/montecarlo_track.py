@@ -28,16 +28,19 @@ ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
 def chart_place(x, y, z, dx, dy, dz, world):
     """Fractional (ix, iy) of a point, and their change per metre along a direction; see `march.grid_index`."""
     depth = world.radius_m + z
-    if depth <= 0.1 * world.radius_m:
+    r = math.sqrt(x * x + y * y + depth * depth)
+    if depth <= -0.99 * r:
         return -1e9, -1e9, 0.0, 0.0
-    q = world.radius_m / depth
+    q = world.radius_m * math.sqrt(2.0 / (r * (r + depth)))
     u = (x * q - world.chart_origin_m) * world.chart_per_m
     v = (y * q - world.chart_origin_m) * world.chart_per_m
     n = world.chart.shape[0] - 1
     if not world.periodic and (u < 0.0 or v < 0.0 or u > n or v > n):
         return -1e9, -1e9, 0.0, 0.0
-    du = world.chart_per_m * q * (dx - x * dz / depth)
-    dv = world.chart_per_m * q * (dy - y * dz / depth)
+    dr = (x * dx + y * dy + depth * dz) / r
+    shrink = 0.5 * (dr / r + (dr + dz) / (r + depth))
+    du = world.chart_per_m * q * (dx - x * shrink)
+    dv = world.chart_per_m * q * (dy - y * shrink)
     i = min(max(int(u), 0), n - 1)
     j = min(max(int(v), 0), n - 1)
     a = u - i

@@ -176,9 +176,10 @@ def build_shells(
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
     phase = np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
+    # below FAR_M, which stands for vacuum, also at the very top, where rays from space begin
+    reach_table = np.minimum(np.interp(level_table, np.arange(len(levels)), reach(extinction)), 0.5 * FAR_M)
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], level_table,
-        np.interp(level_table, np.arange(len(levels)), reach(extinction)), rows.astype(f32),
+        radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows.astype(f32),
         phase[:, :degree].astype(f32),
         slant.astype(f32), _horizon(levels, radius_m, ground_m), sun_table,
         np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), f32),

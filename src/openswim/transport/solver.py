@@ -124,7 +124,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     frame = medium.frame
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
-    reach = CLEAR_REACH_DEG + np.degrees(np.abs(medium.place[..., :2]).max() / frame.radius_m)
+    reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + medium.place[..., 2].min() / frame.radius_m)))
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
     shells = build_shells(
         medium.air, _sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top

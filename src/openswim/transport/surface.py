@@ -28,6 +28,7 @@ F64 = NDArray[np.float64]
 _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
 _SKY_AZIMUTHS = 19
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
+_DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 
 
 @dataclass
@@ -229,8 +230,9 @@ def shade(
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
+    centre = np.array([sun[2]])
     clear = np.maximum(
-        ground_flux(shells, mu_sun) - beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None], 1e-9
+        ground_flux(shells, centre) - beam_transmission(shells, centre) * np.maximum(centre, 0)[:, None], 1e-9
     )
 
     mirrored = np.full(diffuse.shape, np.nan, np.float32)
@@ -246,7 +248,10 @@ def shade(
             np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1),
             np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU))),
         )
-        return np.where(np.isfinite(mirrored), mirrored, radiance * np.minimum(diffuse / clear, 4.0))
+        # the sky over the scene's centre, as bright as it is here; where the centre is dark, an even one
+        known = np.clip(clear / _DARK, 0, 1)
+        here = known * radiance * np.minimum(diffuse / clear, 4.0) + (1 - known) * 4 * diffuse
+        return np.where(np.isfinite(mirrored), mirrored, here)
 
     return reflected_radiance(
         sample, wl, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)), beam * np.maximum(facet_sun, 0)[:, None],

@@ -42,7 +42,7 @@ class Sight(NamedTuple):
 
     depth (ns, n) of the species and tau of all; near: depth that Eq. 12 integrates over; irradiance: mean E/E_TOA
     there as seen from the eye, and transmittance: the cloud's share of it (T of Eq. 6); mu_theta: cosine of the
-    scattering angle; rise: cosine of the ray's zenith angle at the cloud; mu0 of the sun's there.
+    scattering angle; rise: cosine of the ray's zenith angle at the cloud; mu_sun of the sun's there, mu0 kept positive.
     """
 
     depth: F64
@@ -53,6 +53,7 @@ class Sight(NamedTuple):
     mu_theta: F64
     rise: F64
     mu0: F64
+    mu_sun: F64
 
 
 def view(
@@ -140,7 +141,7 @@ def _sight(
     transmittance = np.clip(irradiance / np.maximum(air, 1e-12), 0, 1)
     return Sight(
         own, tau, near, irradiance, transmittance, direction @ field.sun, (direction * up).sum(-1),
-        np.clip(mu0, _LEAST_MU, 1),
+        np.clip(mu0, _LEAST_MU, 1), mu0,
     )  # fmt: skip
 
 
@@ -209,9 +210,12 @@ def _lit_by_sky_and_ground(field: PackField, sight: Sight, shells: Shells, w: in
     g = _mean(sight.depth, [one.phase[w].asymmetry for one in medium.species], tau)
     vertical = tau * np.abs(sight.rise)
     back = diffuse_albedo(b * tau) * multiple_scattering_albedo(omega, g, vertical, 0.5)
-    mu = sight.mu0
-    sky = np.maximum(ground_flux(shells, mu)[:, w] - beam_transmission(shells, mu)[:, w] * mu, 0)
-    ground = np.full_like(sky, float(np.mean(field.lighting.mean_fluxes()["up_bottom"][w])))
+    mu, columns = sight.mu_sun, field.lighting.mu_sun.ravel()
+    total = ground_flux(shells, mu)[:, w]
+    sky = np.maximum(total - beam_transmission(shells, mu)[:, w] * np.maximum(mu, 0), 0)
+    # the ground's mean light, by the hour of the day at the cloud
+    usual = float(ground_flux(shells, columns[:: max(1, columns.size // 1000)])[:, w].mean())
+    ground = float(np.mean(field.lighting.mean_fluxes()["up_bottom"][w])) * total / max(usual, 1e-9)
     facing, behind = np.where(up, ground, sky), np.where(up, sky, ground)
     through = (1 - diffuse_albedo(b * tau)) * absorbed_transmittance(omega, g, vertical, 0.5)
     through *= np.where(up, 9 / 7 * shaded_phase(sight.rise), 1.0)

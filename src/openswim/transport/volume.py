@@ -79,7 +79,7 @@ class Volume(NamedTuple):
     cache lines.
     """
 
-    chart_origin_m: float  # tangent-plane coordinate of chart[0, 0]
+    chart_origin_m: float  # coordinate of chart[0, 0] on Lambert's azimuthal equal-area map around the scene's origin
     chart_per_m: float
     chart: F64  # (n, n, 2): fractional ix, iy at [row v, column u]
     sides_m: F64  # (4,) least and greatest tangent-plane x, then y, of the domain
@@ -138,11 +138,12 @@ def tidy(world: _Tuple) -> _Tuple:
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def grid_index(x, y, z, radius_m, volume):
-    """Fractional (ix, iy) of a point by the gnomonic chart; far outside the domain, a large negative pair."""
+    """Fractional (ix, iy) of a point by the equal-area chart; far outside the domain, a large negative pair."""
     depth = radius_m + z
-    if depth <= 0.1 * radius_m:
+    r = math.sqrt(x * x + y * y + depth * depth)
+    if depth <= -0.99 * r:
         return _OUTSIDE, _OUTSIDE
-    q = radius_m / depth
+    q = radius_m * math.sqrt(2.0 / (r * (r + depth)))
     u = (x * q - volume.chart_origin_m) * volume.chart_per_m
     v = (y * q - volume.chart_origin_m) * volume.chart_per_m
     n = volume.chart.shape[0] - 1

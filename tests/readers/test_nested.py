@@ -1,0 +1,181 @@
+"""Nested domains: the finest grid at each place, nothing lost and no seam at its rim."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pyproj import CRS
+from tests.readers import grib_files as gf
+
+from openswim import Scene
+from openswim.errors import UserError
+from openswim.readers import Neighbourhood, open_scene
+from openswim.readers.nested import merged
+from openswim.scene import Grid
+
+LAT, LON = 47.0, 8.0
+CRS_ = CRS.from_proj4(f"+proj=lcc +lat_1=40 +lat_2=55 +lat_0={LAT} +lon_0={LON} +R=6371000")
+LEVELS = np.linspace(0.0, 6000.0, 25)
+
+
+def domain(step_m, nodes, content, levels=LEVELS, fields=None, **more):
+    """A square domain around the place; `content(x, y, z)` in kg m-3."""
+    axis = (np.arange(nodes) - (nodes - 1) / 2) * step_m
+    z, y, x = np.meshgrid(levels, axis, axis, indexing="ij")
+    given = {"liquid_content": np.float32(content(x, y, z) + 0 * x)} | (fields or {})
+    return Scene.from_arrays({}, axis, axis, levels, crs=CRS_, fields=given, source=f"{step_m:.0f} m", **more)
+
+
+def smooth(x, y, z):
+    return 3e-4 * (1 + 0.5 * np.sin(x / 9e3) * np.cos(y / 12e3)) * np.exp(-(((z - 2500) / 900) ** 2))
+
+
+def at(scene, lat, lon):
+    ix, iy = scene.grid.index(lon, lat)
+    return round(float(ix)), round(float(iy))
+
+
+def column_mass(scene, name="liquid_content"):
+    return np.trapezoid(scene.data[name].values, scene.grid.height_m, axis=0)
+
+
+NEAR = Neighbourhood(LAT, LON, radius_m=6e4)
+
+
+def test_each_place_is_from_the_finest_grid():
+    outer = domain(3000.0, 81, lambda x, y, z: 1e-4)
+    inner = domain(600.0, 61, lambda x, y, z: 3e-4)  # 36 km wide
+    scene = merged([outer, inner], NEAR)
+    assert scene.grid.spacing_m() == pytest.approx((600.0, 600.0), rel=0.01)
+    content = scene.data.liquid_content.values[8]
+    i, j = at(scene, LAT, LON)
+    assert content[j, i] == pytest.approx(3e-4, rel=1e-4)
+    assert content[j, i - 60] == pytest.approx(1e-4, rel=1e-4)  # 36 km off
+    assert content[j, 0] == pytest.approx(1e-4, rel=1e-4)
+    assert "finest at each place" in " ".join(scene.notes)
+
+
+def test_the_rim_is_no_step():
+    outer, inner = domain(3000.0, 81, lambda x, y, z: 1e-4), domain(600.0, 61, lambda x, y, z: 3e-4)
+    content = merged([inner, outer], NEAR).data.liquid_content.values[8]
+    jump = max(np.abs(np.diff(content, axis=axis)).max() for axis in (0, 1))
+    assert jump < 0.25 * 2e-4  # fades over some nine nodes
+
+
+def test_where_domains_agree_their_join_cannot_be_seen():
+    outer, inner = domain(1500.0, 101, smooth), domain(500.0, 81, smooth)
+    scene = merged([outer, inner], NEAR)
+    ny, nx = scene.grid.shape[1:]
+    lon, lat = scene.grid.lonlat(np.arange(nx), np.arange(ny)[:, None])
+    ix, iy = inner.grid.index(lon, lat)
+    x, y = (ix - 40) * 500.0, (iy - 40) * 500.0
+    truth = smooth(x, y, scene.grid.height_m[:, None, None])
+    # linear interpolation over 1.5 km and 250 m of waves of 9 km and a layer of 900 m
+    np.testing.assert_allclose(scene.data.liquid_content, truth, atol=0.05 * truth.max())
+
+
+def test_water_is_that_of_the_domains():
+    outer, inner = domain(1500.0, 101, smooth), domain(500.0, 81, smooth)
+    scene = merged([outer, inner], NEAR)
+    half = 0.5 * (scene.grid.x[-1] - scene.grid.x[0])
+    keep = np.abs((np.arange(101) - 50) * 1500.0) <= half
+    expected = column_mass(outer)[np.ix_(keep, keep)].mean()
+    assert column_mass(scene).mean() == pytest.approx(expected, rel=0.02)
+
+
+def test_above_a_low_top_is_the_coarser_domains_cloud():
+    high = np.linspace(0.0, 12_000.0, 25)
+    outer = domain(3000.0, 61, lambda x, y, z: np.where(z > 8000, 2e-4, 0.0), high)
+    inner = domain(500.0, 61, lambda x, y, z: np.where(z < 1500, 3e-4, 0.0), np.linspace(0.0, 3000.0, 31))
+    scene = merged([outer, inner], NEAR)
+    i, j = at(scene, LAT, LON)
+    column, z = scene.data.liquid_content.values[:, j, i], scene.grid.height_m
+    np.testing.assert_allclose(column[z < 1300], 3e-4, rtol=1e-3)
+    assert not column[(z > 1700) & (z < 7400)].any()
+    np.testing.assert_allclose(column[z > 8600], 2e-4, rtol=1e-3)
+
+
+def test_what_the_finer_lacks_comes_from_the_coarser():
+    shape = (25, 61, 61)
+    outer = domain(3000.0, 61, smooth, fields={"ice_content": np.full(shape, 5e-5, np.float32)})
+    inner = domain(500.0, 61, smooth)
+    np.testing.assert_allclose(merged([outer, inner], NEAR).data.ice_content, 5e-5, rtol=1e-4)
+
+
+def test_light_taken_out_is_blended():
+    """Radii of one file, numbers of none: c/r is the mean of both files' c/r."""
+    shape = (25, 61, 61)
+    outer = domain(3000.0, 61, lambda x, y, z: 2e-4, fields={"liquid_effective_radius": np.full(shape, 20e-6)})
+    inner = domain(500.0, 61, lambda x, y, z: 2e-4, fields={"liquid_effective_radius": np.full(shape, 8e-6)})
+    scene = merged([outer, inner], NEAR)
+    radius = scene.data.liquid_effective_radius.values[5]
+    i, j = at(scene, LAT, LON)
+    assert radius[j, i] == pytest.approx(8e-6, rel=1e-3)
+    assert radius[j, 0] == pytest.approx(20e-6, rel=1e-3)
+    assert ((radius > 7.99e-6) & (radius < 20.01e-6)).all()
+
+
+def test_cells_of_the_finer_are_full_where_only_the_coarser_knows_cover():
+    outer = domain(20_000.0, 21, smooth, fields={"cloud_area_fraction": np.full((25, 21, 21), 0.3, np.float32)})
+    inner = domain(1000.0, 61, smooth)
+    scene = merged([outer, inner], NEAR)
+    cover = scene.data.cloud_area_fraction.values[5]
+    i, j = at(scene, LAT, LON)
+    assert cover[j, i] == pytest.approx(1.0, abs=1e-3)
+    assert cover[j, 2] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_three_domains_and_their_terrain():
+    globe = domain(30_000.0, 41, lambda x, y, z: 0.0, terrain_m=np.full((41, 41), 200.0))
+    outer = domain(3000.0, 61, smooth, terrain_m=np.full((61, 61), 400.0))
+    inner = domain(500.0, 61, smooth, terrain_m=np.full((61, 61), 600.0))
+    scene = merged([globe, inner, outer], Neighbourhood(LAT, LON, radius_m=1e5))
+    i, j = at(scene, LAT, LON)
+    terrain = scene.data.surface_altitude.values
+    assert terrain[j, i] == pytest.approx(600.0, abs=0.1)
+    assert terrain[j, i + 80] == pytest.approx(400.0, abs=0.1)
+    assert terrain[j, 2] == pytest.approx(200.0, abs=1.0)
+
+
+def test_only_one_domain_in_reach_stays_as_it_is():
+    outer, inner = domain(3000.0, 81, smooth), domain(500.0, 61, smooth)
+    near = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=5e3))
+    assert near.source == "500 m"
+    lon, lat = outer.grid.lonlat(5, 5)
+    far = merged([outer, inner], Neighbourhood(float(lat), float(lon), radius_m=1e4))
+    assert far.source == "3000 m"
+    with pytest.raises(UserError, match="outside all the domains"):
+        merged([outer, inner], Neighbourhood(30.0, 60.0))
+
+
+def test_seen_from_space_cells_are_wider():
+    outer, inner = domain(9000.0, 201, smooth), domain(500.0, 61, smooth)
+    scene = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=8e6))
+    assert max(scene.grid.shape[1:]) <= 421
+    assert scene.grid.spacing_m()[0] > 4000
+
+
+def test_a_flat_domain_needs_a_place():
+    flat = Scene.from_arrays({}, np.arange(5) * 100.0, np.arange(5) * 100.0, np.arange(4) * 100.0)
+    with pytest.raises(UserError, match="place on Earth"):
+        merged([flat, domain(3000.0, 21, smooth)], NEAR)
+
+
+def test_files_of_two_models(tmp_path):
+    """A scene file of fine cells in an IFS domain from GRIB."""
+    path = gf.write(tmp_path / "ifs", gf.ifs(gf.AROME))
+    whole = open_scene(path)
+    lat, lon = whole.place
+    own = Grid(np.arange(-5000.0, 5001.0, 500.0), np.arange(-5000.0, 5001.0, 500.0), LEVELS,
+               CRS.from_proj4(f"+proj=laea +lat_0={lat} +lon_0={lon} +R=6371000"))  # fmt: skip
+    fine = Scene.from_arrays(
+        {}, own.x, own.y, LEVELS, crs=own.crs, fields={"liquid_content": np.full(own.shape, 7e-4, np.float32)}
+    )
+    fine.to_netcdf(tmp_path / "fine.nc")
+    scene = open_scene([path, tmp_path / "fine.nc"], around=(lat, lon), radius_km=30)
+    i, j = at(scene, lat, lon)
+    assert scene.data.liquid_content.values[3, j, i] == pytest.approx(7e-4, rel=1e-3)
+    assert scene.grid.spacing_m()[0] == pytest.approx(500.0, rel=0.02)
+    assert scene.data.liquid_content.values[:, 0, 0].max() < 7e-4
+    with pytest.raises(UserError, match="around"):
+        open_scene([path, tmp_path / "fine.nc"])
