@@ -39,17 +39,19 @@ def cirrus_field(
 
     trail_m = 8000.0
     half = 0.5 * np.hypot(np.ptp(x), np.ptp(y)) + trail_m + 2 * step
-    ruler = np.arange(-half, half + step, step)
-    cells = _generating_cells(rng, ruler, float(step))
+    # finer across than the grid: resampling between nodes dims, and at the grid's own spacing that shows as ripples
+    finer = 0.4 * step
+    rulers = np.arange(-half, half + step, finer), np.arange(-half, half + step, step)
+    cells = _generating_cells(rng, rulers, float(step))
     content = np.zeros((len(z), len(y), len(x)), np.float32)
     fall = (top_m - z) / (top_m - base_m)
     across = across + 2.2e-5 * along**2 + 300.0 * lattice_noise(rng, (y, x), 3500.0)
     for level in np.flatnonzero((fall > 0) & (fall < 1)):
         t = float(fall[level])
         # at least a cell, for nodes draw finer fibres as beads
-        across_cells = max(0.8, (0.2 + 1.2 * t) * 100.0 / step)
-        blurred = blur(cells, (across_cells, (2.0 + 8.0 * t) * 100.0 / step))
-        there = sample(blurred, ((across + half) / step, (along + trail_m * t**1.5 + half) / step))
+        across_cells = max(1.0, (0.2 + 1.2 * t) * 100.0 / step)
+        blurred = blur(cells, (across_cells * step / finer, (2.0 + 8.0 * t) * 100.0 / step))
+        there = sample(blurred, ((across + half) / finer, (along + trail_m * t**1.5 + half) / step))
         content[level] = there * min(t / 0.2, 1.0) * (1 - t) ** 0.7
 
     content *= _cirrus_sheet(rng, x, y)
@@ -71,12 +73,12 @@ def _rescaled(depth: FloatArray, mean: float, limit: float) -> FloatArray:
     return wanted
 
 
-def _generating_cells(rng: np.random.Generator, ruler_m: NDArray, step_m: float) -> FloatArray:
+def _generating_cells(rng: np.random.Generator, rulers_m: tuple[NDArray, NDArray], step_m: float) -> FloatArray:
     """Relative ice source at cirrus top on (across, along) the wind: fibres gathered into tufts."""
-    # a fibre is about two lattice widths across: eight nodes, between which linear interpolation does not show
-    fine = lattice_noise(rng, (ruler_m, ruler_m), (max(150.0, 4.0 * step_m), 2500.0))
-    medium = lattice_noise(rng, (ruler_m, ruler_m), (max(420.0, 7.0 * step_m), 3200.0))
-    tufts = lattice_noise(rng, (ruler_m, ruler_m), (900.0, 1800.0))
+    # a fibre is about two lattice widths across: eight nodes
+    fine = lattice_noise(rng, rulers_m, (max(150.0, 4.0 * step_m), 2500.0))
+    medium = lattice_noise(rng, rulers_m, (max(420.0, 7.0 * step_m), 3200.0))
+    tufts = lattice_noise(rng, rulers_m, (900.0, 1800.0))
     return np.exp(0.65 * fine + 0.65 * medium) * smoothstep(tufts + 0.35 * medium, -0.5, 2.0)
 
 
