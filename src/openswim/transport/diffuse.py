@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads
+from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
@@ -19,6 +19,7 @@ from openswim.transport.sweep import Half, OpticalGrid, half_sweep
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+_FEW_COLUMNS = 3000  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _FOLLOWED = 5  # coarse sweeps between two fine ones
@@ -142,6 +143,17 @@ class Sweeper:
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
         new = np.zeros(values.shape, np.float32) if out is None else out  # not zeros_like, which touches every page
+        threads = get_num_threads()
+        if self.ground_albedo.size < _FEW_COLUMNS:  # meeting after every plane would take longer than the plane
+            set_num_threads(1)
+        try:
+            self._sweep_halves(values, new)
+        finally:
+            set_num_threads(threads)
+        return new
+
+    def _sweep_halves(self, values: F32, new: F32) -> None:
+        """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
         for n, (half, harmonics) in enumerate(self.halves):
             flux = self.up_flux if n else self.down_flux
@@ -153,7 +165,6 @@ class Sweeper:
                 radiance = np.asarray(
                     self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
                 )
-        return new
 
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
