@@ -15,7 +15,7 @@ WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
-_VIEW_SAMPLES_PER_S = 40e6
+_VIEW_SAMPLES_PER_S = 8e6
 _SOLVE_S_PER_NODE = 2.0e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
