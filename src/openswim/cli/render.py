@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from openswim.scene import Scene
     from openswim.transport import Solver
 
-DEFAULT_HEIGHT_M = 2.0
 SATELLITE_HEIGHT_M = 35_786_000.0
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0

@@ -34,7 +34,6 @@ from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS, Var
 F32 = NDArray[np.float32]
 _DRY_NAMES = ("qc", "qr", "qi", "qs", "qg", "qh", "qhl")  # mixing ratios: per mass of dry air
 _FULL_COVER_SNOW_M = 0.015  # of water: 15 kg m-2 hide the ground
-_LEVEL_AEROSOL_UNITS = ("kg kg-1", "kg m-3")
 
 
 class GriddedReader:

@@ -12,9 +12,17 @@ from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
-from openswim.transport.ordinates import Ordinates, harmonic_matrix
-from openswim.transport.products import BLOCK, Mirrored, SparseRows
-from openswim.transport.sweep import Half, OpticalGrid, half_sweep
+from openswim.transport.optical_grid import (
+    OpticalGrid,
+    coarsen,
+    coarser_grid,
+    thick_blocks,
+    total_extinction,
+    unlit_grid,
+)
+from openswim.transport.ordinates import Ordinates
+from openswim.transport.products import BLOCK, Mirrored, mirrored
+from openswim.transport.sweep import Half, half_sweep
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -23,18 +31,6 @@ _FEW_COLUMNS = 3000  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _FOLLOWED = 5  # coarse sweeps between two fine ones
-_THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
-
-
-@dataclass
-class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
-
-    scaled: F32
-    scattering: F32
-    air_extinction: F32
-    air_scattering: F32  # (nz, M)
-    air_forward: F32
 
 
 @dataclass
@@ -87,37 +83,14 @@ class Sweeper:
         return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
-        """The same medium on 2x2 means of its columns, with the extinction that lets as much light through a cell.
-
-        The mean extinction of broken cloud would be too bright, and the fine grid slow to mend it.
-        """
-        g = self.grid
-        nx = g.ground_node.shape[1]
-        extinction = g.extinction[..., :nx]
-        depth = np.tensordot(g.scaled, extinction, axes=1) * np.float32(g.cell_m.max())
-        mean = coarsen(depth)
-        let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
-        extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
-        harmonics = np.moveaxis(coarsen(np.moveaxis(g.sun_harmonics[..., :nx], 0, -2)), -2, 0)
-        grid = g._replace(
-            extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(g.beam[..., :nx])),
-            sun_harmonics=whole_blocks(harmonics), cell_m=2 * g.cell_m,
-            ground_node=np.ascontiguousarray(g.ground_node[::2, ::2]),
-            cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), g.periodic),
-        )  # fmt: skip
+        """The same on 2x2 columns."""
         return Sweeper.of(
-            grid, self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux), self.ordinates
+            coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux), self.ordinates
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
-        g = self.grid
-        cut = g._replace(
-            extinction=np.ascontiguousarray(g.extinction[:, levels]), air_extinction=g.air_extinction[levels],
-            air_scattering=g.air_scattering[levels], present=g.present[levels], beam=np.zeros_like(g.beam[levels]),
-            levels_m=g.levels_m[levels], cloudy=np.ascontiguousarray(g.cloudy[levels]),
-            ground_node=np.clip(g.ground_node - levels.start, 0, levels.stop - levels.start - 1),
-        )  # fmt: skip
+        cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
         dark = Sweeper.of(
             cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
@@ -302,101 +275,9 @@ class _Correction:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
-        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means, False)
+        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means)
         follows = Moments(self.dark.place, self.dark.answer(self.means))
         prolong(
             get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
         )  # fmt: skip
         image += change
-
-
-def total_extinction(grid: OpticalGrid) -> F32:
-    """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
-    out = np.empty(grid.beam.shape, np.float32)
-    out[...] = grid.air_extinction[:, None, None]
-    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
-        out += scaled * extinction
-    return out
-
-
-def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
-    """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
-    extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
-    return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
-
-
-def near_blocks(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
-    """Blocks of nodes along each row (nz, ny, block) with such nodes (nz, ny, nx) in them or next to them."""
-    for axis in range(3):
-        edge = "wrap" if periodic and axis > 0 else "constant"
-        padded = np.pad(found, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode=edge)  # type: ignore[call-overload]
-        n = found.shape[axis]
-        found = padded.take(range(n), axis) | found | padded.take(range(2, n + 2), axis)
-    return np.ascontiguousarray(np.logical_or.reduceat(found, range(0, found.shape[2], BLOCK), axis=2))
-
-
-def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:
-    """Harmonics of ordinates (n, 3), factored by their mirror images in x and y."""
-    matrix = harmonic_matrix(directions, degree)
-    images = np.round(np.abs(directions * [1, 1, 0]) + directions * [0, 0, 1], 9)
-    _, family = np.unique(images, axis=0, return_inverse=True)
-    parts: list[F64] = []
-    columns: list[F64] = []
-    for f in np.unique(family):
-        members = np.flatnonzero(family.ravel() == f)
-        for part in _parities(matrix[members]):
-            column = np.zeros(len(directions))
-            # rank one: every member's harmonics are those of the first, up to their sign
-            largest = np.abs(part[0]).argmax()
-            column[members] = part[:, largest] / part[0, largest]
-            parts.append(part[0])
-            columns.append(column)
-    whole = np.stack(columns, axis=-1)
-    first = np.stack(parts)
-    return Mirrored(*(_sparse(m) for m in (first, whole, whole.T * weight, first.T)))
-
-
-def _parities(rows: F64) -> list[F64]:
-    """Harmonics of mirror images split into those that change sign alike; a lone ordinate stays whole."""
-    rows = np.where(np.abs(rows) < 1e-12, 0, rows)
-    signs = np.sign(rows) * np.where(rows[0] == 0, 1, np.sign(rows[0]))
-    kinds = {tuple(column) for column in signs.T if column.any()}
-    return [np.where((np.array(kind) == signs.T).all(axis=1), rows, 0) for kind in sorted(kinds)]
-
-
-def _sparse(matrix: F64) -> SparseRows:
-    row, column = np.nonzero(np.abs(matrix) > 1e-12)
-    start = np.searchsorted(row, np.arange(len(matrix) + 1))
-    return SparseRows(start.astype(np.int64), column.astype(np.int64), matrix[row, column].astype(np.float32))
-
-
-def coarsen(field: F32) -> F32:
-    """Mean of 2x2 columns (the last row or column stands alone where the count is odd)."""
-    ny, nx = field.shape[-2:]
-    pad = [(0, 0)] * (field.ndim - 2) + [(0, ny % 2), (0, nx % 2)]
-    f = np.pad(field, pad, mode="edge")
-    return np.ascontiguousarray(
-        0.25 * (f[..., ::2, ::2] + f[..., 1::2, ::2] + f[..., ::2, 1::2] + f[..., 1::2, 1::2]), np.float32
-    )
-
-
-def whole_blocks(array: NDArray) -> F32:
-    """Rows filled with zeros to whole blocks."""
-    short = -array.shape[-1] % BLOCK
-    padded = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)]) if short else array
-    return np.ascontiguousarray(padded, np.float32)
-
-
-def optical_grid(
-    extinction: F32, coefficients: Coefficients, beam: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64,
-    periodic: bool, ground_node: NDArray[np.int64],
-) -> OpticalGrid:  # fmt: skip
-    """`OpticalGrid` of arrays as wide as the grid."""
-    c = coefficients
-    cloud = extinction > 0
-    present = np.concatenate([(c.air_scattering[:, :1] > 0).T, cloud.any(axis=(2, 3))]).T
-    return OpticalGrid(
-        whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
-        np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
-        ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
-    )  # fmt: skip

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport import diffuse, swim
+from openswim.transport import swim
 from openswim.transport.eye_source import columns_of, view_source, wide
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
+from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
@@ -33,7 +34,7 @@ class GridLight:
     medium: Medium
     beams: list[F32]
     moments: list[Moments] | None
-    coefficients: list[diffuse.Coefficients]
+    coefficients: list[Coefficients]
     sun_harmonics: F32
     sun: F64
     count: int
@@ -82,7 +83,7 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
     return np.concatenate([clouds, np.zeros_like(clouds[:1])])
 
 
-def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffuse.Coefficients:
+def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coefficients:
     """Delta-scaled coefficients of species and air at one wavelength; `swim` keeps the full extinction."""
     scaled, scattering = [], []
     for s in medium.species:
@@ -93,19 +94,17 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> diffu
         scattering.append(k * omega * (chi[:-1] - f))
     above = medium.levels_m - shells.ground_m
     if medium.air is None:
-        air_e, air_f, air_s = np.zeros(len(above)), np.zeros(len(above)), np.zeros((len(above), DEGREE))
+        air_e, air_s = np.zeros(len(above)), np.zeros((len(above), DEGREE))
     else:
         z = medium.air.height_m - shells.ground_m
         air_e = np.interp(above, z, shells.extinction[:, w])
-        air_f = np.interp(above, z, shells.forward[:, w])
         air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
     f32 = np.float32
-    return diffuse.Coefficients(
+    return Coefficients(
         np.array(scaled, f32),
         np.array(scattering, f32).reshape(-1, medium.degree),
         air_e.astype(f32),
         air_s.astype(f32),
-        air_f.astype(f32),
     )
 
 
@@ -120,7 +119,7 @@ def _forward(medium: Medium, nw: int) -> F32:
 
 
 def sunlit_volume(
-    medium: Medium, coefficients: list[diffuse.Coefficients], local_sun: F64, fast: bool
+    medium: Medium, coefficients: list[Coefficients], local_sun: F64, fast: bool
 ) -> tuple[Volume, list[F32]]:
     """Sun sweeps, and the volume with all but its sources filled in."""
     ns, nw = len(medium.species), PACK
@@ -226,7 +225,7 @@ def _free_around(free: F32, periodic: bool) -> F32:
 
 def beams_and_shadows(
     medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: list[F32],
-    coefficients: list[diffuse.Coefficients], local_sun: F64, sun: F64, count: int,
+    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int,
 ) -> GridLight:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape

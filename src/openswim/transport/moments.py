@@ -151,11 +151,11 @@ def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values):
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def restrict(threads, place, values, weight, nx, coarse_place, out, complete):
+def restrict(threads, place, values, weight, nx, coarse_place, out):
     """Means over 2x2 columns of moments kept in blocks, on a densely kept grid coarser by two.
 
     ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
-    as zero; ``complete``: only where all is kept, the rest of ``out`` stays as it is.
+    as zero.
     """
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
@@ -172,8 +172,6 @@ def restrict(threads, place, values, weight, nx, coarse_place, out, complete):
                     if at < 0 or block >= nb:
                         continue
                     one, two = place[k, 2 * m, block], place[k, min(2 * m + 1, ny - 1), block]
-                    if complete and (one < 0 or two < 0):
-                        continue
                     last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
                     part = shares[t]
                     part[:, :] = np.float32(0.0)
@@ -181,13 +179,12 @@ def restrict(threads, place, values, weight, nx, coarse_place, out, complete):
                         x = block * BLOCK + 2 * i
                         beside = block * BLOCK + min(2 * i + 1, last)
                         y = min(2 * m + 1, ny - 1)
-                        a, b1 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
-                        c1, d = weight[k, y, x], weight[k, y, beside]
-                        total = a + b1 + c1 + d
+                        w00, w01 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
+                        w10, w11 = weight[k, y, x], weight[k, y, beside]
+                        total = w00 + w01 + w10 + w11
                         if total > np.float32(0.0):
-                            scale = np.float32(1.0) / total
-                            part[0, i], part[1, i] = scale * a, scale * b1
-                            part[2, i], part[3, i] = scale * c1, scale * d
+                            part[0, i], part[1, i] = w00 / total, w01 / total
+                            part[2, i], part[3, i] = w10 / total, w11 / total
                     for c in range(values.shape[1]):
                         for i in range(half):
                             beside = min(2 * i + 1, last)

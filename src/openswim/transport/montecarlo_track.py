@@ -26,7 +26,7 @@ ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def chart_place(x, y, z, dx, dy, dz, world):
-    """Fractional (ix, iy) of a point, and their change per metre along a direction; see `march.grid_index`."""
+    """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
     depth = world.radius_m + z
     r = math.sqrt(x * x + y * y + depth * depth)
     if depth <= -0.99 * r:

@@ -6,8 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import LANES, flat, read_quadruple, spread_quadruple, write
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 BLOCK = 2 * LANES  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
@@ -50,3 +55,38 @@ def multiply(sparse, x, x_at, x_stride, y, y_at, y_stride, again):
             two += v * read_quadruple(x, c + LANES)
         write(y, at, one)
         write(y, at + LANES, two)
+
+
+def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:
+    """Harmonics of ordinates (n, 3), factored by their mirror images in x and y."""
+    matrix = harmonic_matrix(directions, degree)
+    images = np.round(np.abs(directions * [1, 1, 0]) + directions * [0, 0, 1], 9)
+    _, family = np.unique(images, axis=0, return_inverse=True)
+    parts: list[F64] = []
+    columns: list[F64] = []
+    for f in np.unique(family):
+        members = np.flatnonzero(family.ravel() == f)
+        for part in _parities(matrix[members]):
+            column = np.zeros(len(directions))
+            # rank one: every member's harmonics are those of the first, up to their sign
+            largest = np.abs(part[0]).argmax()
+            column[members] = part[:, largest] / part[0, largest]
+            parts.append(part[0])
+            columns.append(column)
+    whole = np.stack(columns, axis=-1)
+    first = np.stack(parts)
+    return Mirrored(*(_sparse(m) for m in (first, whole, whole.T * weight, first.T)))
+
+
+def _parities(rows: F64) -> list[F64]:
+    """Harmonics of mirror images split into those that change sign alike; a lone ordinate stays whole."""
+    rows = np.where(np.abs(rows) < 1e-12, 0, rows)
+    signs = np.sign(rows) * np.where(rows[0] == 0, 1, np.sign(rows[0]))
+    kinds = {tuple(column) for column in signs.T if column.any()}
+    return [np.where((np.array(kind) == signs.T).all(axis=1), rows, 0) for kind in sorted(kinds)]
+
+
+def _sparse(matrix: F64) -> SparseRows:
+    row, column = np.nonzero(np.abs(matrix) > 1e-12)
+    start = np.searchsorted(row, np.arange(len(matrix) + 1))
+    return SparseRows(start.astype(np.int64), column.astype(np.int64), matrix[row, column].astype(np.float32))

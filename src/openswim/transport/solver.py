@@ -23,6 +23,7 @@ from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
+from openswim.transport.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
@@ -192,7 +193,10 @@ def _diffuse(
     light.coarser = []
     traces: list[diffuse.Trace] | None = None
     counts: list[list[int]] = []
-    row_harmonics = np.ascontiguousarray(np.moveaxis(light.sun_harmonics, 0, 1))
+    first = optical_grid(
+        medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
+        medium.periodic, ground_node, light.coefficients[0], light.beams[0],
+    )  # fmt: skip
     plane_parallel = (ny, nx) == (1, 1)
     with job("diffuse light", count) as meter:
         for w in range(PACK):
@@ -202,10 +206,7 @@ def _diffuse(
                 lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
                 continue
             c = light.coefficients[w]
-            grid = diffuse.optical_grid(
-                medium.extinction, c, light.beams[w], row_harmonics, medium.levels_m, np.array(medium.cell_m, float),
-                medium.periodic, ground_node,
-            )  # fmt: skip
+            grid = at_another_wavelength(first, c, light.beams[w])
             sweeper = diffuse.Sweeper.of(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
             )

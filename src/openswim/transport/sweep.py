@@ -20,27 +20,6 @@ from openswim.transport.sweep_source import coarse_rows, collect_row, source_row
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
-class OpticalGrid(NamedTuple):
-    """The delta-scaled medium of one wavelength on the nodes (nz, ny, nx) of a grid, and the beam that lights it.
-
-    Rows of ``extinction``, ``beam`` and ``sun_harmonics`` are filled with zeros to whole blocks.
-    """
-
-    extinction: np.ndarray  # (s, nz, ny, nx) of every species at its reference wavelength, 1/m
-    scaled: np.ndarray  # (s,) delta-scaled extinction per reference extinction
-    scattering: np.ndarray  # (s, M) Legendre moments of scattering per reference extinction
-    air_extinction: np.ndarray  # (nz,) of the air on the levels, 1/m
-    air_scattering: np.ndarray  # (nz, M)
-    present: np.ndarray  # (nz, 1 + s) whether the air and each species scatter on a level
-    beam: np.ndarray  # direct transmission
-    sun_harmonics: np.ndarray  # (ny, M*M, nx) harmonics of the direction to the sun in the column's axes
-    levels_m: np.ndarray
-    cell_m: np.ndarray
-    periodic: bool
-    ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
-    cloudy: np.ndarray  # (nz, ny, blocks) blocks with cloud in or next to them
-
-
 class Half(NamedTuple):
     """The ordinates of one hemisphere: ``direction`` (n, 3) toward the light's origin, ``weight`` (n,)."""
 

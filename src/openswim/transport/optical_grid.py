@@ -1,0 +1,144 @@
+"""The medium as the sweeps see it, on the full grid and on coarser ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.products import BLOCK
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
+
+
+@dataclass
+class Coefficients:
+    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
+
+    scaled: F32
+    scattering: F32
+    air_extinction: F32
+    air_scattering: F32  # (nz, M)
+
+
+class OpticalGrid(NamedTuple):
+    """The delta-scaled medium of one wavelength on the nodes (nz, ny, nx) of a grid, and the beam that lights it.
+
+    Rows of ``extinction``, ``beam`` and ``sun_harmonics`` are filled with zeros to whole blocks.
+    """
+
+    extinction: np.ndarray  # (s, nz, ny, nx) of every species at its reference wavelength, 1/m
+    scaled: np.ndarray  # (s,) delta-scaled extinction per reference extinction
+    scattering: np.ndarray  # (s, M) Legendre moments of scattering per reference extinction
+    air_extinction: np.ndarray  # (nz,) of the air on the levels, 1/m
+    air_scattering: np.ndarray  # (nz, M)
+    present: np.ndarray  # (nz, 1 + s) whether the air and each species scatter on a level
+    beam: np.ndarray  # direct transmission
+    sun_harmonics: np.ndarray  # (ny, M*M, nx) harmonics of the direction to the sun in the column's axes
+    levels_m: np.ndarray
+    cell_m: np.ndarray
+    periodic: bool
+    ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
+    cloudy: np.ndarray  # (nz, ny, blocks) blocks with cloud in or next to them
+
+
+def optical_grid(
+    extinction: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64, periodic: bool, ground_node: NDArray[np.int64],
+    coefficients: Coefficients, beam: F32,
+) -> OpticalGrid:  # fmt: skip
+    """`OpticalGrid` of arrays as wide as the grid."""
+    c = coefficients
+    cloud = extinction > 0
+    present = np.concatenate([(c.air_scattering[:, :1] > 0).T, cloud.any(axis=(2, 3))]).T
+    return OpticalGrid(
+        whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
+        np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
+        ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
+    )  # fmt: skip
+
+
+def at_another_wavelength(grid: OpticalGrid, coefficients: Coefficients, beam: F32) -> OpticalGrid:
+    """The same species in the same places."""
+    c = coefficients
+    return grid._replace(
+        scaled=c.scaled, scattering=c.scattering, air_extinction=c.air_extinction, air_scattering=c.air_scattering,
+        beam=whole_blocks(beam),
+    )  # fmt: skip
+
+
+def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
+    """The same medium on 2x2 means of its columns, with the extinction that lets as much light through a cell.
+
+    The mean extinction of broken cloud would be too bright, and the fine grid slow to mend it.
+    """
+    nx = grid.ground_node.shape[1]
+    extinction = grid.extinction[..., :nx]
+    depth = np.tensordot(grid.scaled, extinction, axes=1) * np.float32(grid.cell_m.max())
+    mean = coarsen(depth)
+    let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
+    extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
+    harmonics = np.moveaxis(coarsen(np.moveaxis(grid.sun_harmonics[..., :nx], 0, -2)), -2, 0)
+    return grid._replace(
+        extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(grid.beam[..., :nx])),
+        sun_harmonics=whole_blocks(harmonics), cell_m=2 * grid.cell_m,
+        ground_node=np.ascontiguousarray(grid.ground_node[::2, ::2]),
+        cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), grid.periodic),
+    )  # fmt: skip
+
+
+def unlit_grid(grid: OpticalGrid, levels: slice) -> OpticalGrid:
+    """What lies between some levels, without a beam."""
+    return grid._replace(
+        extinction=np.ascontiguousarray(grid.extinction[:, levels]), air_extinction=grid.air_extinction[levels],
+        air_scattering=grid.air_scattering[levels], present=grid.present[levels],
+        beam=np.zeros_like(grid.beam[levels]), levels_m=grid.levels_m[levels],
+        cloudy=np.ascontiguousarray(grid.cloudy[levels]),
+        ground_node=np.clip(grid.ground_node - levels.start, 0, levels.stop - levels.start - 1),
+    )  # fmt: skip
+
+
+def total_extinction(grid: OpticalGrid) -> F32:
+    """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
+    out = np.empty(grid.beam.shape, np.float32)
+    out[...] = grid.air_extinction[:, None, None]
+    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
+        out += scaled * extinction
+    return out
+
+
+def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
+    """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
+    extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
+    return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+
+
+def near_blocks(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
+    """Blocks of nodes along each row (nz, ny, block) with such nodes (nz, ny, nx) in them or next to them."""
+    for axis in range(3):
+        edge = "wrap" if periodic and axis > 0 else "constant"
+        padded = np.pad(found, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode=edge)  # type: ignore[call-overload]
+        n = found.shape[axis]
+        found = padded.take(range(n), axis) | found | padded.take(range(2, n + 2), axis)
+    return np.ascontiguousarray(np.logical_or.reduceat(found, range(0, found.shape[2], BLOCK), axis=2))
+
+
+def coarsen(field: F32) -> F32:
+    """Mean of 2x2 columns (the last row or column stands alone where the count is odd)."""
+    ny, nx = field.shape[-2:]
+    pad = [(0, 0)] * (field.ndim - 2) + [(0, ny % 2), (0, nx % 2)]
+    f = np.pad(field, pad, mode="edge")
+    return np.ascontiguousarray(
+        0.25 * (f[..., ::2, ::2] + f[..., 1::2, ::2] + f[..., ::2, 1::2] + f[..., 1::2, 1::2]), np.float32
+    )
+
+
+def whole_blocks(array: NDArray) -> F32:
+    """Rows filled with zeros to whole blocks."""
+    short = -array.shape[-1] % BLOCK
+    padded = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)]) if short else array
+    return np.ascontiguousarray(padded, np.float32)

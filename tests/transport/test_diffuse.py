@@ -1,0 +1,132 @@
+"""The two-grid solve of the diffuse field, its transfers between grids, and the products that make its sources."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.transport.scenes import grid_scene, sky_directions, toward
+
+from openswim.cameras import Rays
+from openswim.transport import Solver
+from openswim.transport.moments import Moments, nothing_coarser, places, prolong, restrict
+from openswim.transport.optical_grid import coarsen
+from openswim.transport.ordinates import harmonic_matrix, lebedev
+from openswim.transport.products import BLOCK, mirrored, multiply
+
+SHAPE = (14, 52, 50)  # three grids, with an odd one among them
+CELL_M = (100.0, 100.0, 100.0)
+SUN = toward(250.0, 40.0)
+UP_AND_DOWN = np.concatenate([sky_directions([20.0, 60.0], [0.0, 90.0, 200.0]), [[0, 0, -1.0], [0.6, 0.0, -0.8]]])
+
+
+def broken_cloud(seed: int = 1) -> np.ndarray:
+    """Blobs of up to 60 per km between 400 and 1000 m."""
+    rng = np.random.default_rng(seed)
+    nz, ny, nx = SHAPE
+    z, y, x = np.ogrid[0:nz, 0:ny, 0:nx]
+    out = np.zeros(SHAPE)
+    for _ in range(14):
+        k, j, i, r = rng.uniform(5, 9), rng.uniform(0, ny), rng.uniform(0, nx), rng.uniform(2, 6)
+        out += np.clip(1.2 - ((z - k) ** 2 * 2 + (y - j) ** 2 + (x - i) ** 2) / r**2, 0, 1)
+    return np.minimum(out, 1) * 0.06 * ((z > 3) & (z < 11))
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.5])
+def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
+    """Tolerance .04 is the error that a sweep may still mend; what remains is 3 % of fluxes and of images (RMSE)."""
+    scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
+    quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.04, 0.002))
+    assert len(quick.packs[0].sweeps[0]) == 3
+    for name, flux in exact.fluxes().items():
+        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.03, atol=1e-6, err_msg=name)
+    across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))
+    for direction in UP_AND_DOWN:
+        height = 2.0 if direction[2] > 0 else 1350.0
+        look = Rays(np.column_stack([across, np.full(50, height)]), direction)
+        a, b = (field.view(look).radiance[:, 0] for field in (quick, exact))
+        assert np.sqrt(((a - b) ** 2).mean()) < 0.03 * b.mean()
+
+
+def test_wavelengths_alike_are_lit_alike() -> None:
+    """Grey cloud over grey ground: no tint from one wavelength being solved whole and the others after it."""
+    scene = grid_scene(broken_cloud(2), SHAPE, CELL_M, surface_albedo=0.2)
+    field = Solver().solve(scene, SUN, [615.0, 546.0, 450.0])
+    for flux in field.fluxes().values():
+        np.testing.assert_allclose(flux, flux[0], rtol=2e-3)
+    for height in (2.0, 1350.0):
+        radiance = field.view(Rays(np.array([330.0, -410.0, height]), UP_AND_DOWN)).radiance
+        np.testing.assert_allclose(radiance, radiance[:, :1].repeat(3, 1), rtol=5e-3, atol=1e-4)
+
+
+def test_a_white_world_without_sides_keeps_its_light() -> None:
+    """Broken conservative cloud, periodic, black ground: what enters leaves by the top or is absorbed below.
+
+    Steps between nodes lose light at sharp edges, a per cent or two at cells of half an optical depth.
+    """
+    scene = grid_scene(0.5 * broken_cloud(3), SHAPE, CELL_M, periodic=True)
+    fluxes = Solver().solve(scene, SUN, [546.0]).fluxes()
+    total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
+    assert total == pytest.approx(SUN[2], rel=0.03)
+
+
+def test_products_are_those_of_the_dense_matrices() -> None:
+    ordinates = lebedev(50)
+    down = ordinates.direction[:, 2] >= 0
+    q, weight = ordinates.direction[down], ordinates.weight[down].astype(np.float32)
+    matrix = harmonic_matrix(q, 5)
+    there = mirrored(q, weight, 5)
+    rng = np.random.default_rng(0)
+    count = len(q)
+    sums = np.zeros((count, BLOCK), np.float32)
+    for (first, second), dense in (
+        ((there.parts, there.whole), matrix), ((there.gather, there.spread), (matrix * weight[:, None]).T)
+    ):  # fmt: skip
+        x = rng.standard_normal((dense.shape[1], BLOCK)).astype(np.float32)
+        y = np.ones((dense.shape[0], BLOCK), np.float32)
+        multiply(first, x, 0, BLOCK, sums, 0, BLOCK, False)
+        multiply(second, sums, 0, BLOCK, y, 0, BLOCK, True)
+        np.testing.assert_allclose(y, 1 + dense @ x, atol=2e-4)
+
+
+def blocks_of(field: np.ndarray) -> Moments:
+    """A dense field (moments, nz, ny, nx), kept everywhere."""
+    count, nz, ny, nx = field.shape
+    blocks = -(-nx // BLOCK)
+    place = places(np.ones((nz, ny, blocks), bool))
+    wide = np.pad(field, [(0, 0)] * 3 + [(0, blocks * BLOCK - nx)])
+    values = wide.reshape(count, nz, ny, blocks, BLOCK).transpose(1, 2, 3, 0, 4).reshape(-1, count, BLOCK)
+    return Moments(place, np.ascontiguousarray(values, np.float32))
+
+
+def dense(moments: Moments, nx: int) -> np.ndarray:
+    nz, ny, blocks = moments.place.shape
+    values = moments.values.reshape(nz, ny, blocks, -1, BLOCK).transpose(3, 0, 1, 2, 4)
+    return values.reshape(values.shape[0], nz, ny, blocks * BLOCK)[..., :nx]
+
+
+@pytest.mark.parametrize("size", [(6, 40), (7, 71), (5, 33)])
+def test_restriction_is_the_mean_by_extinction(size: tuple[int, int]) -> None:
+    ny, nx = size
+    rng = np.random.default_rng(4)
+    field, weight = rng.standard_normal((4, 2, ny, nx)), rng.random((2, ny, nx)).astype(np.float32)
+    fine = blocks_of(field)
+    coarse = blocks_of(np.full((4, 2, (ny + 1) // 2, (nx + 1) // 2), 9.0))
+    restrict(1, fine.place, fine.values, weight, nx, coarse.place, coarse.values)
+    expected = coarsen((field * weight).astype(np.float32)) / coarsen(weight)
+    np.testing.assert_allclose(dense(coarse, (nx + 1) // 2), expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(6, 40), (7, 71)])
+def test_prolongation_keeps_planes_and_constants(size: tuple[int, int]) -> None:
+    """Linear inside; constant to the edge, where there is nothing to interpolate with."""
+    ny, nx = size
+    rows, columns = (ny + 1) // 2, (nx + 1) // 2
+    y, x = np.mgrid[0:rows, 0:columns] * 2.0 + 0.5
+    coarse = blocks_of(np.stack([np.ones((1, rows, columns)), (3 * y - 2 * x)[None], *np.zeros((2, 1, rows, columns))]))
+    fine = blocks_of(np.zeros((4, 1, ny, nx)))
+    prolong(1, coarse, columns, nothing_coarser(2), fine.place, nx, fine.values)
+    seen = dense(fine, nx)
+    np.testing.assert_allclose(seen[0], 1.0, rtol=1e-6)
+    y, x = np.mgrid[0:ny, 0:nx]
+    inner = (slice(1, 2 * rows - 1 - ny % 2), slice(1, 2 * columns - 1 - nx % 2))
+    np.testing.assert_allclose(seen[1, 0][inner], (3.0 * y - 2.0 * x)[inner], rtol=1e-5, atol=1e-4)
