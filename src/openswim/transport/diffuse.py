@@ -21,7 +21,7 @@ from openswim.transport.optical_grid import (
     total_extinction,
     unlit_grid,
 )
-from openswim.transport.ordinates import Ordinates
+from openswim.transport.ordinates import Ordinates, lebedev
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
 from openswim.transport.sweep import Half, Room, half_sweep
@@ -32,7 +32,7 @@ F64 = NDArray[np.float64]
 _FEW_COLUMNS = 3000  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
-_LEAST_GROUP = 29  # ordinates that share a pass over the moments
+_LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 5  # coarse sweeps between two fine ones
@@ -104,9 +104,12 @@ class Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
+        # half the ordinates answer as well; level ones are not for flat cells
+        level = np.abs(self.ordinates.direction[:, 2]) < 1e-6
+        few = lebedev(26) if level.any() else self.ordinates
         dark = Sweeper.of(
-            cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
-            self.ordinates, self.pool,
+            cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
+            0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
         return replace(dark, place=places(thick_blocks(cut)))
 

@@ -79,7 +79,7 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
     """
     nx = grid.ground_node.shape[1]
     extinction = grid.extinction[..., :nx]
-    depth = np.tensordot(grid.scaled, extinction, axes=1) * np.float32(grid.cell_m.max())
+    depth = (total_extinction(grid)[..., :nx] - grid.air_extinction[:, None, None]) * np.float32(grid.cell_m.max())
     mean = coarsen(depth)
     let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
     extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)

@@ -97,21 +97,17 @@ def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:
 
 
 def in_groups(directions: F64, weight: F32, degree: int, least: int) -> tuple[NDArray[np.int64], Groups]:
-    """Ordinates (n, 3) in groups of ``least`` or more, mirror images together: their order, and the groups."""
+    """Ordinates (n, 3) in groups of about ``least`` or more, mirror images together: their order, and the groups."""
     images = np.round(np.abs(directions * [1, 1, 0]) + directions * [0, 0, 1], 9)
     _, family = np.unique(images, axis=0, return_inverse=True)
     order = np.argsort(family.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(family.ravel()))
-    first = [0]
-    for end in ends:
-        if end - first[-1] >= least:
-            first.append(int(end))
-    if first[-1] < len(order):  # the rest joins the last
-        first[-1 if len(first) > 1 else len(first) :] = [len(order)]
+    ends = np.concatenate([[0], np.cumsum(np.bincount(family.ravel()))])
+    count = max(1, len(order) // least)
+    first = np.unique([ends[np.abs(ends - len(order) * n / count).argmin()] for n in range(count + 1)])
     parts = [mirrored(directions[order[a:b]], weight[order[a:b]], degree) for a, b in pairwise(first)]
     sums = np.cumsum([0, *(len(p.parts.start) - 1 for p in parts)])
     matrices = [_stacked([part[n] for part in parts]) for n in range(4)]
-    return order, Groups(np.array(first, np.int64), sums.astype(np.int64), *matrices)
+    return order, Groups(first.astype(np.int64), sums.astype(np.int64), *matrices)
 
 
 def _stacked(matrices: list[SparseRows]) -> SparseRows:
