@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport import swim
-from openswim.transport.eye_source import columns_of, view_source, wide
+from openswim.transport.eye_source import columns_of, field_at, view_source, wide
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
@@ -57,16 +57,12 @@ class GridLight:
             return
         m = self.medium
         eye = np.array(eye, float)
-        columns = columns_of(m.axes, m.place, eye, parallel)
-        extinction = wide(m.extinction)
-        for w, c in enumerate(self.coefficients):
-            if w >= self.count:
-                volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
-                continue
-            view_source(
-                extinction, c.scattering, np.ascontiguousarray(c.air_scattering), wide(self.beams[w]), *self.moments[w],
-                self.coarser[w], columns, m.levels_m, eye, parallel, self.sun, PACK + w, volume.fields,
-            )  # fmt: skip
+        view_source(
+            wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
+            np.stack([c.air_scattering for c in self.coefficients]), tuple(wide(beam) for beam in self.beams),
+            *field_at(self.moments, self.coarser), columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
+            parallel, self.sun, self.count, volume.fields,
+        )  # fmt: skip
         self._aimed = key
 
 
