@@ -118,9 +118,14 @@ def _coarse_row(place, values, k, j, factor, columns, row):
     width = row.shape[1]
     for b in range(place.shape[2]):
         at, next_at = place[k, m, b], place[k, beside, b]
+        if at < 0 and next_at < 0:
+            for c in range(_MOMENTS):
+                row[c, 1 + b * BLOCK : 1 + (b + 1) * BLOCK] = _ZERO
+            continue
         near = _ONE - share if at >= 0 else _ZERO
         far = share if next_at >= 0 else _ZERO
-        one, two = max(at, 0) * _MOMENTS * BLOCK, max(next_at, 0) * _MOMENTS * BLOCK
+        one = (at if at >= 0 else next_at) * _MOMENTS * BLOCK
+        two = (next_at if next_at >= 0 else at) * _MOMENTS * BLOCK
         for c in range(_MOMENTS):
             for i in range(0, BLOCK, LANES):
                 n = c * BLOCK + i

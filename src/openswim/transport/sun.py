@@ -170,7 +170,7 @@ def sun_sweep(
     level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
     horizon of a node on the curved Earth: the way up then starts downward.
     """
-    filled = extinction.reshape(len(extinction), -1).any(axis=1)
+    filled = extinction.any(axis=(1, 2, 3))
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
     exact[gates] = True
@@ -184,10 +184,10 @@ def sun_sweep(
 def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
     """`sun_sweep` of a medium (nz, ny, nx, n or more), for each row of ``weights`` (n, ns) of its species."""
     padded = np.pad(np.asarray(weights, np.float32), [(0, -len(weights) % PACK), (0, 0)])
-    extinction = (medium.extinction.reshape(len(medium.species), -1).T @ padded.T).reshape(*medium.shape, -1)
+    extinction = medium.extinction.reshape(len(medium.species), math.prod(medium.shape)).T @ padded.T
     return sun_sweep(
-        np.ascontiguousarray(extinction), exact, local_sun, medium.levels_m, medium.level_lookup,
-        np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic,
+        np.ascontiguousarray(extinction.reshape(*medium.shape, len(padded))), exact, local_sun, medium.levels_m,
+        medium.level_lookup, np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic,
     )  # fmt: skip
 
 
