@@ -224,15 +224,10 @@ def beams_and_shadows(
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
-    terrain_shadow(
-        medium.terrain_m,
-        local_sun,
-        np.array(medium.cell_m, float),
-        medium.frame.radius_m,
-        medium.periodic,
-        shadow,
-        ridge,
-    )
+    if not medium.periodic:
+        terrain_shadow(
+            medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow, ridge
+        )
     beams = np.empty((count, nz, ny, nx), np.float32)
     surface = np.empty((count, ny, nx), np.float32)
     direct_beam(

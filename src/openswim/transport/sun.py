@@ -207,30 +207,36 @@ def _stops(filled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int
     return followed, np.minimum(passed, top), gates
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def terrain_shadow(terrain_m, sun, cell_m, radius_m, periodic, shadow_m, distance_m):
-    """Height (ny, nx) up to which the terrain hides the sun, and the distance of the ridge that does it."""
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
+    """A row of nodes: see `terrain_shadow`."""
     ny, nx = terrain_m.shape
-    for j in prange(ny):
-        for i in range(nx):
-            mu = sun[j, i, 2]
-            sine = math.sqrt(max(1e-12, 1.0 - mu * mu))
-            vx, vy = sun[j, i, 0] / sine / cell_m[0], sun[j, i, 1] / sine / cell_m[1]
-            ds = 0.7 / max(abs(vx), abs(vy), 1e-9)
-            highest = -1e9
-            ridge = 0.0
-            steps = int(1.5 * (nx + ny) / 0.7)
-            for n in range(1, steps):
-                s = n * ds
-                x, y = i + vx * s, j + vy * s
-                if periodic or x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0:
-                    break
-                h = _plane_value(terrain_m, x, y, False) - s * mu / sine - s * s / (2.0 * radius_m)
-                if h > highest:
-                    highest = h
-                    ridge = s
-            shadow_m[j, i] = highest
-            distance_m[j, i] = ridge
+    for i in range(nx):
+        mu = sun[j, i, 2]
+        sine = math.sqrt(max(1e-12, 1.0 - mu * mu))
+        vx, vy = sun[j, i, 0] / sine / cell_m[0], sun[j, i, 1] / sine / cell_m[1]
+        ds = 0.7 / max(abs(vx), abs(vy), 1e-9)
+        highest = -1e9
+        ridge = 0.0
+        steps = int(1.5 * (nx + ny) / 0.7)
+        for n in range(1, steps):
+            s = n * ds
+            x, y = i + vx * s, j + vy * s
+            if x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0:
+                break
+            h = _plane_value(terrain_m, x, y, False) - s * mu / sine - s * s / (2.0 * radius_m)
+            if h > highest:
+                highest = h
+                ridge = s
+        shadow_m[j, i] = highest
+        distance_m[j, i] = ridge
+
+
+@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+def terrain_shadow(terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
+    """Height (ny, nx) up to which the terrain of an open domain hides the sun, and the distance of the ridge."""
+    for row in prange(terrain_m.shape[0]):
+        _shadow_row(np.int64(row), terrain_m, sun, cell_m, radius_m, shadow_m, distance_m)
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
