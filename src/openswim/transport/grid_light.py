@@ -144,8 +144,7 @@ def sunlit_volume(
     kept = sorted(set(index["second"]))
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
     cloud_channel = 2 * PACK + ns + len(kept)
-    free_channel = cloud_channel + 1
-    fields = blank_fields((nz, ny, nx), free_channel + 1)
+    fields = blank_fields((nz, ny, nx), cloud_channel + 1)
     for s in range(ns):
         fields[..., 2 * PACK + s] = medium.extinction[s]
         fields[..., cloud_channel] += medium.extinction[s]
@@ -153,7 +152,6 @@ def sunlit_volume(
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
     free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
-    fields[..., free_channel] = _free_around(free, medium.periodic)
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
@@ -163,8 +161,9 @@ def sunlit_volume(
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel, free_channel, fields, scaled,
-        forward, np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
+        _free_around(free, medium.periodic).astype(np.uint8), fields, scaled, forward,
+        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))

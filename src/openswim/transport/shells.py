@@ -75,7 +75,7 @@ def no_volume() -> Volume:
         peak_outer=PEAK_COSINES[1],
         species=0,
         cloud_channel=0,
-        free_channel=0,
+        free=np.zeros((1, 1, 1), np.uint8),
         fields=blank_fields((1, 1, 1), 1),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),

@@ -90,7 +90,7 @@ def _sun_path(medium: Medium, volume: Volume, local_sun: F64, w: int) -> tuple[F
     omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
     if (omegas > _CONSERVATIVE).all():
         return None
-    exact = volume.fields[..., volume.free_channel] <= 1
+    exact = volume.free <= 1
     relative = np.array([s.relative_extinction[w] for s in medium.species])
     asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
     weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
