@@ -109,14 +109,14 @@ def render(
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
     rays = camera.rays(frame, ground_m, pixels)
-    view = field.view(rays)
     sun_azimuth, sun_altitude = _sun_at(lit, camera)
+    attrs = _attributes(lit, camera, sun_azimuth, sun_altitude)
+    if camera.height_above_sea_m(ground_m) < _SPACE_M:
+        # before the view, which ends with light toward another eye where there is water
+        attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
+    view = field.view(rays)
     relative = view.radiance.astype(np.float32)
     _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
-    attrs = _attributes(lit, camera, sun_azimuth, sun_altitude)
-    height = camera.height_above_sea_m(ground_m)
-    if height < _SPACE_M:
-        attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
     image = _dataset(lit, pixels, relative, view, attrs)
     if isinstance(view, ReferenceView):
         _add_errors(image, pixels, view, lit.field.solver.seed)

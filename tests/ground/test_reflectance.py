@@ -172,7 +172,7 @@ def test_sunlit_white_wall():
 def test_finite_everywhere(mu_sun, mu_view, azimuth, wind, wet, snow):
     ground = sample(wet=wet, snow=snow, wind=wind)
     flux = np.full((1, 3), 0.5)
-    sky = lambda mu, az: np.ones((1, 3))  # noqa: E731
+    sky = lambda which, mu, az: np.ones((which.size, 3))  # noqa: E731
     for source in (None, sky):
         radiance = reflected_radiance(
             ground, WAVELENGTHS, mu_sun, mu_view, azimuth, flux * mu_sun, flux, source
@@ -220,7 +220,8 @@ def test_water_mirrors_the_sky_it_is_shown():
     ground = sample(wet=1.0)
     asked = []
 
-    def sky(mu, azimuth):
+    def sky(which, mu, azimuth):
+        assert list(which) == [0]
         asked.append((mu, azimuth))
         return np.full((1, 3), 4 * 0.3)
 

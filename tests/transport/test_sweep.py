@@ -21,21 +21,14 @@ def depth_to_sun(
     nz, ny, nx = extinction.shape
     levels = cell_m[2] * np.arange(nz)
     lookup = np.linspace(0.0, nz - 1.0, 8 * (nz - 1) + 1)
-    depth = np.zeros((nz, ny, nx), np.float32)
-    sun_sweep(
-        extinction.astype(np.float32),
-        np.full((nz, ny, nx), exact),
-        np.broadcast_to(sun, (ny, nx, 3)).copy(),
-        levels,
-        0.0,
-        8.0 / cell_m[2],
-        lookup,
-        np.array(cell_m[:2]),
-        radius_m,
-        periodic,
-        depth,
-    )
-    return depth
+    channels = extinction[..., None] * np.array([1.0, 0.5, 0.0, 0.0])
+    depth = sun_sweep(
+        channels.astype(np.float32), np.full((nz, ny, nx), exact), np.broadcast_to(sun, (ny, nx, 3)).copy(), levels,
+        (0.0, 8.0 / cell_m[2], lookup), np.array(cell_m[:2]), radius_m, periodic,
+    )  # fmt: skip
+    np.testing.assert_allclose(depth[..., 1], 0.5 * depth[..., 0], rtol=1e-6)
+    assert not depth[..., 2:].any()
+    return np.ascontiguousarray(depth[..., 0])
 
 
 @pytest.mark.parametrize("exact", [True, False])
@@ -48,6 +41,20 @@ def test_depth_under_a_slab_is_exact(azimuth: float, altitude: float, exact: boo
     )
     above = 100.0 * (nz - 1 - np.arange(nz))
     expected = beta * above / np.sin(np.radians(altitude))
+    np.testing.assert_allclose(depth, np.broadcast_to(expected[:, None, None], depth.shape), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (200, 30), (301, 10)])
+def test_layers_apart_add_up(azimuth: float, altitude: float, exact: bool) -> None:
+    """Three slabs with gaps between them, two of them thinner than a gap that parts: beta dz/mu0 of what lies above."""
+    nz, beta = 24, 0.002
+    field = np.zeros((nz, 5, 6))
+    field[[3, 4, 7, 14, 15, 16]] = beta
+    depth = depth_to_sun(field, toward(azimuth, altitude), (50.0, 70.0, 100.0), True, exact)
+    between = 0.5 * (field[1:, 0, 0] + field[:-1, 0, 0])
+    above = 100.0 * np.append(np.cumsum(between[::-1])[::-1], 0.0)
+    expected = above / np.sin(np.radians(altitude))
     np.testing.assert_allclose(depth, np.broadcast_to(expected[:, None, None], depth.shape), rtol=1e-4, atol=1e-6)
 
 

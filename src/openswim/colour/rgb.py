@@ -10,7 +10,7 @@ from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
 
 SAMPLED = 100_000  # pixels that auto exposure looks at, evenly spread
-TILE = 65_536  # pixels at a time: the spectra of one tile take 10 MB
+TILE = 2048  # pixels at a time: their spectra stay in a cache, and products too small to be worth threads
 
 # Albers et al. 2020, Eq. 36; its white is x, y = .3292, .3449 (errata).
 PAPER_MATRIX = np.array([[3.1894, -1.5755, -0.4948], [-0.9735, 1.8951, 0.0376], [0.0635, -0.2160, 1.2244]])
@@ -52,11 +52,11 @@ def to_xyz(image: xr.Dataset | xr.DataArray) -> np.ndarray:
     wavelengths, weights = xyz_weights(step_nm=10)
     extension = Extension(data["wavelength"].values, wavelengths)
     flat = data.values.reshape(-1, data.sizes["wavelength"])
-    weights = weights.astype(np.float32)
+    weights = weights.astype(np.float32).T
     result = np.empty((len(flat), 3), dtype=np.float32)
     for start in range(0, len(flat), TILE):
         tile = slice(start, start + TILE)
-        result[tile] = extension(flat[tile]) @ weights
+        result[tile] = (weights @ extension.columns(np.ascontiguousarray(flat[tile].T, np.float32))).T
     return result.reshape((*data.shape[:-1], 3))
 
 
@@ -134,7 +134,7 @@ def _checked_exposure(exposure: float) -> float:
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
     """Colours beyond the primaries (a component below zero) moved straight toward grey of their luminance."""
-    lowest = linear.min(axis=-1, keepdims=True)
+    lowest = _of_three(np.minimum, linear)
     share = luminance / np.maximum(luminance - lowest, 1e-30)
     return np.where(lowest < 0, luminance + share * (linear - luminance), linear)
 
@@ -145,12 +145,17 @@ def shoulder(linear: np.ndarray) -> np.ndarray:
     The other two follow in proportion, so the hue stays; far above white (m of 10) colours pale by up to .7,
     as the eye's and the film's do.
     """
-    largest = linear.max(axis=-1, keepdims=True)
+    largest = _of_three(np.maximum, linear)
     room = 1 - SHOULDER
     rolled = 1 - room * np.exp(-np.maximum(largest - SHOULDER, 0) / room)
     scaled = linear * np.where(largest > SHOULDER, rolled / np.maximum(largest, SHOULDER), 1)
     pale = PALEST * -np.expm1(-np.maximum(largest - 1, 0) / PALE_RANGE)
     return scaled + pale * (rolled - scaled)
+
+
+def _of_three(choose: np.ufunc, colour: np.ndarray) -> np.ndarray:
+    """Least or greatest component (..., 1); numpy is slow to reduce an axis of three."""
+    return np.asarray(choose(choose(colour[..., 0:1], colour[..., 1:2]), colour[..., 2:3]))
 
 
 def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.ndarray:

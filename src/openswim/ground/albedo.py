@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +44,11 @@ class SurfaceSample:
     chlorophyll: FloatArray
     lambertian: bool = False
 
+    def __getitem__(self, where: NDArray[Any]) -> SurfaceSample:
+        """Some of the places."""
+        arrays = (f.name for f in fields(self) if f.name != "lambertian")
+        return replace(self, **{name: getattr(self, name)[where] for name in arrays})
+
 
 def surface_properties(
     scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0
@@ -77,7 +82,7 @@ def surface_properties(
     sample.wind_speed[:] = _wind(data, near)
     hit = near.fade > 0.01
     if hit.any():
-        model = _with_model(data, near.where(hit), _subset(sample, hit), wavelengths, mapped[hit])
+        model = _with_model(data, near.where(hit), sample[hit], wavelengths, mapped[hit])
         inside = _inside_weight(ix[hit], iy[hit], grid)
         _blend(sample, model, hit, inside)
     textures = ground.maps_for(scene.time, texture=True)
@@ -311,11 +316,6 @@ def _inside_weight(ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:
     _, ny, nx = grid.shape
     depth = np.minimum.reduce([ix, nx - 1 - ix, iy, ny - 1 - iy])
     return np.clip(depth / min(_EDGE_CELLS, 0.25 * (min(nx, ny) - 1)), 0.0, 1.0)
-
-
-def _subset(sample: SurfaceSample, where: NDArray[np.bool_]) -> SurfaceSample:
-    arrays = (f.name for f in fields(sample) if f.name != "lambertian")
-    return replace(sample, **{name: getattr(sample, name)[where] for name in arrays})
 
 
 def _blend(sample: SurfaceSample, model: SurfaceSample, hit: NDArray[np.bool_], share: FloatArray) -> None:

@@ -53,12 +53,20 @@ def land_albedo(
 def _at_pixels(lat: FloatArray, lon: FloatArray, _: int) -> tuple[FloatArray, FloatArray]:
     """Land share (n,) and its linear red, green, blue (n, 3) around places."""
     rows, columns, weights = _around(lat, lon, _IMAGE_SHAPE)
-    pixel_lat = 90.0 - (rows + 0.5) * 180.0 / _IMAGE_SHAPE[0]
-    pixel_lon = (columns + 0.5) * 360.0 / _IMAGE_SHAPE[1] - 180.0
-    weights = weights * (water_at_nearest(pixel_lat, pixel_lon) == 0)
+    mask_row, mask_column = _mask_of_pixels()
+    weights = weights * (_mask()[mask_row[rows], mask_column[columns]] == 1)
     total = weights.sum(axis=0)
-    rgb = (_linear_table()[_image()[rows, columns]] * weights[..., None]).sum(axis=0)
+    rgb = np.zeros((*total.shape, 3))
+    for row, column, weight in zip(rows, columns, weights, strict=True):
+        rgb += _linear_table()[_image()[row, column]] * weight[..., None]
     return total, rgb / np.maximum(total, 1e-6)[:, None]
+
+
+@cache
+def _mask_of_pixels() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of the mask at each row and column of the image."""
+    rows, columns = np.arange(_IMAGE_SHAPE[0]), np.arange(_IMAGE_SHAPE[1])
+    return _nearest(90.0 - (rows + 0.5) * 180.0 / rows.size, (columns + 0.5) * 360.0 / columns.size - 180.0)
 
 
 def _at_means(lat: FloatArray, lon: FloatArray, level: int) -> tuple[FloatArray, FloatArray]:
@@ -101,10 +109,15 @@ def lake_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
 
 
 def _cover_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
+    return _mask()[_nearest(lat, lon)]
+
+
+def _nearest(lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of the mask."""
     height, width = _MASK_SHAPE
     row = np.clip((90.0 - np.asarray(lat, float)) * height / 180.0, 0, height - 1).astype(np.int64)
     column = ((np.asarray(lon, float) + 180.0) * width / 360.0).astype(np.int64) % width
-    return _mask()[row, column]
+    return row, column
 
 
 def sharpened(fraction: FloatArray) -> FloatArray:

@@ -15,14 +15,18 @@ def bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: BoolArra
     x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
     i, j = np.minimum(x.astype(int), nx - 2), np.minimum(y.astype(int), ny - 2)
     fx, fy = x - i, y - j
-    rows, columns = np.stack([j, j, j + 1, j + 1]), np.stack([i, i + 1, i, i + 1])
+    nodes = np.stack([j * nx + i, j * nx + i + 1, (j + 1) * nx + i, (j + 1) * nx + i + 1])
     weights = np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
     if valid is not None:
-        kept = weights * valid[rows, columns]
+        kept = weights * valid.ravel()[nodes]
         weights = np.where(kept.sum(axis=0) > 1e-6, kept, weights)
         weights = weights / weights.sum(axis=0)
-    corners = values[rows, columns]
-    return (corners * weights.reshape(weights.shape + (1,) * (corners.ndim - 2))).sum(axis=0)
+    trailing = values.shape[2:]
+    rows = values.reshape(ny * nx, *trailing)
+    out = np.zeros(x.shape + trailing)
+    for node, weight in zip(nodes, weights, strict=True):
+        out += rows.take(node, axis=0) * weight.reshape(weight.shape + (1,) * len(trailing))
+    return out
 
 
 def blurred(values: FloatArray) -> FloatArray:
@@ -52,14 +56,15 @@ def filled(
     out = np.zeros(ix.shape + values.shape[2:])
     known = np.zeros(ix.shape)
     for n in range(levels + 1):
-        x, y = (ix + 0.5) / (1 << n) - 0.5, (iy + 0.5) / (1 << n) - 0.5
+        left = np.flatnonzero(known < 1)
+        x, y = (ix[left] + 0.5) / (1 << n) - 0.5, (iy[left] + 0.5) / (1 << n) - 0.5
         w = bilinear(weight, x, y)
         v = bilinear(total, x, y) / np.maximum(w, 1e-9).reshape(w.shape + trailing)
-        fits = np.clip((1 << n) - 0.5 * away, 0.0, 1.0) if n < levels else np.ones_like(away)
-        share = (1 - known) * fits * np.clip(4 * w, 0.0, 1.0)
-        out += share.reshape(share.shape + trailing) * v
-        known += share
-        if min(weight.shape) < 4:
+        fits = np.clip((1 << n) - 0.5 * away[left], 0.0, 1.0) if n < levels else 1.0
+        share = (1 - known[left]) * fits * np.clip(4 * w, 0.0, 1.0)
+        out[left] += share.reshape(share.shape + trailing) * v
+        known[left] += share
+        if min(weight.shape) < 4 or left.size == 0:
             break
         weight, total = _halved(weight), _halved(total)
     return out / np.maximum(known, 1e-9).reshape(known.shape + trailing), known

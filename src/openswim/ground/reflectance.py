@@ -16,7 +16,7 @@ from openswim.ground import spectra, water
 from openswim.ground.albedo import SurfaceSample
 
 FloatArray = NDArray[np.float64]
-SkyRadiance = Callable[[FloatArray, FloatArray], FloatArray]
+SkyRadiance = Callable[[NDArray[np.int64], FloatArray, FloatArray], FloatArray]
 
 _LEAST_MU = 0.05  # the models diverge at grazing sun and view
 
@@ -37,13 +37,19 @@ def bidirectional_reflectance(
     mu_sun, mu_view, azimuth = _per_place(sample, mu_sun, mu_view, relative_azimuth_rad)
     if sample.lambertian:
         return sample.albedo.copy()
-    snow = sample.snow
-    factor = (1 - snow) * land_factor(mu_sun, mu_view, azimuth) + snow * snow_factor(mu_sun, mu_view, azimuth)
-    foam = water.foam_fraction(sample.wind_speed)
-    glint = (1 - foam) * water.glint_reflectance(mu_sun, mu_view, azimuth, sample.wind_speed)
-    wet = glint[:, None] + _water_body(sample, foam, wavelengths_nm)
-    open_water = sample.water[:, None]
-    return (1 - open_water) * factor[:, None] * sample.albedo + open_water * wet
+    factor = land_factor(mu_sun, mu_view, azimuth)
+    snowy = np.flatnonzero(sample.snow > 0)
+    if snowy.size:
+        white = snow_factor(mu_sun[snowy], mu_view[snowy], azimuth[snowy])
+        factor[snowy] += sample.snow[snowy] * (white - factor[snowy])
+    out = ((1 - sample.water) * factor)[:, None] * sample.albedo
+    wet = np.flatnonzero(sample.water > 0)
+    if wet.size:
+        some = sample[wet]
+        foam = water.foam_fraction(some.wind_speed)
+        glint = (1 - foam) * water.glint_reflectance(mu_sun[wet], mu_view[wet], azimuth[wet], some.wind_speed)
+        out[wet] += some.water[:, None] * (glint[:, None] + _water_body(some, foam, wavelengths_nm))
+    return out
 
 
 def diffuse_reflectance(sample: SurfaceSample, mu_view: ArrayLike, wavelengths_nm: ArrayLike) -> FloatArray:
@@ -80,20 +86,25 @@ def reflected_radiance(
     """Solar-relative radiance L' (n, nwl) of the ground (Albers et al. 2020, Eq. 35).
 
     L' = 4 (brf E_direct + albedo E_diffuse), fluxes (n, nwl) on the horizontal for E_TOA = 1. Over water the
-    sky part is `sky_radiance(mu, relative_azimuth_to_sun_rad) -> (n, nwl) L'`, asked at the mirrored
-    direction and weighted with the waves' Fresnel reflectance; without it the sky is taken as isotropic.
+    sky part is `sky_radiance(which, mu, relative_azimuth_to_sun_rad) -> (m, nwl) L'`, asked at the mirrored
+    direction at the places `which` (m,) among the n that are wet, and weighted with the waves' Fresnel reflectance;
+    without it the sky is taken as isotropic.
     """
     mu_sun, mu_view, azimuth = _per_place(sample, mu_sun, mu_view, relative_azimuth_rad)
     lit = np.where((mu_sun > 0)[:, None], direct_flux, 0.0)
     direct = 4 * bidirectional_reflectance(sample, mu_sun, mu_view, azimuth, wavelengths_nm) * lit
-    if sky_radiance is None or sample.lambertian or not (sample.water > 0).any():
+    if sky_radiance is None or sample.lambertian:
         return direct + 4 * diffuse_reflectance(sample, mu_view, wavelengths_nm) * diffuse_flux
-    foam = water.foam_fraction(sample.wind_speed)
-    mirror, sky_mu = water.mirrored_sky(mu_view, sample.wind_speed)
-    sky = sky_radiance(sky_mu, np.pi - azimuth)
-    wet = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(sample, foam, wavelengths_nm) * diffuse_flux
-    dry = 4 * sample.albedo * diffuse_flux
-    return direct + dry + sample.water[:, None] * (wet - dry)
+    out = direct + 4 * sample.albedo * diffuse_flux
+    wet = np.flatnonzero(sample.water > 0)
+    if wet.size:
+        some, flux = sample[wet], diffuse_flux[wet]
+        foam = water.foam_fraction(some.wind_speed)
+        mirror, sky_mu = water.mirrored_sky(mu_view[wet], some.wind_speed)
+        sky = sky_radiance(wet, sky_mu, np.pi - azimuth[wet])
+        seen = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(some, foam, wavelengths_nm) * flux
+        out[wet] += some.water[:, None] * (seen - 4 * some.albedo * flux)
+    return out
 
 
 def land_factor(mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike) -> FloatArray:

@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float32]
 
 # Integral of the squared cubic B-spline: the mean variance that interpolation leaves, per dimension.
 _SPLINE_VARIANCE = 151.0 / 315.0
+_BAND = 32  # rows of a band matrix multiplied together
 
 
 def spline_weights(coordinate_m: NDArray, spacing_m: float, shift: float) -> FloatArray:
@@ -35,6 +36,17 @@ def spline_weights(coordinate_m: NDArray, spacing_m: float, shift: float) -> Flo
     return weights
 
 
+def _blocks(weights: FloatArray) -> list[tuple[slice, FloatArray]]:
+    """Blocks of rows of `spline_weights`, without the nodes that none of them uses."""
+    blocks = []
+    for start in range(0, len(weights), _BAND):
+        rows = weights[start : start + _BAND]
+        used = np.flatnonzero(rows.any(axis=0))
+        some = slice(int(used[0]), int(used[-1]) + 1)
+        blocks.append((some, rows[:, some]))
+    return blocks
+
+
 def lattice_noise(
     rng: np.random.Generator, axes: Sequence[NDArray], spacing_m: float | Sequence[float]
 ) -> FloatArray:
@@ -48,7 +60,7 @@ def lattice_noise(
     ]
     field = rng.standard_normal([m.shape[1] for m in matrices], dtype=np.float32)
     for number, matrix in enumerate(matrices):
-        field = np.moveaxis(np.tensordot(matrix, field, axes=(1, number)), 0, number)
+        field = _banded(_blocks(matrix), field, number)
     return np.ascontiguousarray(field / np.float32(_SPLINE_VARIANCE ** (len(axes) / 2)))
 
 
@@ -109,7 +121,21 @@ def blur(field: NDArray, deviation: Sequence[float]) -> FloatArray:
     """Gaussian mean of `field` along its leading axes, deviations in nodes, complete at the edges."""
     for axis, sigma in enumerate(deviation):
         node = np.arange(field.shape[axis], dtype=np.float32)
-        kernel = np.exp(-0.5 * ((node[:, None] - node) / max(sigma, 1e-3)) ** 2)
-        kernel /= kernel.sum(axis=1, keepdims=True)
-        field = np.moveaxis(np.tensordot(kernel, field, axes=(1, axis)), 0, axis)
+        reach = 5.3 * max(sigma, 1e-3)  # beyond, a Gaussian is below 1e-6
+        rows = []
+        for start in range(0, node.size, _BAND):
+            at = node[start : start + _BAND]
+            some = slice(max(0, int(at[0] - reach)), int(at[-1] + reach) + 1)
+            kernel = np.exp(-0.5 * ((at[:, None] - node[some]) / max(sigma, 1e-3)) ** 2)
+            rows.append((some, kernel / kernel.sum(axis=1, keepdims=True)))
+        field = _banded(rows, np.asarray(field, np.float32), axis)
     return np.ascontiguousarray(field, np.float32)
+
+
+def _banded(rows: list[tuple[slice, FloatArray]], field: FloatArray, axis: int) -> FloatArray:
+    """A matrix, by blocks of rows and the columns (slice) that they use, applied along an axis of `field`."""
+    if axis == field.ndim - 1:
+        return np.concatenate([field[..., some] @ block.T for some, block in rows], axis=-1)
+    flat = field.reshape(*field.shape[: axis + 1], -1)
+    after = np.concatenate([block @ flat[..., some, :] for some, block in rows], axis=axis)
+    return after.reshape(*after.shape[: axis + 1], *field.shape[axis + 1 :])

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from openswim.transport.moments import moment_row
-from openswim.transport.pack import LANES, flat, put, read_quadruple, root, spread_quadruple, write
+from openswim.transport.moments import Coarser, Moments, between
+from openswim.transport.pack import (
+    LANES,
+    PACK,
+    flat,
+    interleave,
+    put,
+    read_double,
+    read_quadruple,
+    root,
+    spread_quadruple,
+    write,
+)
+from openswim.transport.products import BLOCK
 from openswim.transport.scalar import ALONG, BACK, UP
 from openswim.transport.volume import DEGREE
 
@@ -17,6 +29,27 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _ROOT_2 = np.float32(2.0**0.5)
 _FIRST = np.float32(0.28209479177387814)
+_MOMENTS = DEGREE * DEGREE
+_NEAR, _FAR = np.float32(0.75), np.float32(0.25)  # shares of a grid coarser by two in a node
+
+
+class FieldAt(NamedTuple):
+    """The diffuse field at PACK wavelengths: `Moments`, and `Coarser` for the rest."""
+
+    kept: tuple[NDArray[np.int32], ...]
+    values: tuple[NDArray[np.float32], ...]
+    coarse_kept: tuple[NDArray[np.int32], ...]
+    coarse_values: tuple[NDArray[np.float32], ...]
+    factor: NDArray[np.int64]
+    columns: NDArray[np.int64]
+
+
+def field_at(moments: list[Moments], coarser: list[Coarser]) -> FieldAt:
+    """What `view_source` reads of the solved wavelengths."""
+    return FieldAt(
+        tuple(m.place for m in moments), tuple(m.values for m in moments), tuple(c.place for c in coarser),
+        tuple(c.values for c in coarser), np.array([c.factor for c in coarser]), np.array([c.columns for c in coarser]),
+    )  # fmt: skip
 
 
 def columns_of(axes: NDArray, place: NDArray, eye: NDArray, parallel: bool) -> NDArray[np.float32]:
@@ -34,88 +67,169 @@ def wide(array: NDArray[Any]) -> NDArray[np.float32]:
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _row(
-    k, j, extinction, scattering, air_scattering, beam, moments, columns, height, eye, parallel, sun, channel, fields,
-    scratch,
-):  # fmt: skip
-    """The nodes of a row, LANES at a time; ``moments`` (M^2, nx) are the row's own."""
-    nz, ny, nx = beam.shape
-    for block in range((nx + LANES - 1) // LANES):
-        i = min(block * LANES, nx - LANES)
-        node = (k * ny + j) * nx + i
-        c = j * 12 * nx + i
-        ax, ay, az = read_quadruple(columns, c + 9 * nx), read_quadruple(columns, c + 10 * nx), read_quadruple(
-            columns, c + 11 * nx
-        )
-        if parallel:
-            vx, vy, vz = spread_quadruple(eye[0]), spread_quadruple(eye[1]), spread_quadruple(eye[2])
-        else:
-            vx = read_quadruple(columns, c) + height * ax
-            vy = read_quadruple(columns, c + nx) + height * ay
-            vz = read_quadruple(columns, c + 2 * nx) + height * az
-            r = _ONE / (root(vx * vx + vy * vy + vz * vz) + np.float32(1e-6))
-            vx, vy, vz = vx * r, vy * r, vz * r
-        x = read_quadruple(columns, c + 3 * nx) * vx + read_quadruple(columns, c + 4 * nx) * vy
-        x += read_quadruple(columns, c + 5 * nx) * vz
-        y = read_quadruple(columns, c + 6 * nx) * vx + read_quadruple(columns, c + 7 * nx) * vy
-        y += read_quadruple(columns, c + 8 * nx) * vz
-        z = ax * vx + ay * vy + az * vz
-        angle = vx * sun[0] + vy * sun[1] + vz * sun[2]
-        lit = read_quadruple(beam, node)
-        total = spread_quadruple(_ZERO)
-        p0, p1 = spread_quadruple(_ONE), angle
-        for ell in range(DEGREE):
-            sigma = spread_quadruple(_ZERO)
-            for s in range(extinction.shape[0]):
-                sigma += scattering[s, ell] * read_quadruple(extinction, s * nz * ny * nx + node)
-            # once scattered: 4 pi sum_m Y_lm(v) Y_lm(sun) = (2l+1) P_l; by air at the ray's own angle, in the march
-            total += sigma * lit * (np.float32(2 * ell + 1) * p0)
-            write(scratch, ell * LANES, sigma + air_scattering[k, ell])
-            up = (np.float32((2 * ell + 3) / (ell + 2)) * angle) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
-            p0, p1 = p1, up
-        # the harmonics of `scalar.harmonics`, each used at once
-        cosine, sine, corner = spread_quadruple(_ONE), spread_quadruple(_ZERO), spread_quadruple(_FIRST)
-        for m in range(DEGREE):
-            p0, p1 = spread_quadruple(_ZERO), corner
-            for ell in range(m, DEGREE):
-                if ell > m:
-                    up = np.float32(UP[ell, m]) * (z * p1 - np.float32(BACK[ell, m]) * p0)
-                    p0, p1 = p1, up
-                sigma = read_quadruple(scratch, ell * LANES)
-                n = (ell * ell + ell) * nx + i
-                if m == 0:
-                    total += sigma * p1 * read_quadruple(moments, n)
+def _geometry(k, j, i, nx, columns, height, eye, parallel, sun, harmonics, legendre):
+    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes, and (2l+1) P_l of its angle to the sun."""
+    c = j * 12 * nx + i
+    ax, ay, az = read_quadruple(columns, c + 9 * nx), read_quadruple(columns, c + 10 * nx), read_quadruple(
+        columns, c + 11 * nx
+    )
+    if parallel:
+        vx, vy, vz = spread_quadruple(eye[0]), spread_quadruple(eye[1]), spread_quadruple(eye[2])
+    else:
+        vx = read_quadruple(columns, c) + height * ax
+        vy = read_quadruple(columns, c + nx) + height * ay
+        vz = read_quadruple(columns, c + 2 * nx) + height * az
+        r = _ONE / (root(vx * vx + vy * vy + vz * vz) + np.float32(1e-6))
+        vx, vy, vz = vx * r, vy * r, vz * r
+    x = read_quadruple(columns, c + 3 * nx) * vx + read_quadruple(columns, c + 4 * nx) * vy
+    x += read_quadruple(columns, c + 5 * nx) * vz
+    y = read_quadruple(columns, c + 6 * nx) * vx + read_quadruple(columns, c + 7 * nx) * vy
+    y += read_quadruple(columns, c + 8 * nx) * vz
+    z = ax * vx + ay * vy + az * vz
+    angle = vx * sun[0] + vy * sun[1] + vz * sun[2]
+    p0, p1 = spread_quadruple(_ONE), angle
+    for ell in range(DEGREE):
+        write(legendre, ell * LANES, np.float32(2 * ell + 1) * p0)
+        up = (np.float32((2 * ell + 3) / (ell + 2)) * angle) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
+        p0, p1 = p1, up
+    # as `scalar.harmonics`
+    cosine, sine, corner = spread_quadruple(_ONE), spread_quadruple(_ZERO), spread_quadruple(_FIRST)
+    for m in range(DEGREE):
+        p0, p1 = spread_quadruple(_ZERO), corner
+        for ell in range(m, DEGREE):
+            if ell > m:
+                up = np.float32(UP[ell, m]) * (z * p1 - np.float32(BACK[ell, m]) * p0)
+                p0, p1 = p1, up
+            n = (ell * ell + ell) * LANES
+            if m == 0:
+                write(harmonics, n, p1)
+            else:
+                write(harmonics, n + m * LANES, _ROOT_2 * p1 * cosine)
+                write(harmonics, n - m * LANES, _ROOT_2 * p1 * sine)
+        corner *= np.float32(ALONG[m])
+        cosine, sine = cosine * x - sine * y, sine * x + cosine * y
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _coarse_row(place, values, k, j, factor, columns, row):
+    """Moments of the coarser grid at the fine row j into ``row`` (M^2, 1 + columns + 1 or more), edges repeated."""
+    m, share = between(j, factor, place.shape[1])
+    beside = min(m + 1, place.shape[1] - 1)
+    width = row.shape[1]
+    for b in range(place.shape[2]):
+        at, next_at = place[k, m, b], place[k, beside, b]
+        if at < 0 and next_at < 0:
+            for c in range(_MOMENTS):
+                row[c, 1 + b * BLOCK : 1 + (b + 1) * BLOCK] = _ZERO
+            continue
+        near = _ONE - share if at >= 0 else _ZERO
+        far = share if next_at >= 0 else _ZERO
+        one = (at if at >= 0 else next_at) * _MOMENTS * BLOCK
+        two = (next_at if next_at >= 0 else at) * _MOMENTS * BLOCK
+        for c in range(_MOMENTS):
+            for i in range(0, BLOCK, LANES):
+                n = c * BLOCK + i
+                mean = near * read_quadruple(values, one + n) + far * read_quadruple(values, two + n)
+                write(row, c * width + 1 + b * BLOCK + i, mean)
+    for c in range(_MOMENTS):
+        row[c, 0], row[c, columns + 1] = row[c, 1], row[c, columns]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _moments(place, values, k, j, i, factor, columns, row, out):
+    """Moments (M^2, LANES) at nodes i on, of the kept blocks or of the coarser grid's ``row``."""
+    if i % LANES == 0 and place[k, j, i // BLOCK] >= 0:
+        start = place[k, j, i // BLOCK] * _MOMENTS * BLOCK + i % BLOCK
+        for c in range(_MOMENTS):
+            write(out, c * LANES, read_quadruple(values, start + c * BLOCK))
+    elif i % LANES == 0 and factor == 2:
+        for c in range(_MOMENTS):
+            n = c * row.shape[1] + i // 2
+            middle = _NEAR * read_double(row, n + 1)
+            before, after = read_double(row, n), read_double(row, n + 2)
+            write(out, c * LANES, interleave(middle + _FAR * before, middle + _FAR * after))
+    else:
+        for lane in range(LANES):
+            at = place[k, j, min((i + lane) // BLOCK, place.shape[2] - 1)]
+            m, share = between(i + lane, max(factor, 1), columns)
+            for c in range(_MOMENTS):
+                if at >= 0:
+                    out[c, lane] = values[at, c, (i + lane) % BLOCK]
+                elif factor > 0:
+                    out[c, lane] = row[c, m + 1] + share * (row[c, m + 2] - row[c, m + 1])
                 else:
-                    both = cosine * read_quadruple(moments, n + m * nx) + sine * read_quadruple(moments, n - m * nx)
-                    total += _ROOT_2 * sigma * p1 * both
-            corner *= np.float32(ALONG[m])
-            cosine, sine = cosine * x - sine * y, sine * x + cosine * y
-        write(scratch, DEGREE * LANES, total)
-        for n in range(min(LANES, fields.shape[2] - i)):
-            place = ((k * ny + j) * fields.shape[2] + i + n) * fields.shape[3] + channel
-            put(fields, place, flat(scratch, DEGREE * LANES + n))
+                    out[c, lane] = _ZERO
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _total(node, nodes, extinction, scattering, air_scattering, beam, harmonics, legendre, moments):
+    """Source of LANES nodes at one wavelength."""
+    total = spread_quadruple(_ZERO)
+    lit = read_quadruple(beam, node)
+    for ell in range(DEGREE):
+        sigma = spread_quadruple(_ZERO)
+        for s in range(extinction.shape[0]):
+            sigma += scattering[s, ell] * read_quadruple(extinction, s * nodes + node)
+        # once scattered: 4 pi sum_m Y_lm(v) Y_lm(sun) = (2l+1) P_l; by air at the ray's own angle, in the march
+        total += sigma * lit * read_quadruple(legendre, ell * LANES)
+        diffuse = spread_quadruple(_ZERO)
+        for n in range(ell * ell, (ell + 1) * (ell + 1)):
+            diffuse += read_quadruple(harmonics, n * LANES) * read_quadruple(moments, n * LANES)
+        total += (sigma + air_scattering[ell]) * diffuse
+    return total
+
+
+@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+def _rows(
+    j, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
+    columns, levels_m, eye, parallel, sun, count, fields,
+):  # fmt: skip
+    """The nodes of row j on all levels, LANES at a time."""
+    nz, ny, nx = beams[0].shape
+    harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
+    legendre, source = np.empty((DEGREE, LANES), np.float32), np.empty((PACK, LANES), np.float32)
+    widest = 0
+    for w in range(count):
+        widest = max(widest, coarse_kept[w].shape[2] * BLOCK)
+    row = np.empty((count, _MOMENTS, widest + LANES + 2), np.float32)
+    for k in range(nz):
+        for w in range(count):
+            if factor[w] > 0 and kept[w][k, j].min() < 0:
+                _coarse_row(
+                    coarse_kept[w], coarse_values[w], k, j, factor[w], coarse_columns[w], row[w]
+                )
+        for block in range((nx + LANES - 1) // LANES):
+            i = min(block * LANES, nx - LANES)
+            _geometry(k, j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, sun, harmonics, legendre)
+            for w in range(count):
+                _moments(
+                    kept[w], values[w], k, j, i, factor[w], coarse_columns[w], row[w], moments
+                )
+                total = _total(
+                    (k * ny + j) * nx + i, nz * ny * nx, extinction, scattering[w], air_scattering[w, k], beams[w],
+                    harmonics, legendre, moments,
+                )  # fmt: skip
+                write(source, w * LANES, total)
+            for n in range(min(LANES, fields.shape[2] - i)):
+                place = ((k * ny + j) * fields.shape[2] + i + n) * fields.shape[3] + PACK
+                for w in range(PACK):
+                    put(fields, place + w, flat(source, min(w, count - 1) * LANES + n))
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def view_source(
-    extinction, scattering, air_scattering, beam, kept, values, coarser, columns, levels_m, eye, parallel, sun,
-    channel, fields,
+    extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
+    columns, levels_m, eye, parallel, sun, count, fields,
 ):  # fmt: skip
-    """Smooth source toward one eye at every node, into fields[..., channel].
+    """Smooth source toward one eye at every node, into fields[..., PACK:2 PACK].
 
-    Per wavelength: ``extinction`` (ns, nz, ny, nx), Legendre moments of the scattering coefficient ``scattering`` (ns,
-    M) per extinction and ``air_scattering`` (nz, M), ``beam`` (nz, ny, nx), ``kept`` and ``values`` of the diffuse
-    field's `Moments` in the columns' own axes, and the ``coarser`` field for the rest. ``columns``: see `columns_of`.
+    ``extinction`` (ns, nz, ny, nx); at PACK wavelengths, of which the first ``count`` are wanted, Legendre moments of
+    the scattering coefficient ``scattering`` (PACK, ns, M) per extinction and ``air_scattering`` (PACK, nz, M),
+    ``beams`` (nz, ny, nx) each, the diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`.
     ``eye``: the viewing direction where ``parallel``.
     """
-    nz, ny = beam.shape[:2]
-    for j in prange(ny):
-        scratch = np.zeros((DEGREE + 1) * LANES, np.float32)
-        coarse = np.empty((DEGREE * DEGREE, coarser.columns), np.float32)
-        moments = np.empty((DEGREE * DEGREE, beam.shape[2]), np.float32)
-        for k in range(nz):
-            moment_row(kept, values, coarser, k, j, coarse, moments)
-            _row(
-                k, j, extinction, scattering, air_scattering, beam, moments, columns, np.float32(levels_m[k]),
-                eye, parallel, sun, channel, fields, scratch,
-            )  # fmt: skip
+    for j in prange(beams[0].shape[1]):
+        _rows(
+            np.int64(j), extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values,
+            factor, coarse_columns, columns, levels_m, eye, parallel, sun, count, fields,
+        )  # fmt: skip

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-CLEAR_REACH_DEG = 12.0
+CLEAR_REACH_DEG = 14.0  # from the ground to the horizon of an eye 14 km up, and through the air beyond
 CLEAR_STEP = 0.5  # where there is but air, views are cheap and haze may be stepped finely
-_TILE_RAYS = 400_000
+_TILE_RAYS = 1_200_000
 
 
 @dataclass

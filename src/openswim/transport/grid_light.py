@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport import swim
-from openswim.transport.eye_source import columns_of, view_source, wide
+from openswim.transport.eye_source import columns_of, field_at, view_source, wide
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
@@ -16,7 +17,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import direct_beam, sun_sweep, terrain_shadow
+from openswim.transport.sun import depths_to_sun, direct_beam, terrain_shadow
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
@@ -25,6 +26,13 @@ F64 = NDArray[np.float64]
 
 _CLEAR_CELLS = 8
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
+
+
+class SunDepth(NamedTuple):
+    """Optical depths to the sun (nz, ny, nx, channels), and which of them each wavelength reads (PACK,)."""
+
+    depth: F32
+    lanes: NDArray[np.int64]
 
 
 @dataclass
@@ -57,16 +65,12 @@ class GridLight:
             return
         m = self.medium
         eye = np.array(eye, float)
-        columns = columns_of(m.axes, m.place, eye, parallel)
-        extinction = wide(m.extinction)
-        for w, c in enumerate(self.coefficients):
-            if w >= self.count:
-                volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
-                continue
-            view_source(
-                extinction, c.scattering, np.ascontiguousarray(c.air_scattering), wide(self.beams[w]), *self.moments[w],
-                self.coarser[w], columns, m.levels_m, eye, parallel, self.sun, PACK + w, volume.fields,
-            )  # fmt: skip
+        view_source(
+            wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
+            np.stack([c.air_scattering for c in self.coefficients]), tuple(wide(beam) for beam in self.beams),
+            *field_at(self.moments, self.coarser), columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
+            parallel, self.sun, self.count, volume.fields,
+        )  # fmt: skip
         self._aimed = key
 
 
@@ -120,15 +124,15 @@ def _forward(medium: Medium, nw: int) -> F32:
 
 def sunlit_volume(
     medium: Medium, coefficients: list[Coefficients], local_sun: F64, fast: bool
-) -> tuple[Volume, list[F32]]:
-    """Sun sweeps, and the volume with all but its sources filled in."""
+) -> tuple[Volume, SunDepth]:
+    """Sun sweep, and the volume with all but its sources filled in."""
     ns, nw = len(medium.species), PACK
     scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
     forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
     second = forward if fast else swim.backscatter_weights(medium)
     nz, ny, nx = medium.shape
     origin, per_m, lookup = medium.level_lookup
-    # coefficients that agree within 2 % share a sweep
+    # coefficients that agree within 2 % share a depth
     rows: list[F32] = []
     index: dict[str, list[int]] = {"scaled": [], "second": []}
     for name, matrix in (("scaled", scaled), ("second", second)):
@@ -140,8 +144,7 @@ def sunlit_volume(
     kept = sorted(set(index["second"]))
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
     cloud_channel = 2 * PACK + ns + len(kept)
-    free_channel = cloud_channel + 1
-    fields = blank_fields((nz, ny, nx), free_channel + 1)
+    fields = blank_fields((nz, ny, nx), cloud_channel + 1)
     for s in range(ns):
         fields[..., 2 * PACK + s] = medium.extinction[s]
         fields[..., cloud_channel] += medium.extinction[s]
@@ -149,31 +152,21 @@ def sunlit_volume(
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
     free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
-    fields[..., free_channel] = _free_around(free, medium.periodic)
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
-    cell = np.array(medium.cell_m, float)
-    depths: list[F32] = []
-    for n, row in enumerate(rows):
-        total = np.tensordot(row, medium.extinction, axes=1).astype(np.float32)
-        depth = np.zeros((nz, ny, nx), np.float32)
-        if total.any():
-            sun_sweep(
-                total, exact, local_sun, medium.levels_m, origin, per_m, lookup, cell, medium.frame.radius_m,
-                medium.periodic, depth,
-            )  # fmt: skip
-        if n in forward_channel:
-            fields[..., forward_channel[n]] = depth
-        depths.append(depth)
+    depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
+    for n, channel in forward_channel.items():
+        fields[..., channel] = depth[..., n]
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel, free_channel, fields, scaled,
-        forward, np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
+        _free_around(free, medium.periodic).astype(np.uint8), fields, scaled, forward,
+        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip
-    return tidy(volume), [depths[n] for n in index["scaled"]]
+    return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
 
 
 def _peak_cosines(medium: Medium) -> tuple[float, float]:
@@ -224,42 +217,30 @@ def _free_around(free: F32, periodic: bool) -> F32:
 
 
 def beams_and_shadows(
-    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: list[F32],
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
     coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int,
 ) -> GridLight:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included."""
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
-    terrain_shadow(
-        medium.terrain_m,
-        local_sun,
-        np.array(medium.cell_m, float),
-        medium.frame.radius_m,
-        medium.periodic,
-        shadow,
-        ridge,
-    )
-    beams: list[F32] = []
-    surface = np.zeros((ny, nx), np.float32)
-    for w in range(PACK):
-        if w >= count:  # padding
-            beams.append(beams[-1])
-            lighting.direct[w] = lighting.direct[w - 1]
-            volume.fields[..., w] = volume.fields[..., w - 1]
-            continue
-        beam = np.empty((nz, ny, nx), np.float32)
-        direct_beam(
-            depths[w], local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, w, shells, beam, surface,
-            volume.fields, w,
-        )  # fmt: skip
-        beams.append(beam)
-        lighting.direct[w] = surface
+    if not medium.periodic:
+        terrain_shadow(
+            medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow, ridge
+        )
+    beams = np.empty((count, nz, ny, nx), np.float32)
+    surface = np.empty((count, ny, nx), np.float32)
+    direct_beam(
+        *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams, surface,
+        volume.fields,
+    )  # fmt: skip
+    lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)
     return GridLight(
-        medium, beams, None, coefficients, np.ascontiguousarray(harmonics), sun, count, shadow, ridge
-    )
+        medium, [beams[min(w, count - 1)] for w in range(PACK)], None, coefficients, np.ascontiguousarray(harmonics),
+        sun, count, shadow, ridge,
+    )  # fmt: skip
 
 
 def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:

@@ -220,21 +220,31 @@ def _march_tile(
                 which[lane] = -1
 
 
+@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+def _march_share(
+    worker, order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out
+):  # fmt: skip
+    """One worker's tiles: every so-manieth, for sky and ground do not cost the same."""
+    count, workers = direction.shape[0], scratch.shape[1]
+    nodes, got, rays = scratch[0, worker], scratch[1, worker], scratch[2, worker]
+    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, BATCH * PLACE))
+    peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
+    which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
+    for tile in range(worker, (count + TILE - 1) // TILE, workers):
+        _march_tile(
+            tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, sun, table, shells, volume,
+            highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
+        )  # fmt: skip
+
+
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def _march_all(order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out):
-    """See `march_rays`. Each worker takes every so-manieth tile, for sky and ground do not cost the same."""
-    count = direction.shape[0]
-    workers = scratch.shape[1]
-    for worker in prange(workers):
-        nodes, got, rays = scratch[0, worker], scratch[1, worker], scratch[2, worker]
-        walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, BATCH * PLACE))
-        peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
-        which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
-        for tile in range(worker, (count + TILE - 1) // TILE, workers):
-            _march_tile(
-                tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, sun, table, shells, volume,
-                highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
-            )  # fmt: skip
+    """See `march_rays`. What a worker does is a function of its own, which compiles more quickly."""
+    for worker in prange(scratch.shape[1]):
+        _march_share(
+            np.int64(worker), order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit,
+            scale, out,
+        )  # fmt: skip
 
 
 def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:

@@ -239,6 +239,22 @@ def put(typingctx, array, n, x):
 
 
 @intrinsic
+def expect(typingctx, array, n):
+    """Ask for the cache line of flat element n, which will be read soon."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        pointer = builder.bitcast(_element(context, builder, sig.args[0], args[0], args[1]), byte)
+        kind = ir.FunctionType(ir.VoidType(), [byte, _INT, _INT, _INT])
+        function = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
+        builder.call(function, [pointer, _INT(0), _INT(3), _INT(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), lower
+
+
+@intrinsic
 def pack_of(typingctx, a, b, c, d):
     """PACK numbers."""
 

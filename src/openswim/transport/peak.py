@@ -51,12 +51,11 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     table[:, 0] = (phase.value(x) - low @ legendre[:degree]) / f
     p = moments / f
     p[:degree] = 1.0
-    for j in range(1, _DEPTHS):
-        u = j / (_DEPTHS - 1)
-        phi = u / (1 - u) if u < 1 else 1e3
-        # exp(-phi (1 - p)) - exp(-phi): converges twice as fast as the peak itself
-        growth = np.exp(-phi * (1 - p)) - np.exp(-phi)
-        table[:, j] = np.exp(-phi) * table[:, 0] + (weight * p * growth) @ legendre
+    u = np.arange(1, _DEPTHS) / (_DEPTHS - 1)
+    phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e3)[:, None]
+    # exp(-phi (1 - p)) - exp(-phi): converges twice as fast as the peak itself
+    growth = np.exp(-phi * (1 - p)) - np.exp(-phi)
+    table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * p * growth).T
     return table.astype(np.float32)
 
 

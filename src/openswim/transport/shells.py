@@ -75,7 +75,7 @@ def no_volume() -> Volume:
         peak_outer=PEAK_COSINES[1],
         species=0,
         cloud_channel=0,
-        free_channel=0,
+        free=np.zeros((1, 1, 1), np.uint8),
         fields=blank_fields((1, 1, 1), 1),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),
@@ -238,8 +238,14 @@ def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
     mu_h = -np.sqrt(max(0.0, 1 - (r_ground / (r_ground + above)) ** 2))
     t = np.sqrt(np.clip((mu_sun - mu_h) / (1 - mu_h), 0, 1)) * (count - 1)
     lit = np.clip(0.5 + (mu_sun - mu_h) / 0.0093, 0, 1)
-    depth = np.stack([np.interp(t, np.arange(count), column) for column in shells.sun_depth[level].T], axis=-1)
-    return np.exp(-depth) * lit[:, None]
+    return np.asarray(np.exp(-rows_between(shells.sun_depth[level], t)) * lit[:, None])
+
+
+def rows_between(table: NDArray[np.float32], index: Array) -> Array:
+    """Rows (..., nw) of a table (n, nw) at fractional indices within it."""
+    i = np.minimum(index.astype(int), len(table) - 2)
+    low = table.astype(float)
+    return np.asarray(low[i] + (index - i)[..., None] * (low[i + 1] - low[i]))
 
 
 def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:

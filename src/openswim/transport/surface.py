@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import hemispherical_albedo, reflected_radiance, surface_properties
+from openswim.ground import SurfaceSample, hemispherical_albedo, reflected_radiance, surface_properties
 from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
@@ -16,7 +16,7 @@ from openswim.transport.medium import Medium
 from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
 from openswim.transport.ordinates import Ordinates, hemisphere_product
 from openswim.transport.pack import PACK
-from openswim.transport.shells import beam_transmission, clear_radiance
+from openswim.transport.shells import beam_transmission, clear_radiance, rows_between
 from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
 _SKY_AZIMUTHS = 19
+_PART = 131_072  # places shaded together, so that what is known of them stays in a cache
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
 _DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 
@@ -129,16 +130,15 @@ class Lighting:
 def ground_flux(shells: Shells, mu_sun: F64) -> F64:
     """Total flux (n, nw) at the ground below the shells."""
     t = np.interp(mu_sun, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
-    index = np.arange(shells.ground_flux.shape[0])
-    return np.stack([np.interp(t, index, column) for column in shells.ground_flux.T], axis=-1)
+    return rows_between(shells.ground_flux, t)
 
 
 def forward_depth(shells: Shells, mu_sun: F64) -> F64:
-    """Depth (n, nw) from the ground below the shells to the sun of what delta scaling takes off."""
+    """Depth (..., nw) from the ground below the shells to the sun of what delta scaling takes off."""
     count = shells.sun_forward.shape[1]
     horizon = float(shells.horizon[0])
     t = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
-    return np.stack([np.interp(t, np.arange(count), column) for column in shells.sun_forward[0].T], axis=-1)
+    return rows_between(shells.sun_forward[0], t)
 
 
 def outgoing_flux(shells: Shells, sun: F64) -> F64:
@@ -185,6 +185,22 @@ def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     )
 
 
+@dataclass
+class _Ground:
+    """The ground that n rays meet: direct beam and diffuse flux (n, PACK), and the cosines (n,) of sun and view, and
+    the azimuth (n,) between them, for its slope."""
+
+    sample: SurfaceSample
+    beam: F64
+    diffuse: F64
+    mu_sun: F64
+    mu_view: F64
+    azimuth: F64
+
+    def __getitem__(self, where: NDArray[np.int64]) -> _Ground:
+        return _Ground(*(getattr(self, f.name)[where] for f in fields(self)))
+
+
 def shade(
     light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64, eye: F64 | None = None
 ) -> F32:
@@ -192,6 +208,29 @@ def shade(
 
     Water mirrors the scene's own sky to an ``eye`` (3,) within the atmosphere, and the clear sky where there is none.
     """
+    out = np.empty((len(place), PACK), np.float32)
+    waters: list[tuple[NDArray[np.int64], _Ground]] = []
+    near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
+    for start in range(0, len(place), _PART):
+        part = slice(start, start + _PART)
+        ground = _ground(light_field, shells, place[part], direction[part], width_m[part])
+        out[part] = _reflected(light_field, shells, ground)
+        wet = np.flatnonzero(ground.sample.water > 0.05)
+        if near and wet.size and not ground.sample.lambertian:
+            waters.append((start + wet, ground[wet]))
+    if waters and eye is not None:
+        which = np.concatenate([w for w, _ in waters])
+        wind = np.concatenate([ground.sample.wind_speed for _, ground in waters])
+        mirrored = mirrored_sky(light_field, shells, eye, place[which], direction[which], wind)
+        first = 0
+        for wet, ground in waters:
+            out[wet] = _reflected(light_field, shells, ground, mirrored[first : first + wet.size])
+            first += wet.size
+    return out
+
+
+def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64) -> _Ground:
+    """What is there, and the light on it: see `shade`."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
     lat, lon, _ = frame.latlon(place)
@@ -210,9 +249,7 @@ def shade(
         diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
         if lighting.normal is not None:
             normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
-        gap = np.maximum.reduce([-ix, ix - (nx - 1), np.zeros_like(ix)]) * medium.cell_m[0]
-        gap = np.maximum(gap, np.maximum.reduce([-iy, iy - (ny - 1), np.zeros_like(iy)]) * medium.cell_m[1])
-        shaded = np.flatnonzero(~inside & (gap < medium.levels_m[-1] / np.maximum(mu_sun, 0.03)))
+        shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] = light_field.beam(place[shaded])
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
@@ -230,33 +267,53 @@ def shade(
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
-    centre = np.array([sun[2]])
+    return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:
+    """L' (n, nw) of the ground; its water mirrors ``mirrored`` (n, nw) where that is known, else the clear sky."""
+    centre = light_field.sun[2:]
     clear = np.maximum(
         ground_flux(shells, centre) - beam_transmission(shells, centre) * np.maximum(centre, 0)[:, None], 1e-9
     )
 
-    mirrored = np.full(diffuse.shape, np.nan, np.float32)
-    wet = np.flatnonzero(sample.water > 0.05)
-    if eye is not None and wet.size and not sample.lambertian and frame.latlon(eye)[2] < HIGHEST_EYE_M:
-        mirrored[wet] = mirrored_sky(light_field, shells, eye, place[wet], direction[wet], sample.wind_speed[wet])
-
-    def sky(mu: F64, azimuth: F64) -> F64:
-        table = lighting.clear_sky
+    def sky(which: NDArray[np.int64], mu: F64, azimuth: F64) -> F64:
+        table = light_field.lighting.clear_sky
         assert table is not None
         radiance = bilinear(
             np.moveaxis(table, -1, 0),
             np.abs(azimuth) / np.pi * (_SKY_AZIMUTHS - 1),
             np.interp(mu, _SKY_MU, np.arange(len(_SKY_MU))),
         )
+        diffuse = ground.diffuse[which]
         # the sky over the scene's centre, as bright as it is here; where the centre is dark, an even one
         known = np.clip(clear / _DARK, 0, 1)
         here = known * radiance * np.minimum(diffuse / clear, 4.0) + (1 - known) * 4 * diffuse
-        return np.where(np.isfinite(mirrored), mirrored, here)
+        return here if mirrored is None else np.where(np.isfinite(mirrored[which]), mirrored[which], here)
 
+    direct = ground.beam * np.maximum(ground.mu_sun, 0)[:, None]
     return reflected_radiance(
-        sample, wl, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)), beam * np.maximum(facet_sun, 0)[:, None],
-        diffuse, sky,
+        ground.sample, light_field.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
+        ground.diffuse, sky,
     ).astype(np.float32)  # fmt: skip
+
+
+def _behind_grid(medium: Medium, sun: F64, mu_sun: F64, ix: F64, iy: F64) -> NDArray[np.bool_]:
+    """Whether the way to the sun from places at fractional indices outside may pass over the grid."""
+    _, ny, nx = medium.shape
+    x, y, _ = medium.axes[ny // 2, nx // 2].astype(float) @ sun
+    rise = medium.levels_m[-1] / np.maximum(mu_sun, 0.03)
+    # over a large domain the sun's azimuth differs
+    half = 0.5 * np.hypot(nx * medium.cell_m[0], ny * medium.cell_m[1])
+    astray = max(0.1, 1.5 * half / medium.frame.radius_m)
+    near, far = np.full(ix.shape, 0.0), np.full(ix.shape, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for at, toward, count, cell in ((ix, x, nx, medium.cell_m[0]), (iy, y, ny, medium.cell_m[1])):
+            margin = 2.0 + astray * rise / cell
+            way = rise * (toward if abs(toward) > 1e-6 else 1e-6) / cell
+            a, b = (-margin - at) / way, (count - 1 + margin - at) / way
+            near, far = np.maximum(near, np.minimum(a, b)), np.minimum(far, np.maximum(a, b))
+    return np.asarray(near <= far)
 
 
 def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tuple[F64, F64]:

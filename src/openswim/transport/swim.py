@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission
-from openswim.transport.sun import direct_beam, sun_sweep
+from openswim.transport.sun import depths_to_sun, direct_beam
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
@@ -48,18 +48,18 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     lighting.clear_sky = clear_sky_table(shells, sun)
     ground = (medium.levels_m[:, None, None] < medium.terrain_m).sum(axis=0)
     ground = np.minimum(ground, len(medium.levels_m) - 1)[None]
-    air = np.empty(medium.shape, np.float32)
-    clear = np.empty(shape, np.float32)
+    airs = np.empty((light.count, *medium.shape), np.float32)
+    clears = np.empty((light.count, *shape), np.float32)
+    direct_beam(
+        np.zeros((*medium.shape, PACK), np.float32), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
+        medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
+    )  # fmt: skip
     for w in range(len(medium.wavelengths_nm)):
         if w >= light.count:  # padding
             volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
             lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
             continue
-        direct_beam(
-            np.zeros(medium.shape, np.float32), local_sun, medium.levels_m, medium.terrain_m, light.shadow_m,
-            light.ridge_m,
-            w, shells, air, clear, volume.fields, w,
-        )  # fmt: skip
+        air, clear = airs[w], clears[w]
         backscatter_depth = volume.fields[..., volume.forward_channel[w]]
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
@@ -90,18 +90,11 @@ def _sun_path(medium: Medium, volume: Volume, local_sun: F64, w: int) -> tuple[F
     omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
     if (omegas > _CONSERVATIVE).all():
         return None
-    origin, per_m, lookup = medium.level_lookup
-    exact = volume.fields[..., volume.free_channel] <= 1
+    exact = volume.free <= 1
     relative = np.array([s.relative_extinction[w] for s in medium.species])
-    depths = []
-    for weight in (relative, relative * omegas, relative * omegas * [s.phase[w].asymmetry for s in medium.species]):
-        depth = np.zeros(medium.shape, np.float32)
-        sun_sweep(
-            np.tensordot(weight, medium.extinction, axes=1).astype(np.float32), exact, local_sun, medium.levels_m,
-            origin, per_m, lookup, np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic, depth,
-        )  # fmt: skip
-        depths.append(depth)
-    whole, scattered, forward = depths
+    asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
+    weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
+    whole, scattered, forward = np.moveaxis(depths_to_sun(medium, weights, exact, local_sun)[..., :3], -1, 0)
     mu0 = np.broadcast_to(np.clip(local_sun[..., 2], 0.02, 1), medium.shape)
     omega = np.where(whole > 0, scattered / np.maximum(whole, 1e-12), 1.0)
     g = np.where(scattered > 0, forward / np.maximum(scattered, 1e-12), 0.0)

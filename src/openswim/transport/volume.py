@@ -75,8 +75,7 @@ class Volume(NamedTuple):
     """The gridded part: (nz, ny, nx) nodes with channels interleaved, and how to find one's place in it.
 
     Channels: delta-scaled depth to the sun, air included (PACK); smooth source (PACK); species extinctions; forward
-    depths to the sun; sum of species; cells free of cloud around the cell above and beyond the node; padding to whole
-    cache lines.
+    depths to the sun; sum of species; padding to whole cache lines.
     """
 
     chart_origin_m: float  # coordinate of chart[0, 0] on Lambert's azimuthal equal-area map around the scene's origin
@@ -95,7 +94,7 @@ class Volume(NamedTuple):
     peak_outer: float  # and beyond which they are not: see `PEAK_COSINES`
     species: int
     cloud_channel: int
-    free_channel: int
+    free: NDArray[np.uint8]  # (nz, ny, nx) cells without cloud around the cell above and beyond the node
     fields: F32  # (nz, ny, nx, channels), see `blank_fields`
     scaled: F32  # (species, PACK) delta-scaled extinction per reference extinction
     forward: F32  # (species, PACK) omega f times relative extinction

@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from openswim.transport.pack import flat, put
+from openswim.transport.pack import expect, flat, put
 from openswim.transport.scalar import height_m, height_of_square_m, level_at
 from openswim.transport.volume import (
     FAR_M,
@@ -151,6 +151,15 @@ def _air_step_m(above_m, per_cosine, reach_m):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _expect(node, up, above, fields):
+    """Have the memory send what `sample_grid` will read about a node, a batch of places later."""
+    channels = fields.shape[3]
+    for corner in (0, up, above, above + up):  # asking beyond the array does no harm
+        expect(fields, (node + corner) * channels)
+        expect(fields, (node + corner + 1) * channels)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def walk_on(w, places, shells, volume, highest_m, scale):
     """Take the step that is due, note the place, and say how far the next step goes."""
     s = w[S]
@@ -188,7 +197,8 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         level = level_at((h - volume.level_origin_m) * volume.level_per_m, volume.level_table)
         k = min(int(level), volume.fields.shape[0] - 2)
         node = k * (ny * nx) + (min(int(iy), ny - 1) * nx + min(int(ix), nx - 1))
-        free = 1.0 * flat(volume.fields, node * volume.fields.shape[3] + volume.free_channel)
+        _expect(node, nx, ny * nx, volume.fields)
+        free = 1.0 * flat(volume.free, node)
         next_step = _air_step_m(above, w[PER_COSINE], 1.0 * flat(volume.reach_m, k))
         rising = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2] > 0.0
         ahead = int(level)
