@@ -20,7 +20,7 @@ UP_AND_DOWN = np.concatenate([sky_directions([20.0, 60.0], [0.0, 90.0, 200.0]), 
 
 
 def broken_cloud(seed: int = 1) -> np.ndarray:
-    """Blobs of up to 60 per km between 400 and 1000 m."""
+    """Blobs of up to 30 per km between 400 and 1000 m."""
     rng = np.random.default_rng(seed)
     nz, ny, nx = SHAPE
     z, y, x = np.ogrid[0:nz, 0:ny, 0:nx]
@@ -28,23 +28,23 @@ def broken_cloud(seed: int = 1) -> np.ndarray:
     for _ in range(14):
         k, j, i, r = rng.uniform(5, 9), rng.uniform(0, ny), rng.uniform(0, nx), rng.uniform(2, 6)
         out += np.clip(1.2 - ((z - k) ** 2 * 2 + (y - j) ** 2 + (x - i) ** 2) / r**2, 0, 1)
-    return np.minimum(out, 1) * 0.06 * ((z > 3) & (z < 11))
+    return np.minimum(out, 1) * 0.03 * ((z > 3) & (z < 11))
 
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
-    """Tolerance .04 is the error that a sweep may still mend; what remains is 3 % of fluxes and of images (RMSE)."""
+    """Tolerance .02 is the error that a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
-    quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.04, 0.002))
+    quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
     assert len(quick.packs[0].sweeps[0]) == 3
     for name, flux in exact.fluxes().items():
-        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.03, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.02, atol=1e-6, err_msg=name)
     across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))
     for direction in UP_AND_DOWN:
         height = 2.0 if direction[2] > 0 else 1350.0
         look = Rays(np.column_stack([across, np.full(50, height)]), direction)
         a, b = (field.view(look).radiance[:, 0] for field in (quick, exact))
-        assert np.sqrt(((a - b) ** 2).mean()) < 0.03 * b.mean()
+        assert np.sqrt(((a - b) ** 2).mean()) < 0.05 * b.mean()
 
 
 def test_wavelengths_alike_are_lit_alike() -> None:
