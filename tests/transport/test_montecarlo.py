@@ -5,6 +5,7 @@ Chances follow from the seed, so nothing here fails by bad luck twice in a row o
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -259,3 +260,18 @@ def test_senseless_options_are_refused(options: dict) -> None:
 def test_options_of_monte_carlo_are_its_own() -> None:
     with pytest.raises(UserError, match="reference"):
         Solver("fast", paths=10)
+
+
+def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
+    """A ray within a face of blocks must not creep along it: that took a thousand times as long."""
+    field = np.full((16, 24, 24), 2e-4, np.float32)
+    scene = grid_scene(field, field.shape, (60.0,) * 3)
+    side = 60.0 * 23 / 2
+    light = Solver("reference", paths=200).solve(scene, toward(200.0, 35.0), [WAVELENGTH_NM])
+    seconds, seen = [], []
+    for x in (0.7, 0.7, side):  # the first compiles
+        start = time.process_time()
+        seen.append(light.view(down_on(np.full(16, x), np.linspace(-500, 500, 16), 2000.0)).radiance.mean())
+        seconds.append(time.process_time() - start)
+    assert seconds[2] < 20 * max(seconds[1], 0.005)
+    assert 0.3 < seen[2] / seen[1] <= 1.05  # half of its surroundings, all of its own air
