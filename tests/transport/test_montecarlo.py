@@ -18,9 +18,11 @@ from tests.validate.fakes import single_scattering
 from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.optics.phase import HenyeyGreenstein
+from openswim.rendering import daylight
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
+from openswim.scene.procedural import demo_scene
 from openswim.transport import Solver, montecarlo
 
 SUN = toward(200.0, 40.0)
@@ -275,3 +277,19 @@ def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
         seconds.append(time.process_time() - start)
     assert seconds[2] < 20 * max(seconds[1], 0.005)
     assert 0.3 < seen[2] / seen[1] <= 1.05  # half of its surroundings, all of its own air
+
+
+def test_land_reflects_as_for_the_other_solvers() -> None:
+    """Clear and without air, light is what the sun sends back off the ground: `swim`'s to 3 %, the hills' shape."""
+    scene = demo_scene(48, 48, 16, spacing_m=500.0)
+    bare = {name: 0 * scene.data[name] for name in ("liquid_content", "ice_content")}
+    bare["land_area_fraction"] = 0 * scene.data.land_area_fraction + 1
+    scene = replace(scene, data=scene.data.assign(bare), atmosphere=None)
+    sun = daylight(scene).direction
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-9e3, 9e3, 9), np.linspace(-9e3, 9e3, 9)))
+    rays = down_on(x, y, 3000.0)
+    ours = solve(scene, sun, (615.0, 450.0), paths=200).view(rays)
+    theirs = Solver("swim").solve(scene, sun, [615.0, 450.0]).view(rays)
+    assert ours.radiance.mean() > 0.1
+    np.testing.assert_allclose(ours.radiance.mean(axis=0), theirs.radiance.mean(axis=0), rtol=0.03)
+    np.testing.assert_allclose(ours.radiance, theirs.radiance, rtol=0.1, atol=0.01)

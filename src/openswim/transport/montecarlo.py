@@ -252,8 +252,7 @@ class ReferenceField:
 
 def _black(n: int, nw: int) -> SurfaceSample:
     """Ground that reflects nothing at n places."""
-    none = np.zeros(n)
-    return SurfaceSample(np.zeros((n, nw)), none, none, none, none, none, lambertian=True)
+    return SurfaceSample(np.zeros((n, nw)), *(np.zeros(n) for _ in range(5)), lambertian=True)
 
 
 class Sums:
