@@ -83,8 +83,8 @@ def test_products_are_those_of_the_dense_matrices() -> None:
     ):  # fmt: skip
         x = rng.standard_normal((dense.shape[1], BLOCK)).astype(np.float32)
         y = np.ones((dense.shape[0], BLOCK), np.float32)
-        multiply(first, x, 0, BLOCK, sums, 0, BLOCK, False)
-        multiply(second, sums, 0, BLOCK, y, 0, BLOCK, True)
+        multiply(first, 0, len(first.start) - 1, x, 0, BLOCK, sums, 0, BLOCK, False)
+        multiply(second, 0, len(second.start) - 1, sums, 0, BLOCK, y, 0, BLOCK, True)
         np.testing.assert_allclose(y, 1 + dense @ x, atol=2e-4)
 
 
@@ -111,7 +111,7 @@ def test_restriction_is_the_mean_by_extinction(size: tuple[int, int]) -> None:
     field, weight = rng.standard_normal((4, 2, ny, nx)), rng.random((2, ny, nx)).astype(np.float32)
     fine = blocks_of(field)
     coarse = blocks_of(np.full((4, 2, (ny + 1) // 2, (nx + 1) // 2), 9.0))
-    restrict(1, fine.place, fine.values, weight, nx, coarse.place, coarse.values)
+    restrict(1, fine.place, np.zeros_like(fine.values), fine.values, weight, nx, coarse.place, coarse.values)
     expected = coarsen((field * weight).astype(np.float32)) / coarsen(weight)
     np.testing.assert_allclose(dense(coarse, (nx + 1) // 2), expected, rtol=1e-4, atol=1e-5)
 
@@ -124,7 +124,7 @@ def test_prolongation_keeps_planes_and_constants(size: tuple[int, int]) -> None:
     y, x = np.mgrid[0:rows, 0:columns] * 2.0 + 0.5
     coarse = blocks_of(np.stack([np.ones((1, rows, columns)), (3 * y - 2 * x)[None], *np.zeros((2, 1, rows, columns))]))
     fine = blocks_of(np.zeros((4, 1, ny, nx)))
-    prolong(1, coarse, columns, nothing_coarser(2), fine.place, nx, fine.values)
+    prolong(1, coarse, columns, nothing_coarser(2), fine.place, nx, fine.values, False)
     seen = dense(fine, nx)
     np.testing.assert_allclose(seen[0], 1.0, rtol=1e-6)
     y, x = np.mgrid[0:ny, 0:nx]

@@ -279,11 +279,10 @@ def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
     assert 0.3 < seen[2] / seen[1] <= 1.05  # half of its surroundings, all of its own air
 
 
-def test_land_reflects_as_for_the_other_solvers() -> None:
+def test_land_and_water_reflect_as_for_the_other_solvers() -> None:
     """Clear and without air, light is what the sun sends back off the ground: `swim`'s to 3 %, the hills' shape."""
     scene = demo_scene(48, 48, 16, spacing_m=500.0)
     bare = {name: 0 * scene.data[name] for name in ("liquid_content", "ice_content")}
-    bare["land_area_fraction"] = 0 * scene.data.land_area_fraction + 1
     scene = replace(scene, data=scene.data.assign(bare), atmosphere=None)
     sun = daylight(scene).direction
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-9e3, 9e3, 9), np.linspace(-9e3, 9e3, 9)))

@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
 from openswim.transport.optical_grid import (
     OpticalGrid,
+    blocks_of,
     coarsen,
     coarser_grid,
     thick_blocks,
     total_extinction,
     unlit_grid,
 )
-from openswim.transport.ordinates import Ordinates
-from openswim.transport.products import BLOCK, Mirrored, mirrored
-from openswim.transport.sweep import Half, half_sweep
+from openswim.transport.ordinates import Ordinates, lebedev
+from openswim.transport.pool import Pool
+from openswim.transport.products import BLOCK, Groups, in_groups
+from openswim.transport.sweep import Half, Room, half_sweep
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -30,6 +32,9 @@ F64 = NDArray[np.float64]
 _FEW_COLUMNS = 3000  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
+_LEAST_GROUP = 10  # ordinates that share a pass over the moments
+_FEW_BLOCKS = 4096  # as many as a cache holds
+_STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 5  # coarse sweeps between two fine ones
 
 
@@ -42,28 +47,33 @@ class Sweeper:
     ground_albedo: F32
     direct_flux: F32
     ordinates: Ordinates
-    halves: tuple[tuple[Half, Mirrored], tuple[Half, Mirrored]]
+    halves: tuple[tuple[Half, Groups], tuple[Half, Groups]]
     coarser: Coarser
     place: NDArray[np.int32]
+    pool: Pool
 
     @classmethod
     def of(
-        cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates,
+        cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, pool: Pool,
     ) -> Sweeper:  # fmt: skip
-        """A sweeper that keeps every block that scatters."""
+        """A sweeper that keeps every block that scatters. ``pool`` may be shared: one sweeps at a time."""
         directions, weights = ordinates.direction, ordinates.weight
         nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
         degree = grid.air_scattering.shape[1]
         down = directions[:, 2] >= 0
         halves = []
         for half in (down, ~down):
-            q, w = directions[half], weights[half].astype(np.float32)
-            edges = np.zeros((len(q), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
-            halves.append((Half(q, w, np.ascontiguousarray(inflow[half].T), edges), mirrored(q, w, degree)))
-        kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+            order, group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
+            here = np.flatnonzero(half)[order]
+            edges = np.zeros((len(here), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
+            halves.append(
+                (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
+                 group)
+            )  # fmt: skip
+        kept = blocks_of(grid.cloudy) | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept),
+            places(kept), pool,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -76,27 +86,32 @@ class Sweeper:
     def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over ``values`` of a coarser grid."""
         if kept is None:
-            kept = self.grid.cloudy & thick_blocks(self.grid)
+            kept = thick_blocks(self.grid)
         coarser = Coarser(
-            2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics
-        )
+            2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics,
+            base.grid.extinction,
+        )  # fmt: skip
         return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
         """The same on 2x2 columns."""
         return Sweeper.of(
-            coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux), self.ordinates
+            coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
+            self.ordinates, self.pool,
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
+        # half the ordinates answer as well; level ones are not for flat cells
+        level = np.abs(self.ordinates.direction[:, 2]) < 1e-6
+        few = lebedev(26) if level.any() else self.ordinates
         dark = Sweeper.of(
-            cut, np.zeros_like(self.inflow[:, levels]), on_ground * self.ground_albedo, 0 * self.direct_flux,
-            self.ordinates,
+            cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
+            0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
-        return replace(dark, place=places(cut.cloudy & thick_blocks(cut)))
+        return replace(dark, place=places(thick_blocks(cut)))
 
     def answer(self, change: F32) -> F32:
         """What follows from a ``change`` of the moments in the next `_FOLLOWED` sweeps of the `unlit` medium.
@@ -104,14 +119,20 @@ class Sweeper:
         No more, and not extrapolated: what is left of a change in the end is small and lasts, and from a few sweeps
         nobody can tell how long.
         """
-        image, lit = self.sweep(change), np.empty_like(change)
+        lit = self.pool.take("lit", *change.shape)
+        image = self.sweep(change, self.pool.take("answer", *change.shape))
         for _ in range(_FOLLOWED - 1):
             image = self.sweep(np.add(image, change, out=lit), image)
         return image
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of the moments."""
+        return int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK
+
     def nothing(self) -> F32:
         """Moments of darkness."""
-        return np.zeros((int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK), np.float32)
+        return np.zeros(self.shape, np.float32)
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
@@ -128,16 +149,41 @@ class Sweeper:
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
-        for n, (half, harmonics) in enumerate(self.halves):
-            flux = self.up_flux if n else self.down_flux
+        room = self._room(get_num_threads())
+        for n, (half, group) in enumerate(self.halves):
             half_sweep(
-                get_num_threads(), n == 0, self.grid, half, *harmonics, self.place, values, self.coarser, radiance,
-                new, flux,
+                get_num_threads(), n == 0, self.grid, half, *group, self.place, values, self.coarser, radiance, new,
+                self.up_flux if n else self.down_flux, room,
             )  # fmt: skip
             if n == 0:
                 radiance = np.asarray(
                     self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
                 )
+
+    def _room(self, threads: int) -> Room:
+        """Scratch for sweeps by so many threads."""
+        grid, coarser = self.grid, self.coarser
+        nz, ny, columns = grid.beam.shape
+        most = max(int(np.diff(group.first).max()) for _, group in self.halves)
+        sums = max(int(np.diff(group.sum).max()) for _, group in self.halves)
+        degree = grid.air_scattering.shape[1]
+        _, rows, width = coarser.beam.shape
+        wanted = np.stack([grid.present[:, 0], grid.present[:, 1:].any(axis=1)], axis=-1) & (coarser.factor > 0)
+        levels = int(wanted.sum())
+        thin_level = np.where(wanted, rows * (np.cumsum(wanted).reshape(nz, 2) - 1), -1)
+
+        row = np.concatenate([[0], (self.place >= 0).sum(axis=2).ravel()]).cumsum()
+        height = ny if grid.periodic else min(ny, _STRIP)
+        ends = columns + 2
+        f32 = self.pool.take
+        return Room(
+            f32("extinction", nz, ny + 2, ends), f32("emission", most, self.shape[0], BLOCK), row,
+            f32("thin", levels * rows, most, width + 2), thin_level.astype(np.int64),
+            f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
+            f32("front", threads, 2, nz, ends), f32("work", threads, 2, ends),
+            f32("flux", threads, ny, grid.ground_node.shape[1]), f32("amounts", threads, 1 + len(grid.scaled), BLOCK),
+            f32("terms", threads, degree**2, BLOCK), f32("sums", threads, sums, BLOCK),
+        )  # fmt: skip
 
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
@@ -145,17 +191,16 @@ class Sweeper:
     ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(change, image) adds to a sweep's result what is yet to follow from its change, which it may overwrite.
+        correct(before, image) adds to a sweep's result what is yet to follow from its change.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too.
         Returns the moments, those before the last sweep, and how many sweeps there were.
         """
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
-        change = None if correct is None else np.empty_like(values)
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare())
-            if correct is not None and change is not None and n <= _MOST_CORRECTIONS:
-                correct(np.subtract(image, values, out=change), image)
+            if correct is not None and n <= _MOST_CORRECTIONS:
+                correct(values, image)
             if change_of(values, image) < tolerance:
                 break
             size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
@@ -241,21 +286,25 @@ def coarse_to_fine(
     known = below.moments.values
     trace = like[len(below.sweeps) - 1] if like else None
     level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
-    start = level.nothing()
+    begin = fine.pool.take("begin", *level.shape)
     prolong(
         get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
-        level.grid.ground_node.shape[1], start,
+        level.grid.ground_node.shape[1], begin, False,
     )  # fmt: skip
+    start = begin if like else begin.copy()
     if trace:
-        ratio = np.clip(start[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        enough = 2 * tolerance  # the last sweep of that other wavelength, and what the guess adds
-        begin = np.asarray(trace.defect * ratio, np.float32)
-        begin += start
-    else:
-        begin, enough = start.copy(), tolerance
+        ratio = np.clip(begin[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
+        for at in range(0, len(begin), _FEW_BLOCKS):
+            some = slice(at, at + _FEW_BLOCKS)
+            begin[some] += trace.defect[some] * ratio[some]
+    # the last sweep of that other wavelength, and what the guess adds
+    enough = 2 * tolerance if trace else tolerance
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
-    traces = [] if like else [*below.traces, Trace(level.place >= 0, start[:, :1].copy(), before - start)]
+    traces = []
+    if not like:
+        first = start[:, :1].copy()
+        traces = [*below.traces, Trace(level.place >= 0, first, np.subtract(before, start, out=start))]
     return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 
@@ -267,17 +316,16 @@ class _Correction:
         kept = np.flatnonzero((fine.place >= 0).any(axis=(1, 2)))
         self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
         self.dark = base.unlit(self.levels)
-        self.means = self.dark.nothing()
         self.weight = total_extinction(fine.grid)[self.levels]
 
-    def __call__(self, change: F32, image: F32) -> None:
-        if not self.means.size:
+    def __call__(self, before: F32, image: F32) -> None:
+        means = self.dark.pool.take("means", *self.dark.shape)
+        if not means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
-        restrict(get_num_threads(), place, change, self.weight, nx, self.dark.place, self.means)
-        follows = Moments(self.dark.place, self.dark.answer(self.means))
+        restrict(get_num_threads(), place, before, image, self.weight, nx, self.dark.place, means)
+        follows = Moments(self.dark.place, self.dark.answer(means))
         prolong(
-            get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, change
+            get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, image, True
         )  # fmt: skip
-        image += change

@@ -35,6 +35,7 @@ class Coarser(NamedTuple):
     values: F32
     beam: F32  # (nz, ny, nx)
     sun_harmonics: F32  # (ny, M*M, nx)
+    extinction: F32  # (s, nz, ny, nx) of every species at its reference wavelength, 1/m
 
 
 def nothing_coarser(degree: int) -> Coarser:
@@ -43,6 +44,7 @@ def nothing_coarser(degree: int) -> Coarser:
     return Coarser(
         0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32),
         np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
+        np.zeros((0, 1, 1, BLOCK), np.float32),
     )  # fmt: skip
 
 
@@ -113,8 +115,8 @@ def moment_row(place, values, coarser, k, j, scratch, out):
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values):
-    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept."""
+def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values, again):
+    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added."""
     nz, ny, nb = place.shape
     count = values.shape[1]
     rows = coarse.place.shape[1]
@@ -147,12 +149,15 @@ def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values):
                     for i in range(min(nx - first, BLOCK)):
                         n = (first + i) // 2
                         aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
-                        values[at, c, i] = near * one[c, n] + far * one[c, aside]
+                        found = values[at, c, i] if again else np.float32(0.0)
+                        values[at, c, i] = found + near * one[c, n] + far * one[c, aside]
+                    for i in range(nx - first, 0 if again else BLOCK):
+                        values[at, c, i] = np.float32(0.0)
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def restrict(threads, place, values, weight, nx, coarse_place, out):
-    """Means over 2x2 columns of moments kept in blocks, on a densely kept grid coarser by two.
+def restrict(threads, place, before, values, weight, nx, coarse_place, out):
+    """Means over 2x2 columns of the change of moments kept in blocks, on a densely kept grid coarser by two.
 
     ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
     as zero.
@@ -190,9 +195,11 @@ def restrict(threads, place, values, weight, nx, coarse_place, out):
                             beside = min(2 * i + 1, last)
                             mean = np.float32(0.0)
                             if one >= 0:
-                                mean += part[0, i] * values[one, c, 2 * i] + part[1, i] * values[one, c, beside]
+                                mean += part[0, i] * (values[one, c, 2 * i] - before[one, c, 2 * i])
+                                mean += part[1, i] * (values[one, c, beside] - before[one, c, beside])
                             if two >= 0:
-                                mean += part[2, i] * values[two, c, 2 * i] + part[3, i] * values[two, c, beside]
+                                mean += part[2, i] * (values[two, c, 2 * i] - before[two, c, 2 * i])
+                                mean += part[3, i] * (values[two, c, beside] - before[two, c, beside])
                             out[at, c, side * half + i] = mean
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK
 
 F32 = NDArray[np.float32]
@@ -44,7 +45,7 @@ class OpticalGrid(NamedTuple):
     cell_m: np.ndarray
     periodic: bool
     ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
-    cloudy: np.ndarray  # (nz, ny, blocks) blocks with cloud in or next to them
+    cloudy: np.ndarray  # (nz, ny, packs) LANES nodes each, with cloud in or next to them
 
 
 def optical_grid(
@@ -58,7 +59,7 @@ def optical_grid(
     return OpticalGrid(
         whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
         np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
-        ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
+        ground_node, near_packs(np.asarray(cloud.any(axis=0)), periodic),
     )  # fmt: skip
 
 
@@ -78,7 +79,7 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
     """
     nx = grid.ground_node.shape[1]
     extinction = grid.extinction[..., :nx]
-    depth = np.tensordot(grid.scaled, extinction, axes=1) * np.float32(grid.cell_m.max())
+    depth = (total_extinction(grid)[..., :nx] - grid.air_extinction[:, None, None]) * np.float32(grid.cell_m.max())
     mean = coarsen(depth)
     let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
     extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
@@ -87,7 +88,7 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
         extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(grid.beam[..., :nx])),
         sun_harmonics=whole_blocks(harmonics), cell_m=2 * grid.cell_m,
         ground_node=np.ascontiguousarray(grid.ground_node[::2, ::2]),
-        cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), grid.periodic),
+        cloudy=near_packs(np.asarray((extinction > 0).any(axis=0)), grid.periodic),
     )  # fmt: skip
 
 
@@ -112,19 +113,27 @@ def total_extinction(grid: OpticalGrid) -> F32:
 
 
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
-    """Blocks (nz, ny, nb) with cells of more than `_THIN` optical depth in or next to them."""
+    """Blocks (nz, ny, nb) of cloud with cells of more than `_THIN` optical depth in or next to them."""
     extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
-    return near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+    thick = near_packs(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+    return blocks_of(thick) & blocks_of(grid.cloudy)
 
 
-def near_blocks(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
-    """Blocks of nodes along each row (nz, ny, block) with such nodes (nz, ny, nx) in them or next to them."""
+def near_packs(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
+    """Packs of nodes (nz, ny, pack) along the rows of whole blocks with such nodes (nz, ny, nx) in or next to them."""
     for axis in range(3):
         edge = "wrap" if periodic and axis > 0 else "constant"
         padded = np.pad(found, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode=edge)  # type: ignore[call-overload]
         n = found.shape[axis]
         found = padded.take(range(n), axis) | found | padded.take(range(2, n + 2), axis)
-    return np.ascontiguousarray(np.logical_or.reduceat(found, range(0, found.shape[2], BLOCK), axis=2))
+    short = -found.shape[2] % BLOCK
+    whole = np.pad(found, [(0, 0), (0, 0), (0, short)])
+    return np.asarray(whole.reshape(*whole.shape[:2], -1, LANES).any(axis=-1))
+
+
+def blocks_of(packs: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks with such packs in them."""
+    return np.asarray(packs.reshape(*packs.shape[:2], -1, BLOCK // LANES).any(axis=-1))
 
 
 def coarsen(field: F32) -> F32:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,20 @@ class SparseRows(NamedTuple):
     value: np.ndarray
 
 
+class Groups(NamedTuple):
+    """Ordinates in groups: those of group g are first[g] to first[g + 1], its sums sum[g] to sum[g + 1].
+
+    Matrices of `Mirrored`, one group's rows after the other's; their columns are counted within the group.
+    """
+
+    first: np.ndarray
+    sum: np.ndarray
+    parts: SparseRows
+    whole: SparseRows
+    gather: SparseRows
+    spread: SparseRows
+
+
 class Mirrored(NamedTuple):
     """Harmonics of ordinates, ``matrix``, as a product of two sparse matrices, and the way back, weighted.
 
@@ -42,10 +57,13 @@ class Mirrored(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def multiply(sparse, x, x_at, x_stride, y, y_at, y_stride, again):
-    """Rows of y, BLOCK nodes each from flat element ``y_at`` on, as a matrix times rows of x; ``again``: added."""
-    for r in range(sparse.start.shape[0] - 1):
-        at = y_at + r * y_stride
+def multiply(sparse, first, last, x, x_at, x_stride, y, y_at, y_stride, again):
+    """Rows of y, BLOCK nodes each from flat element ``y_at`` on, as rows first to last of a matrix times rows of x.
+
+    again: added to what is there.
+    """
+    for r in range(first, last):
+        at = y_at + (r - first) * y_stride
         one, two = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
         if again:
             one, two = read_quadruple(y, at), read_quadruple(y, at + LANES)
@@ -76,6 +94,26 @@ def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:
     whole = np.stack(columns, axis=-1)
     first = np.stack(parts)
     return Mirrored(*(_sparse(m) for m in (first, whole, whole.T * weight, first.T)))
+
+
+def in_groups(directions: F64, weight: F32, degree: int, least: int) -> tuple[NDArray[np.int64], Groups]:
+    """Ordinates (n, 3) in groups of about ``least`` or more, mirror images together: their order, and the groups."""
+    images = np.round(np.abs(directions * [1, 1, 0]) + directions * [0, 0, 1], 9)
+    _, family = np.unique(images, axis=0, return_inverse=True)
+    order = np.argsort(family.ravel(), kind="stable")
+    ends = np.concatenate([[0], np.cumsum(np.bincount(family.ravel()))])
+    count = max(1, len(order) // least)
+    first = np.unique([ends[np.abs(ends - len(order) * n / count).argmin()] for n in range(count + 1)])
+    parts = [mirrored(directions[order[a:b]], weight[order[a:b]], degree) for a, b in pairwise(first)]
+    sums = np.cumsum([0, *(len(p.parts.start) - 1 for p in parts)])
+    matrices = [_stacked([part[n] for part in parts]) for n in range(4)]
+    return order, Groups(first.astype(np.int64), sums.astype(np.int64), *matrices)
+
+
+def _stacked(matrices: list[SparseRows]) -> SparseRows:
+    """The rows of one after those of the other."""
+    ends = np.concatenate([[0], *(np.diff(m.start) for m in matrices)]).cumsum()
+    return SparseRows(ends, np.concatenate([m.column for m in matrices]), np.concatenate([m.value for m in matrices]))
 
 
 def _parities(rows: F64) -> list[F64]:

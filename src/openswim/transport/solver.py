@@ -27,6 +27,7 @@ from openswim.transport.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
+from openswim.transport.pool import Pool
 from openswim.transport.quality import SETTINGS, Quality, solve_coarse
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
@@ -215,6 +216,7 @@ def _diffuse(
         medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
         medium.periodic, ground_node, light.coefficients[0], light.beams[0],
     )  # fmt: skip
+    pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
     with job("diffuse light", count) as meter:
         for w in range(PACK):
@@ -226,8 +228,9 @@ def _diffuse(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             sweeper = diffuse.Sweeper.of(
-                grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w), ordinates
-            )
+                grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w),
+                ordinates, pool,
+            )  # fmt: skip
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])

@@ -1,7 +1,10 @@
-"""Sweep: light with a source carried through the grid along discrete ordinates, plane after plane.
+"""Sweep: light with a source carried through the grid along discrete ordinates, one after another.
 
 `half_sweep` returns the spherical-harmonic moments of one hemisphere. Directions point to where the light comes from;
 "upstream" is that way. Grids are (nz, ny, nx), lengths in metres.
+
+An ordinate crosses the grid in strips of rows, plane after plane, which a core's cache holds. What the grid emits and
+what light is left in it is kept for a group of ordinates at a time, in the blocks that keep moments.
 """
 
 from __future__ import annotations
@@ -12,10 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from openswim.transport.pack import put
-from openswim.transport.products import BLOCK
+from openswim.transport.pack import LANES, flat, put, read_quadruple, write
+from openswim.transport.products import BLOCK, Groups
 from openswim.transport.sweep_row import carry_row, step_weights
-from openswim.transport.sweep_source import coarse_rows, collect_row, source_row
+from openswim.transport.sweep_source import (
+    collect_row,
+    emission_row,
+    extinction_row,
+    kept_row,
+    row_of_emission,
+    thin_row,
+)
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -29,245 +39,334 @@ class Half(NamedTuple):
     edges: np.ndarray  # (n, nz, 4, m) the sides of the last sweep, for periodic grids
 
 
+class Room(NamedTuple):
+    """Scratch that sweeps of a grid share."""
+
+    extinction: np.ndarray  # (nz, ny + 2, nodes and ghosts) 1/m
+    emission: np.ndarray  # (ordinates of a group, blocks kept, BLOCK) in all, see `kept_row`; then the radiance
+    row: np.ndarray  # (nz * ny + 1,) the first block kept on each row
+    thin: np.ndarray  # (rows, ordinates of a group, nodes) of the coarser grid: what it gives the air and thin cloud
+    thin_level: np.ndarray  # (nz, 2) where the air's and cloud's rows of a level begin there, -1 where there are none
+    light: np.ndarray  # (threads, 2, rows, nodes), with ghosts: radiance on this plane and the one before, in a strip
+    emitted: np.ndarray  # the same of emission
+    front: np.ndarray  # (threads, 2, nz, nodes and ghosts) radiance and emission where the next strip begins
+    work: np.ndarray  # (threads, 2, nodes and ghosts)
+    flux: np.ndarray  # (threads, ny, nx)
+    amounts: np.ndarray  # (threads, 1 + s, BLOCK)
+    terms: np.ndarray  # (threads, M*M, BLOCK)
+    sums: np.ndarray  # (threads, sums of a group, BLOCK)
+
+
 _ALONG_X, _ALONG_Y, _ALONG_Z = 0, 1, 2
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _plan_steps(ordinates, k, before, levels_m, cell_m, air_extinction, way, steps):
-    """How each ordinate steps through one plane: short characteristics along the axis whose cells it crosses fastest.
+def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
+    """How an ordinate steps through one plane: short characteristics along the axis whose cells it crosses fastest.
 
-    way (n, 3): that axis, and to which side in x and y the upstream point lies. steps (n, 8): weights of its four
-    corners, length, and (trans, near, far) of a step through clear air.
+    Returns that axis. step (8,): weights of the four upstream corners, length, and (trans, near, far) in clear air.
+    before: the plane before, or k itself.
     """
-    nz = levels_m.shape[0]
-    if before < 0 or before == nz:
-        before, dz = k, 1.0
-    else:
-        dz = abs(levels_m[k] - levels_m[before])
+    dz = abs(levels_m[k] - levels_m[before]) if before != k else 1.0
     air, air_old = air_extinction[k], air_extinction[before]
-    for n in range(ordinates.shape[0]):
-        q = ordinates[n]
-        tx = cell_m[0] / max(abs(q[0]), 1e-12)
-        ty = cell_m[1] / max(abs(q[1]), 1e-12)
-        tz = dz / max(abs(q[2]), 1e-12)
-        way[n, 1] = 1 if q[0] > 0 else -1
-        way[n, 2] = 1 if q[1] > 0 else -1
-        if tz <= tx and tz <= ty:
-            way[n, 0] = _ALONG_Z
-            ds, a, c = tz, tz / tx, tz / ty
-        elif ty <= tx:
-            way[n, 0] = _ALONG_Y
-            ds, a, c = ty, ty / tx, ty / tz
-        else:
-            way[n, 0] = _ALONG_X
-            ds, a, c = tx, tx / ty, tx / tz
-        s = steps[n]
-        s[0], s[1], s[2], s[3], s[4] = (1 - a) * (1 - c), a * (1 - c), (1 - a) * c, a * c, ds
-        up = np.float32(air_old if way[n, 0] == _ALONG_Z else air * (1 - c) + air_old * c)
-        s[5], s[6], s[7] = step_weights(air, up, s[4])
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _sweep_row(n, j, begins, way, step, cur, intensity, source, extinction, cloudy, inflow, top, periodic, nx, work):
-    """Row j of ordinate n in plane ``cur``. begins: the first row on the way through the plane; top: the first plane.
-
-    ``inflow``: radiance entering through open sides at this level.
-    """
-    rows, count, stride = intensity.shape[1], intensity.shape[2], intensity.shape[3]
-    axis, sx, t = way[0], way[1], j + way[2]
-    here, old = cur * rows, (1 - cur) * rows
-    out = ((here + j) * count + n) * stride
-    if (axis == _ALONG_Z and top) or (axis == _ALONG_Y and begins and not periodic):
-        for i in range(nx + 2):
-            put(intensity, out + i, inflow)
-        return
-    # rows of the four corners: `_ALONG_Z` has all on the plane before, the others two on each
-    if axis == _ALONG_Z:
-        a, b = old + j, old + j
-    elif axis == _ALONG_Y:
-        a, b = here + t, here + t
+    tx = cell_m[0] / max(abs(q[0]), 1e-12)
+    ty = cell_m[1] / max(abs(q[1]), 1e-12)
+    tz = dz / max(abs(q[2]), 1e-12)
+    if tz <= tx and tz <= ty:
+        axis, ds, a, c = _ALONG_Z, tz, tz / tx, tz / ty
+    elif ty <= tx:
+        axis, ds, a, c = _ALONG_Y, ty, ty / tx, ty / tz
     else:
-        a, b = here + j, here + t
-    along_x = axis == _ALONG_X
-    c = old + (j if along_x else t)
-    carry_row(
-        intensity, source, extinction, here + j, a, b, c, old + t, n, sx if along_x else 0, sx, along_x, step, cloudy,
-        nx, work,
-    )  # fmt: skip
-    if along_x and not periodic:
-        put(intensity, out + (nx if sx > 0 else 1), inflow)
+        axis, ds, a, c = _ALONG_X, tx, tx / ty, tx / tz
+    step[0], step[1], step[2], step[3], step[4] = (1 - a) * (1 - c), a * (1 - c), (1 - a) * c, a * c, ds
+    up = np.float32(air_old if axis == _ALONG_Z else air * (1 - c) + air_old * c)
+    step[5], step[6], step[7] = step_weights(air, up, step[4])
+    return axis
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _sweep_plane(
-    first, stride, way, steps, cur, intensity, source, extinction, cloudy, inflow, top, periodic, nx, work
+    k, before, rows, now, last, axis, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted, extinction,
+    work, scratch,
 ):  # fmt: skip
-    """Ordinates first, first + stride, ... through one plane, row by row together: their rows lie side by side."""
-    ny = intensity.shape[1] - 2
-    for side in (1, -1):
-        for m in range(ny):
-            j = ny - m if side > 0 else 1 + m
-            for n in range(first, way.shape[0], stride):
-                if way[n, 2] == side:
-                    _sweep_row(
-                        n, j, m == 0, way[n], steps[n], cur, intensity, source, extinction, cloudy[j - 1], inflow[n],
-                        top, periodic, nx, work,
-                    )  # fmt: skip
+    """Rows (first, last) of one plane of an ordinate, the strip that the buffers hold.
+
+    now, last: first flat elements of this plane and the one before in both buffers. sx, sy: to which side the upstream
+    point lies. top, side: whether light enters the plane, or the strip, from outside.
+    """
+    _, ny, packs = grid.cloudy.shape
+    nx = grid.ground_node.shape[1]
+    stride = extinction.shape[2]
+    begin, end = rows
+    now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
+    along_x = axis == _ALONG_X
+    near, near_e = (last, last_e) if axis == _ALONG_Z else (now, now_e)
+    for m in range(end - begin):
+        j = end - begin - m if sy > 0 else 1 + m
+        row, aside = j * stride + 1, (j + sy) * stride + 1
+        if (axis == _ALONG_Z and top) or (axis == _ALONG_Y and m == 0 and side):
+            for i in range(-1, nx + 1):
+                put(light, now + row + i, inflow)
+            continue
+        # the upstream corners: `_ALONG_Z` has all on the plane before, the others two on each
+        first = aside if axis == _ALONG_Y else row
+        second = row if axis == _ALONG_Z else aside
+        third = row if along_x else aside
+        at[0], at_e[0] = near + first, near_e + first
+        at[1], at_e[1] = near + second + sx, near_e + second + sx
+        at[2], at_e[2] = last + third, last_e + third
+        at[3], at_e[3] = last + aside + sx, last_e + aside + sx
+        if along_x:
+            at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
+        carry_row(
+            light, emitted, extinction, now + row, now_e + row, at, at_e, along_x, step, grid.cloudy,
+            (k * ny + begin + j - 1) * packs, nx, sx, work, scratch,
+        )  # fmt: skip
+        if along_x and not grid.periodic:
+            put(light, now + row + (nx - 1 if sx > 0 else 0), inflow)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _emit(k, rows, slot, now, grid, place, coarser, room):
+    """Emission on a strip of a plane along the ``slot``-th ordinate, from flat element ``now`` of its buffer on."""
+    stride = room.emitted.shape[3]
+    for j in range(rows[0], rows[1]):
+        emission_row(
+            k, j, slot, now + (j - rows[0] + 1) * stride, grid, place, room.row, room.emission, coarser,
+            room.thin, room.thin_level[k, 0], room.thin_level[k, 1], room.extinction, room.emitted,
+        )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _set_sides(plane, n, nx, periodic, inflow, side):
-    """Ghost nodes of ordinate n before a plane is swept.
+def _set_sides(plane, nx, periodic, inflow, side):
+    """Ghost nodes before a plane (rows and ghosts, nodes and ghosts) is swept.
 
     Periodic: the last sweep's sides (4, m) stand in for what this one has not reached yet.
     """
     ny = plane.shape[0] - 2
     if periodic:
         for j in range(ny):
-            plane[j + 1, n, 0], plane[j + 1, n, nx + 1] = side[0, j], side[1, j]
+            plane[j + 1, 0], plane[j + 1, nx + 1] = side[0, j], side[1, j]
         for i in range(nx):
-            plane[0, n, i + 1], plane[ny + 1, n, i + 1] = side[2, i], side[3, i]
+            plane[0, i + 1], plane[ny + 1, i + 1] = side[2, i], side[3, i]
         return
     for j in range(1, ny + 1):
-        plane[j, n, 0] = plane[j, n, nx + 1] = inflow
-    plane[0, n, :] = inflow
-    plane[ny + 1, n, :] = inflow
+        plane[j, 0] = plane[j, nx + 1] = inflow
+    plane[0, :] = inflow
+    plane[ny + 1, :] = inflow
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _wrap_sides(plane, n, nx, side):
-    """Ghost nodes of ordinate n of a swept periodic plane: the other side; the next sweep begins from them."""
+def _wrap_sides(plane, nx, side):
+    """Ghost nodes of a swept periodic plane: the other side; the next sweep begins from them."""
     ny = plane.shape[0] - 2
     for j in range(1, ny + 1):
-        plane[j, n, 0] = side[0, j - 1] = plane[j, n, nx]
-        plane[j, n, nx + 1] = side[1, j - 1] = plane[j, n, 1]
+        plane[j, 0] = side[0, j - 1] = plane[j, nx]
+        plane[j, nx + 1] = side[1, j - 1] = plane[j, 1]
     for i in range(nx):
-        side[2, i], side[3, i] = plane[ny, n, i + 1], plane[1, n, i + 1]
-    _end_rows(plane, n, True)
+        side[2, i], side[3, i] = plane[ny, i + 1], plane[1, i + 1]
+    _end_rows(plane, True)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _set_ground(plane, n, k, ground_node, ground_radiance):
-    """Radiance of ordinate n at and below the ground."""
-    ny, nx = ground_node.shape
-    for j in range(ny):
-        for i in range(nx):
-            if k < ground_node[j, i] or k == 0:
-                plane[j + 1, n, i + 1] = ground_radiance[j, i]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _end_rows(plane, n, periodic):
-    """Ghost rows of ordinate n: the other side where periodic, else the edge itself."""
+def _end_rows(plane, periodic):
+    """Ghost rows: the other side where periodic, else the edge itself."""
     ny = plane.shape[0] - 2
     first, last = (ny, 1) if periodic else (1, ny)
-    for i in range(plane.shape[2]):
-        plane[0, n, i] = plane[first, n, i]
-        plane[ny + 1, n, i] = plane[last, n, i]
+    for i in range(plane.shape[1]):
+        plane[0, i] = plane[first, i]
+        plane[ny + 1, i] = plane[last, i]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _flux(ordinates, weight, intensity, i):
-    """Flux of one hemisphere at node i of a row, for radiance on the scale of E_TOA = 1."""
-    total = 0.0
-    for n in range(weight.shape[0]):
-        total += weight[n] * abs(ordinates[n, 2]) * intensity[n, i + 1]
-    return total / (4.0 * math.pi)
+def _meet_ground(k, downward, rows, plane, share, ground_node, ground_radiance, flux):
+    """Flux that a swept strip brings to the ground, or radiance that rises from it, at and below its nodes.
+
+    share: of the hemisphere's flux, on the scale of E_TOA = 1, that this ordinate's radiance is.
+    """
+    for j in range(rows[0], rows[1]):
+        own = plane[j - rows[0] + 1]
+        for i in range(ground_node.shape[1]):
+            if not downward:
+                if k < ground_node[j, i] or k == 0:
+                    own[i + 1] = ground_radiance[j, i]
+            elif k == ground_node[j, i]:
+                flux[j, i] += share * own[i + 1]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _finish_rows(first, last, k, downward, plane, intensity, grid, half, gather, spread, place, sums, values, flux):
-    """Rows first to last of a plane just swept: moments, and the flux through the ground or the top."""
-    nz = grid.beam.shape[0]
-    nx = grid.ground_node.shape[1]
-    rows = intensity.shape[1]
-    for j in range(first, last):
-        collect_row(k, j, plane * rows + j + 1, not downward, intensity, gather, spread, place, sums, values, nx)
-        for i in range(nx):
-            if k == (grid.ground_node[j, i] if downward else nz - 1):
-                flux[j, i] = _flux(half.direction, half.weight, intensity[plane, j + 1], i)
+def _leave_top(rows, plane, share, flux):
+    """Flux through the top; ``share``: see `_meet_ground`."""
+    for j in range(rows[0], rows[1]):
+        for i in range(flux.shape[1]):
+            flux[j, i] += share * plane[j - rows[0] + 1, i + 1]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _leave_light(k, n, rows, place, row, light, start, radiance):
+    """Radiance of a swept strip, which begins at flat element ``start`` of ``light``, into the blocks that are kept."""
+    ny, blocks = place.shape[1], place.shape[2]
+    stride = light.shape[3]
+    for j in range(rows[0], rows[1]):
+        first, apart = row_of_emission(k * ny + j, row, radiance)
+        for b in range(blocks):
+            kept = flat(place, (k * ny + j) * blocks + b)
+            if kept >= 0:
+                out = first + n * apart + kept * BLOCK
+                at = start + (j - rows[0] + 1) * stride + 1 + b * BLOCK
+                for i in range(0, BLOCK, LANES):
+                    write(radiance, out + i, read_quadruple(light, at + i))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _sweep_share(
-    first, stride, k, downward, top, cur, grid, half, ground_radiance, highest, way, steps, intensity, source,
-    extinction, work,
+def _copy_row(row, out):
+    for i in range(row.shape[0]):
+        out[i] = row[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _carry_strip(
+    n, slot, t, rows, follows, precedes, downward, grid, half, place, coarser, ground_radiance, highest, room, step,
+    at, at_e,
 ):  # fmt: skip
-    """One thread's share of a plane: ordinates first, first + stride, ..., and what bounds them."""
-    inflow = half.inflow[k]
+    """Ordinate n, the ``slot``-th of its group, through rows (first, last) of all planes, in buffers of thread t.
+
+    follows, precedes: whether there is a strip upstream, and one downstream.
+    """
+    nz = grid.cloudy.shape[0]
     nx = grid.ground_node.shape[1]
-    swept, own = intensity[cur], source[cur]
-    for n in range(first, way.shape[0], stride):
-        _set_sides(swept, n, nx, grid.periodic, inflow[n], half.edges[n, k if grid.periodic else 0])
-        _end_rows(own, n, grid.periodic)
-    _sweep_plane(
-        first, stride, way, steps, cur, intensity, source, extinction, grid.cloudy[k], inflow, top, grid.periodic, nx,
-        work,
-    )  # fmt: skip
-    for n in range(first, way.shape[0], stride):
-        if not downward and k <= highest:
-            _set_ground(swept, n, k, grid.ground_node, ground_radiance)
+    stride = room.light.shape[3]
+    size = room.light.shape[2] * stride
+    count = rows[1] - rows[0]
+    q = half.direction[n]
+    sx, sy = 1 if q[0] > 0 else -1, 1 if q[1] > 0 else -1
+    ahead, behind = (count + 1, 1) if sy > 0 else (0, count)
+    share = half.weight[n] * np.float32(abs(q[2]) / (4.0 * math.pi))
+    for turn in range(nz):
+        k = nz - 1 - turn if downward else turn
+        before = k if turn == 0 else (k + 1 if downward else k - 1)
+        cur = turn % 2
+        now, last = (t * 2 + cur) * size, (t * 2 + 1 - cur) * size
+        inflow = half.inflow[k, n]
+        plane, emitted = room.light[t, cur, : count + 2], room.emitted[t, cur, : count + 2]
+        _emit(k, rows, slot, now, grid, place, coarser, room)
+        _end_rows(emitted, grid.periodic)
+        _set_sides(plane, nx, grid.periodic, inflow, half.edges[n, k if grid.periodic else 0])
+        if follows:
+            _copy_row(room.front[t, 0, k], plane[ahead])
+            _copy_row(room.front[t, 1, k], emitted[ahead])
+        axis = _plan_step(q, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, step)
+        _sweep_plane(
+            k, before, rows, now, last, axis, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid, step, at,
+            at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
+        )  # fmt: skip
+        if k <= highest:
+            _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])
+        if k == nz - 1 and not downward:
+            _leave_top(rows, plane, share, room.flux[t])
         if grid.periodic:
-            _wrap_sides(swept, n, nx, half.edges[n, k])
+            _wrap_sides(plane, nx, half.edges[n, k])
+        if precedes:
+            _copy_row(plane[behind], room.front[t, 0, k])
+            _copy_row(emitted[behind], room.front[t, 1, k])
+        _leave_light(k, slot, rows, place, room.row, room.light, now, room.emission)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _carry(n, slot, t, downward, grid, half, place, coarser, ground_radiance, highest, room, step, at, at_e):
+    """Ordinate n through the whole grid, strip after strip: a strip's planes fit in a core's cache."""
+    ny = grid.cloudy.shape[1]
+    height = room.light.shape[2] - 2
+    strips = -(-ny // height)
+    for s in range(strips):
+        where = strips - 1 - s if half.direction[n, 1] > 0 else s
+        rows = (where * ny // strips, (where + 1) * ny // strips)
+        _carry_strip(
+            n, slot, t, rows, s > 0, s + 1 < strips, downward, grid, half, place, coarser, ground_radiance, highest,
+            room, step, at, at_e,
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _share_rows(g, t, threads, begins, grid, group, place, values, coarser, new_values, room):
+    """Thread t's share of what stands between two groups: what group g - 1 has left, and what g will find.
+
+    begins: this half is the first, and there is nothing yet to add to.
+    """
+    nz, ny, _ = grid.cloudy.shape
+    groups = group.first.shape[0] - 1
+    if g == 0:
+        room.flux[t] = np.float32(0.0)
+    for k in range(nz):
+        for j in range(t, ny, threads):
+            if g == 0 and begins:
+                extinction_row(k, j, grid, room.extinction)
+            if g > 0:
+                collect_row(
+                    g - 1, k, j, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
+                    new_values, grid.ground_node.shape[1],
+                )  # fmt: skip
+            if g < groups:
+                kept_row(
+                    g, k, j, grid, group, place, room.row, values, room.amounts[t], room.terms[t], room.sums[t],
+                    room.emission,
+                )
+        if g < groups:
+            for kind in range(2):
+                level = room.thin_level[k, kind]
+                for m in range(t, coarser.place.shape[1] if level >= 0 else 0, threads):
+                    thin_row(
+                        g, k, m, kind == 1, level + m, grid, group, coarser, room.amounts[t], room.terms[t],
+                        room.sums[t], room.thin,
+                    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _highest(ground_node):
+    highest = 0
+    for n in range(ground_node.size):
+        highest = max(highest, flat(ground_node, n))
+    return highest
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _total(shares, out):
+    """Sum over threads (threads, ny, nx); a function of its own, since Numba would share out every single sum."""
+    for j in range(out.shape[0]):
+        for i in range(out.shape[1]):
+            total = np.float32(0.0)
+            for t in range(shares.shape[0]):
+                total += shares[t, j, i]
+            out[j, i] = total
 
 
 @njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def half_sweep(
-    threads, downward, grid, half, parts, whole, gather, spread, place, values, coarser, ground_radiance,
-    new_values, flux,
+    threads, downward, grid, half, first, sums, parts, whole, gather, spread, place, values, coarser, ground_radiance,
+    new_values, flux, room,
 ):  # fmt: skip
-    """Carry the light of one hemisphere through the grid, plane by plane, and sum its moments into ``new_values``.
+    """Carry the light of one hemisphere through the grid and sum its moments into ``new_values``.
 
     threads: how many share the work. downward: ordinates whose light comes from above (or level), else from below,
     starting at the ground's radiance (ny, nx); the downward half comes first and overwrites, the other adds.
-    parts to spread: the ordinates' harmonics, `Mirrored`.
-    place, values: `Moments` before; new_values: after; coarser: the field that lights what is not kept.
+    first to spread: `Groups` of the ordinates. place, values: `Moments` before; new_values: after; coarser: the field
+    that lights what is not kept.
     flux (ny, nx): through the ground (down) or through the top (up).
     """
-    nz, ny, columns = grid.beam.shape
-    degree = grid.air_scattering.shape[1]
-    count, sum_count = half.direction.shape[0], parts.start.shape[0] - 1
-    f32 = np.float32
-    intensity = np.zeros((2, ny + 2, count, columns + 2), f32)
-    source = np.zeros((2, ny + 2, count, columns + 2), f32)
-    extinction = np.zeros((2, ny + 2, 1, columns + 2), f32)
-    way, steps = np.empty((count, 3), np.int64), np.empty((count, 8), f32)
-    work = np.empty((threads, 2, columns + 2), f32)
-    terms, sums = np.empty((threads, degree * degree, BLOCK), f32), np.empty((threads, sum_count, BLOCK), f32)
-    rows = coarser.beam.shape[1]
-    kinds = 1 + grid.extinction.shape[0] if coarser.factor > 0 else 0
-    planes = np.zeros((kinds, rows, count, columns + 2), f32)
-    lines = np.empty((threads, count, coarser.beam.shape[2] + 2), f32)
-    highest = grid.ground_node.max()
-    for step in range(nz + 1):
-        k = nz - 1 - step if downward else step
-        before = k + 1 if downward else k - 1
-        cur, old = step % 2, 1 - step % 2
+    highest = _highest(grid.ground_node)
+    step = np.empty((threads, 8), np.float32)
+    at = np.empty((threads, 2, 4), np.int64)
+    for g in range(first.shape[0]):
         for share in prange(threads):
             t = np.int64(share)  # an unsigned index makes floats of differences
-            if step > 0:
-                _finish_rows(
-                    t * ny // threads, (t + 1) * ny // threads, before, downward, old, intensity, grid, half, gather,
-                    spread, place, sums[t], new_values, flux,
-                )  # fmt: skip
-            if step < nz and kinds > 0:
-                coarse_rows(
-                    t * rows // threads, (t + 1) * rows // threads, k, grid, parts, whole, coarser, grid.present[k],
-                    terms[t], sums[t], lines[t], planes,
-                )  # fmt: skip
-        if step < nz:
+            group = Groups(first, sums, parts, whole, gather, spread)
+            _share_rows(g, t, threads, downward, grid, group, place, values, coarser, new_values, room)
+        if g < first.shape[0] - 1:
             for share in prange(threads):
                 t = np.int64(share)
-                for j in range(t * ny // threads, (t + 1) * ny // threads):
-                    source_row(
-                        k, j, cur * (ny + 2) + j + 1, grid, parts, whole, place, values, coarser, planes,
-                        grid.present[k], terms[t], sums[t], source, extinction,
+                for n in range(first[g] + t, first[g + 1], threads):
+                    _carry(
+                        n, n - first[g], t, downward, grid, half, place, coarser, ground_radiance, highest, room,
+                        step[t], at[t, 0], at[t, 1],
                     )  # fmt: skip
-            _end_rows(extinction[cur], 0, grid.periodic)
-            _plan_steps(half.direction, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, way, steps)
-            for share in prange(threads):
-                t = np.int64(share)
-                _sweep_share(
-                    t, threads, k, downward, step == 0, cur, grid, half, ground_radiance, highest, way, steps,
-                    intensity, source, extinction, work[t],
-                )  # fmt: skip
+    _total(room.flux, flux)

@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
-from openswim.transport.products import BLOCK
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -48,56 +47,55 @@ def _between(array, a, b, c, d, wa, wb, wc, wd):
     return low + (wc * read_quadruple(array, c) + wd * read_quadruple(array, d))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def carry_row(intensity, source, extinction, here, a, b, c, d, n, aside, shift, recurrent, step, cloudy, nx, work):
-    """Row ``here`` of ordinate n from the corners' rows a to d: indices of rows, all planes counted through.
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def carry_row(
+    intensity, source, extinction, out, out_e, at, at_e, recurrent, step, cloudy, packs, nx, shift, work, room
+):  # fmt: skip
+    """One row of an ordinate, whose first node is flat element ``out`` of the buffers, ``out_e`` of ``extinction``.
 
-    Buffers are (planes, rows, ordinates, nodes and a ghost on either side), ``extinction`` without ordinates. Corners
-    b and d lie ``shift`` nodes aside, a and c ``aside``. recurrent: corner a is the neighbour in this very row; all but
-    its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_steps`;
-    ``cloudy``: the blocks whose steps differ. ``work``: scratch of two rows.
+    at, at_e (4,): the first upstream node of each corner. recurrent: corner a is the neighbour in this very row; all
+    but its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_step`;
+    ``cloudy``, from flat element ``packs`` on: the packs of nodes whose steps differ. ``work``: scratch of two rows,
+    from flat element ``room`` on.
     """
-    count, stride = intensity.shape[2], intensity.shape[3]
+    share = room + intensity.shape[3]
     wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
     trans, near, far = flat(step, 5), flat(step, 6), flat(step, 7)
     known = _ZERO if recurrent else wa
-    out, out_e = (here * count + n) * stride + 1, here * stride + 1
-    at_a, at_b = (a * count + n) * stride + 1 + aside, (b * count + n) * stride + 1 + shift
-    at_c, at_d = (c * count + n) * stride + 1 + aside, (d * count + n) * stride + 1 + shift
-    e_a, e_b = a * stride + 1 + aside, b * stride + 1 + shift
-    e_c, e_d = c * stride + 1 + aside, d * stride + 1 + shift
+    a, b, c, d = flat(at, 0), flat(at, 1), flat(at, 2), flat(at, 3)
+    e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)
     ghost = flat(intensity, out + nx)  # the last pack may reach over it
     for i in range(0, nx, LANES):
-        up = _between(intensity, at_a + i, at_b + i, at_c + i, at_d + i, known, wb, wc, wd)
-        source_up = _between(source, at_a + i, at_b + i, at_c + i, at_d + i, wa, wb, wc, wd)
+        up = _between(intensity, a + i, b + i, c + i, d + i, known, wb, wc, wd)
+        source_up = _between(source, a + i, b + i, c + i, d + i, wa, wb, wc, wd)
         own = read_quadruple(source, out + i)
-        if flat(cloudy, i // BLOCK):
+        if flat(cloudy, packs + i // LANES):
             extinction_up = _between(extinction, e_a + i, e_b + i, e_c + i, e_d + i, wa, wb, wc, wd)
             t, w_near, w_far = step_weights(read_quadruple(extinction, out_e + i), extinction_up, ds)
             up = t * up + (w_near * own + w_far * source_up)
             if recurrent:
-                write(work, stride + i, wa * t)
+                write(work, share + i, wa * t)
         else:
             up = trans * up + (near * own + far * source_up)
             if recurrent:
-                write(work, stride + i, spread_quadruple(wa * trans))
+                write(work, share + i, spread_quadruple(wa * trans))
         if recurrent:
-            write(work, i, up)
+            write(work, room + i, up)
         else:
             write(intensity, out + i, up)
     if recurrent:
-        _recur(intensity, out, work, stride, nx, shift)
+        _recur(intensity, out, work, room, share, nx, shift)
     else:
         put(intensity, out + nx, ghost)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _recur(out, at, work, share, nx, shift):
+def _recur(out, at, work, room, share, nx, shift):
     """out[i] = known[i] + share[i] out[upstream neighbour], from the ghost node on.
 
-    ``work`` holds what is known and, from flat element ``share`` on, the shares. Four stretches of the row at once,
-    each from zero, since one alone waits for its own last node; what enters a stretch, times the product of the shares
-    on the way, is added after.
+    ``work`` holds what is known, from flat element ``room`` on, and the shares, from ``share`` on. Four stretches of
+    the row at once, each from zero, since one alone waits for its own last node; what enters a stretch, times the
+    product of the shares on the way, is added after.
     """
     quarter = nx // 4
     # node n of the way lies at `begin` + n `way`
@@ -110,10 +108,10 @@ def _recur(out, at, work, share, nx, shift):
         b = a + way * quarter
         c = b + way * quarter
         d = c + way * quarter
-        r0 = r0 * flat(work, share + a) + flat(work, a)
-        r1 = r1 * flat(work, share + b) + flat(work, b)
-        r2 = r2 * flat(work, share + c) + flat(work, c)
-        r3 = r3 * flat(work, share + d) + flat(work, d)
+        r0 = r0 * flat(work, share + a) + flat(work, room + a)
+        r1 = r1 * flat(work, share + b) + flat(work, room + b)
+        r2 = r2 * flat(work, share + c) + flat(work, room + c)
+        r3 = r3 * flat(work, share + d) + flat(work, room + d)
         p1 *= flat(work, share + b)
         p2 *= flat(work, share + c)
         p3 *= flat(work, share + d)
@@ -134,5 +132,5 @@ def _recur(out, at, work, share, nx, shift):
             last = flat(out, at + end)
     for n in range(4 * quarter, nx):
         a = begin + way * n
-        last = last * flat(work, share + a) + flat(work, a)
+        last = last * flat(work, share + a) + flat(work, room + a)
         put(out, at + a, last)

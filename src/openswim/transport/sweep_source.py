@@ -10,9 +10,9 @@ from numba import njit
 from openswim.transport.moments import between
 from openswim.transport.pack import (
     LANES,
-    PACK,
     flat,
     interleave,
+    prefetch,
     put,
     read_double,
     read_quadruple,
@@ -27,160 +27,228 @@ _NEAR, _FAR = np.float32(0.75), np.float32(0.25)
 _FOUR_PI = np.float32(4.0 * math.pi)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _terms(terms, i, ell, sigma, values, at, sun_harmonics, sun_at, stride, lit):
-    """sigma_l (I_lm + 4 pi Y_lm(sun) T') of one degree l for LANES nodes, into ``terms`` (M*M, BLOCK)."""
-    for index in range(ell * ell, (ell + 1) * (ell + 1)):
-        moment = read_quadruple(values, at + index * BLOCK)
-        write(terms, index * BLOCK + i, sigma * (moment + lit * read_quadruple(sun_harmonics, sun_at + index * stride)))
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _kept_source(k, j, b, at, grid, parts, whole, values, terms, sums, source, out):
-    """Emission along every ordinate of a block that is kept, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T')."""
-    ns, nz, ny, nx = grid.extinction.shape
+def _block_source(
+    g, k, amounts, grid, group, values, at, beam, node, harmonics, column, stride, terms, sums, out, first, apart
+):  # fmt: skip
+    """Emission of a block along the ordinates of group g, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T').
+
+    amounts (1 + s, BLOCK): of the air and of every species. I_lm: block ``at`` of ``values``. T', Y(sun): from flat
+    elements ``node`` of ``beam`` and ``column`` of ``harmonics``, whose rows are ``stride`` apart. S_n goes to ``out``
+    from flat element ``first`` on, ordinates ``apart``.
+    """
     degree = grid.air_scattering.shape[1]
-    count = degree * degree
+    start = at * degree * degree * BLOCK
     for i in range(0, BLOCK, LANES):
-        x = b * BLOCK + i
-        node = (k * ny + j) * nx + x
-        lit = _FOUR_PI * read_quadruple(grid.beam, node)
+        lit = _FOUR_PI * read_quadruple(beam, node + i)
         for ell in range(degree):
-            sigma = spread_quadruple(flat(grid.air_scattering, k * degree + ell))
-            for s in range(ns):
-                sigma += flat(grid.scattering, s * degree + ell) * read_quadruple(
-                    grid.extinction, s * (nz * ny * nx) + node
-                )
-            start = at * count * BLOCK + i
-            _terms(terms, i, ell, sigma, values, start, grid.sun_harmonics, j * count * nx + x, nx, lit)
-    multiply(parts, terms, 0, BLOCK, sums, 0, BLOCK, False)
-    multiply(whole, sums, 0, BLOCK, source, out, source.shape[3], False)
+            sigma = flat(grid.air_scattering, k * degree + ell) * read_quadruple(amounts, i)
+            for s in range(grid.scattering.shape[0]):
+                sigma += flat(grid.scattering, s * degree + ell) * read_quadruple(amounts, (1 + s) * BLOCK + i)
+            for index in range(ell * ell, (ell + 1) * (ell + 1)):
+                moment = read_quadruple(values, start + index * BLOCK + i)
+                solar = read_quadruple(harmonics, column + index * stride + i)
+                write(terms, index * BLOCK + i, sigma * (moment + lit * solar))
+    multiply(group.parts, flat(group.sum, g), flat(group.sum, g + 1), terms, 0, BLOCK, sums, 0, BLOCK, False)
+    multiply(group.whole, flat(group.first, g), flat(group.first, g + 1), sums, 0, BLOCK, out, first, apart, False)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _thin_source(k, j, b, grid, coarser, planes, active, source, out):
-    """Emission of a block that is not kept, by the coarser field: the air's, and that of thin cloud by its extinction.
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def row_of_emission(n, row, emission):
+    """Where the emission (or the radiance) of row n's blocks along its group's first ordinate lies, to which a block's
+    own index times BLOCK is to be added, and how far apart that of another ordinate."""
+    apart = (flat(row, n + 1) - flat(row, n)) * BLOCK
+    return flat(row, n) * (emission.shape[0] - 1) * BLOCK, apart
 
-    planes (1 + s, rows of the coarser grid, ordinate, nodes and ghosts): source per unit of the air and of every
-    species, of those that are ``active`` on this level.
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, sums, emission):
+    """Emission of the blocks that are kept on row j of level k, along the ordinates of group g, into ``emission``.
+
+    row (nz * ny + 1,): the first block that is kept on each. ``emission`` has the rows' blocks one row after the other,
+    each row first along one ordinate, then along the next.
     """
     ns, nz, ny, nx = grid.extinction.shape
-    rows, count, stride = planes.shape[1], planes.shape[2], planes.shape[3]
-    m, share = between(j, coarser.factor, rows)
-    next_row = min(m + 1, rows - 1) - m
-    rest = _ONE - share
-    for i in range(0, BLOCK, LANES):
-        x = b * BLOCK + i
-        node = (k * ny + j) * nx + x
-        for n in range(count):
-            one = (m * count + n) * stride + 1 + x
-            two = one + next_row * count * stride
-            total = spread_quadruple(_ZERO)
-            if flat(active, 0):
-                total += rest * read_quadruple(planes, one) + share * read_quadruple(planes, two)
+    count = grid.sun_harmonics.shape[1]
+    blocks = place.shape[2]
+    first, apart = row_of_emission(k * ny + j, row, emission)
+    for b in range(blocks):
+        kept = flat(place, (k * ny + j) * blocks + b)
+        if kept < 0:
+            continue
+        node = (k * ny + j) * nx + b * BLOCK
+        for i in range(0, BLOCK, LANES):
+            write(amounts, i, spread_quadruple(_ONE))
             for s in range(ns):
-                if flat(active, 1 + s):
-                    kind = (1 + s) * rows * count * stride
-                    light = rest * read_quadruple(planes, kind + one) + share * read_quadruple(planes, kind + two)
-                    total += read_quadruple(grid.extinction, s * (nz * ny * nx) + node) * light
-            write(source, out + n * stride + i, total)
+                write(amounts, (1 + s) * BLOCK + i, read_quadruple(grid.extinction, s * nz * ny * nx + node + i))
+        _block_source(
+            g, k, amounts, grid, group, values, kept, grid.beam, node, grid.sun_harmonics, j * count * nx + b * BLOCK,
+            nx, terms, sums, emission, first + kept * BLOCK, apart,
+        )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def source_row(k, j, at, grid, parts, whole, place, values, coarser, planes, active, terms, sums, source, extinction):
-    """Emission of every ordinate, and extinction, along row j of level k, into rows ``at`` of the sweep's buffers."""
+def _mixture(k, node, grid, extinction, apart, amounts):
+    """What species a unit of delta-scaled extinction of the coarser grid's cloud is; all alike where there is none."""
+    ns = grid.scattering.shape[0]
+    tiny = np.float32(1e-12)
+    for i in range(0, BLOCK, LANES):
+        write(amounts, i, spread_quadruple(_ZERO))
+        total = spread_quadruple(tiny * tiny)
+        for s in range(ns):
+            if flat(grid.present, k * (1 + ns) + 1 + s):
+                amount = tiny + read_quadruple(extinction, s * apart + node + i)
+                total += flat(grid.scaled, s) * amount
+                write(amounts, (1 + s) * BLOCK + i, amount)
+            else:
+                write(amounts, (1 + s) * BLOCK + i, spread_quadruple(_ZERO))
+        per = _ONE / total
+        for s in range(ns):
+            write(amounts, (1 + s) * BLOCK + i, per * read_quadruple(amounts, (1 + s) * BLOCK + i))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, sums, out):
+    """Row m of level k of what the coarser field gives the air (cloud: a unit of cloud's extinction) along group g.
+
+    Into row ``out_row`` of ``out`` (rows, ordinates, nodes of the coarser grid and ghosts).
+    """
+    rows, blocks = coarser.place.shape[1], coarser.place.shape[2]
+    nz, nx = coarser.beam.shape[0], coarser.beam.shape[2]
+    count = coarser.sun_harmonics.shape[1]
+    line = out.shape[2]
+    first = out_row * out.shape[1] * line
+    size = flat(group.first, g + 1) - flat(group.first, g)
+    for i in range(0, BLOCK, LANES):
+        write(amounts, i, spread_quadruple(_ONE))
+        for s in range(grid.scattering.shape[0]):
+            write(amounts, (1 + s) * BLOCK + i, spread_quadruple(_ZERO))
+    for b in range(blocks):
+        kept = flat(coarser.place, (k * rows + m) * blocks + b)
+        if kept < 0:
+            for n in range(size):
+                for i in range(0, BLOCK, LANES):
+                    write(out, first + n * line + 1 + b * BLOCK + i, spread_quadruple(_ZERO))
+            continue
+        node = (k * rows + m) * nx + b * BLOCK
+        if cloud:
+            _mixture(k, node, grid, coarser.extinction, nz * rows * nx, amounts)
+        _block_source(
+            g, k, amounts, grid, group, coarser.values, kept, coarser.beam, node, coarser.sun_harmonics,
+            m * count * nx + b * BLOCK, nx, terms, sums, out, first + 1 + b * BLOCK, line,
+        )  # fmt: skip
+    for n in range(size):
+        row_ends(out, first + n * line, coarser.columns, False)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def extinction_row(k, j, grid, out):
+    """Extinction of row j of level k, and of the ghosts that it is for, into ``out`` (nz, ny + 2, nodes and ghosts)."""
     ns, nz, ny, nx = grid.extinction.shape
-    count, stride = source.shape[2], source.shape[3]
+    rows, stride = out.shape[1], out.shape[2]
+    start = (k * rows + j + 1) * stride
     for i in range(0, nx, LANES):
         total = spread_quadruple(flat(grid.air_extinction, k))
         for s in range(ns):
             total += flat(grid.scaled, s) * read_quadruple(grid.extinction, ((s * nz + k) * ny + j) * nx + i)
-        write(extinction, at * stride + 1 + i, total)
-    columns = grid.ground_node.shape[1]
-    _row_ends(extinction, at * stride, columns, grid.periodic)
-    for b in range(place.shape[2]):
-        out = at * count * stride + 1 + b * BLOCK
-        kept = flat(place, (k * ny + j) * place.shape[2] + b)
-        if kept >= 0:
-            _kept_source(k, j, b, kept, grid, parts, whole, values, terms, sums, source, out)
-        elif coarser.factor > 0:
-            _thin_source(k, j, b, grid, coarser, planes, active, source, out)
-        else:
-            for n in range(count):
-                for i in range(0, BLOCK, LANES):
-                    write(source, out + n * stride + i, spread_quadruple(_ZERO))
-    for n in range(count):
-        _row_ends(source, (at * count + n) * stride, columns, grid.periodic)
+        write(out, start + 1 + i, total)
+    row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
+    for end in range(2):
+        if j == (ny - 1) * end:
+            ghost = (k * rows + ((1 - end) if grid.periodic else end) * (ny + 1)) * stride
+            for i in range(stride):
+                put(out, ghost + i, flat(out, start + i))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _row_ends(rows, at, nx, periodic):
+def _upsampled(thin, row, next_row, x, rest, share):
+    """LANES nodes from node x of a finer row on, between two rows of a grid coarser by two."""
+    at = row + 1 + x // 2
+    before = rest * read_double(thin, at - 1) + share * read_double(thin, at - 1 + next_row)
+    here = rest * read_double(thin, at) + share * read_double(thin, at + next_row)
+    after = rest * read_double(thin, at + 1) + share * read_double(thin, at + 1 + next_row)
+    here = _NEAR * here
+    return interleave(here + _FAR * before, here + _FAR * after)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _prefetch_next(at, n, row, emission, thin, air_row, cloud_row):
+    """Ask for what the row after this will need: no processor guesses steps of so many ordinates."""
+    line = thin.shape[1] * thin.shape[2]
+    for i in range(0, thin.shape[2], LANES):
+        prefetch(thin, air_row + 2 * line + i)
+        prefetch(thin, cloud_row + 2 * line + i)
+    later = min(at + 3, row.shape[0] - 2)
+    apart = (flat(row, later + 1) - flat(row, later)) * BLOCK
+    after = flat(row, later) * emission.shape[0] * BLOCK + n * apart
+    for i in range(0, apart, LANES):
+        prefetch(emission, after + i)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air, cloud, extinction, out):
+    """Emission along ordinate n of its group on row j of level k, into the row of ``out`` from ``start`` on.
+
+    Of blocks that are not kept by the coarser field: the air's, and that of thin cloud by its extinction; their rows
+    (see `thin_row`) of this level begin at ``air`` and ``cloud``, there are none if these are negative.
+    """
+    ny, blocks = place.shape[1], place.shape[2]
+    packs = grid.cloudy.shape[2]
+    rows, apart = coarser.beam.shape[1], thin.shape[1] * thin.shape[2]
+    m, share = between(j, max(coarser.factor, 1), rows)
+    next_row = (min(m + 1, rows - 1) - m) * apart
+    rest = _ONE - share
+    air_row = (air + m) * apart + n * thin.shape[2]
+    cloud_row = (cloud + m) * apart + n * thin.shape[2]
+    here = (k * extinction.shape[1] + j + 1) * extinction.shape[2] + 1
+    clear = flat(grid.air_extinction, k)
+    first, apart = row_of_emission(k * ny + j, row, emission)
+    first += n * apart
+    _prefetch_next(k * ny + j, n, row, emission, thin, max(air_row, 0), max(cloud_row, 0))
+    for b in range(blocks):
+        kept = flat(place, (k * ny + j) * blocks + b)
+        at = first + kept * BLOCK
+        for i in range(0, BLOCK, LANES):
+            x = b * BLOCK + i
+            total = spread_quadruple(_ZERO)
+            if kept >= 0:
+                total = read_quadruple(emission, at + i)
+            else:
+                if air >= 0:
+                    total += _upsampled(thin, air_row, next_row, x, rest, share)
+                if cloud >= 0 and flat(grid.cloudy, (k * ny + j) * packs + x // LANES):
+                    amount = read_quadruple(extinction, here + x) - clear
+                    total += amount * _upsampled(thin, cloud_row, next_row, x, rest, share)
+            write(out, start + 1 + x, total)
+    row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def row_ends(rows, at, nx, periodic):
     """Ghost nodes at the ends of the row that begins at flat element ``at``."""
     put(rows, at, flat(rows, at + (nx if periodic else 1)))
     put(rows, at + nx + 1, flat(rows, at + (1 if periodic else nx)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def coarse_rows(first, last, k, grid, parts, whole, coarser, active, terms, sums, lines, planes):
-    """Rows first to last of what the coarser field gives the air and the species of level k: see `_thin_source`.
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def collect_row(g, k, j, again, radiance, group, place, row, sums, values, nx):
+    """Sum of w_n Y_nlm I_n over the blocks that are kept on row j of level k, along group g, into ``values``.
 
-    ``lines`` (ordinate, nodes of the coarser grid and ghosts) is scratch.
+    row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do.
     """
-    degree = grid.air_scattering.shape[1]
-    count, stride = planes.shape[2], planes.shape[3]
-    rows, line = planes.shape[1], lines.shape[1]
-    blocks = coarser.place.shape[2]
-    nx = coarser.beam.shape[2]
-    moments = degree * degree
-    for j in range(first, last):
-        for kind in range(planes.shape[0]):
-            if not flat(active, kind):
-                continue
-            for b in range(blocks):
-                kept = flat(coarser.place, (k * rows + j) * blocks + b)
-                if kept < 0:
-                    for n in range(count):
-                        for i in range(0, BLOCK, LANES):
-                            write(lines, n * line + 1 + b * BLOCK + i, spread_quadruple(_ZERO))
-                    continue
-                for i in range(0, BLOCK, LANES):
-                    x = b * BLOCK + i
-                    lit = _FOUR_PI * read_quadruple(coarser.beam, (k * rows + j) * nx + x)
-                    for ell in range(degree):
-                        sigma = flat(grid.air_scattering, k * degree + ell)
-                        if kind > 0:
-                            sigma = flat(grid.scattering, (kind - 1) * degree + ell)
-                        _terms(
-                            terms, i, ell, spread_quadruple(sigma), coarser.values, kept * moments * BLOCK + i,
-                            coarser.sun_harmonics, j * moments * nx + x, nx, lit,
-                        )  # fmt: skip
-                multiply(parts, terms, 0, BLOCK, sums, 0, BLOCK, False)
-                multiply(whole, sums, 0, BLOCK, lines, 1 + b * BLOCK, line, False)
-            for n in range(count):
-                _row_ends(lines, n * line, coarser.columns, False)
-                out = ((kind * rows + j) * count + n) * stride + 1
-                for m in range(0, (stride - 2) // 2, 2 * PACK):
-                    here = _NEAR * read_double(lines, n * line + 1 + m)
-                    even = here + _FAR * read_double(lines, n * line + m)
-                    odd = here + _FAR * read_double(lines, n * line + 2 + m)
-                    write(planes, out + 2 * m, interleave(even, odd))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def collect_row(k, j, at, again, intensity, gather, spread, place, sums, values, nx):
-    """Sum of w_n Y_nlm I_n over row ``at`` of ``intensity``, row j of level k, into the blocks that are kept.
-
-    again: add to what is there, as the second half of the ordinates does.
-    """
-    count, stride = intensity.shape[2], intensity.shape[3]
+    ny, blocks = place.shape[1], place.shape[2]
     moments = values.shape[1]
-    for b in range(place.shape[2]):
-        kept = flat(place, (k * place.shape[1] + j) * place.shape[2] + b)
+    first, apart = row_of_emission(k * ny + j, row, radiance)
+    for b in range(blocks):
+        kept = flat(place, (k * ny + j) * blocks + b)
         if kept < 0:
             continue
         out = kept * moments * BLOCK
-        multiply(gather, intensity, at * count * stride + 1 + b * BLOCK, stride, sums, 0, BLOCK, False)
-        multiply(spread, sums, 0, BLOCK, values, out, BLOCK, again)
+        multiply(
+            group.gather, flat(group.sum, g), flat(group.sum, g + 1), radiance, first + kept * BLOCK, apart, sums, 0,
+            BLOCK, False,
+        )  # fmt: skip
+        multiply(group.spread, g * moments, (g + 1) * moments, sums, 0, BLOCK, values, out, BLOCK, again)
         for m in range(moments):
             for i in range(nx - b * BLOCK, BLOCK):  # beyond the last node
                 put(values, out + m * BLOCK + i, _ZERO)
