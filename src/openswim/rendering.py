@@ -240,6 +240,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "view": camera.view,
         "source": lit.scene.source,
         "solver": lit.field.solver.name,
+        "quality": lit.field.solver.quality,
         "sun_altitude_deg": round(altitude, 4),
         "sun_azimuth_deg": round(azimuth, 4),
         "sun_distance_au": lit.daylight.distance_au,

@@ -106,6 +106,12 @@ def test_options_make_the_camera(world, options: list[str], expected: dict) -> N
     assert (camera.lat, camera.lon) == (47.0, 11.0)
 
 
+@pytest.mark.parametrize(("options", "quality"), [([], "standard"), (["--quality", "high"], "high")])
+def test_the_quality_reaches_the_solver(world, options: list[str], quality: str) -> None:
+    assert run(["render", "f.nc", *ARGUMENTS, *options, "-o", "x.png"]) == 0
+    assert (world.solvers[0].name, world.solvers[0].quality) == ("fast", quality)
+
+
 def test_a_flat_scene_takes_metres(world) -> None:
     assert run(["render", "f.nc", "--x", "100", "--y", "250", "-o", "x.png"]) == 0
     assert (world.cameras[0].x_m, world.cameras[0].y_m) == (100.0, 250.0)
@@ -118,6 +124,8 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "missing/x.png"], "does not exist"),
         (["-o", "x.png", "--paths", "100"], "--paths belongs to --solver reference"),
         (["-o", "x.png", "--seed", "3", "--solver", "swim"], "--seed belongs to --solver reference"),
+        (["-o", "x.png", "--quality", "high", "--solver", "swim"], "--quality belongs to --solver fast"),
+        (["-o", "x.png", "--quality", "best"], "best"),
         (["-o", "x.png", "--solver", "reference", "--paths", "1"], "paths = 1"),
         (["-o", "x.png", "--solver", "reference", "--error", "150"], "target_error"),
         (["-o", "x.png", "--size", "big"], "--size"),
@@ -235,6 +243,8 @@ def test_a_file_that_is_none(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run(["validate", str(tmp_path), "--seconds", "1"]) == 2
     assert "--seconds belongs to --solver reference" in capsys.readouterr().err
+    assert run(["validate", str(tmp_path), "--solver", "swim", "--quality", "high"]) == 2
+    assert "--quality belongs to --solver fast" in capsys.readouterr().err
     assert run(["validate", str(tmp_path), "--json", str(tmp_path / "no" / "rows.json")]) == 2
     assert "--json" in capsys.readouterr().err
 

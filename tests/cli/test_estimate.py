@@ -19,6 +19,10 @@ def test_more_of_anything_takes_longer() -> None:
     assert (
         estimate(_scene(64, 256, 256), small).seconds > estimate(_scene(64, 256, 256), small, "swim").seconds
     )
+    preview, standard, high = (
+        estimate(_scene(32, 128, 128), small, quality=q).seconds for q in ("preview", "standard", "high")
+    )
+    assert preview < standard < high
     assert estimate(CLEAR, large).memory_bytes > estimate(CLEAR, small).memory_bytes
 
 

@@ -5,6 +5,7 @@ Chances follow from the seed, so nothing here fails by bad luck twice in a row o
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +18,11 @@ from tests.validate.fakes import single_scattering
 from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.optics.phase import HenyeyGreenstein
+from openswim.rendering import daylight
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
+from openswim.scene.procedural import demo_scene
 from openswim.transport import Solver, montecarlo
 
 SUN = toward(200.0, 40.0)
@@ -259,3 +262,33 @@ def test_senseless_options_are_refused(options: dict) -> None:
 def test_options_of_monte_carlo_are_its_own() -> None:
     with pytest.raises(UserError, match="reference"):
         Solver("fast", paths=10)
+
+
+def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
+    """A ray within a face of blocks must not creep along it: that took a thousand times as long."""
+    field = np.full((16, 24, 24), 2e-4, np.float32)
+    scene = grid_scene(field, field.shape, (60.0,) * 3)
+    side = 60.0 * 23 / 2
+    light = Solver("reference", paths=200).solve(scene, toward(200.0, 35.0), [WAVELENGTH_NM])
+    seconds, seen = [], []
+    for x in (0.7, 0.7, side):  # the first compiles
+        start = time.process_time()
+        seen.append(light.view(down_on(np.full(16, x), np.linspace(-500, 500, 16), 2000.0)).radiance.mean())
+        seconds.append(time.process_time() - start)
+    assert seconds[2] < 20 * max(seconds[1], 0.005)
+    assert 0.3 < seen[2] / seen[1] <= 1.05  # half of its surroundings, all of its own air
+
+
+def test_land_and_water_reflect_as_for_the_other_solvers() -> None:
+    """Clear and without air, light is what the sun sends back off the ground: `swim`'s to 3 %, the hills' shape."""
+    scene = demo_scene(48, 48, 16, spacing_m=500.0)
+    bare = {name: 0 * scene.data[name] for name in ("liquid_content", "ice_content")}
+    scene = replace(scene, data=scene.data.assign(bare), atmosphere=None)
+    sun = daylight(scene).direction
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-9e3, 9e3, 9), np.linspace(-9e3, 9e3, 9)))
+    rays = down_on(x, y, 3000.0)
+    ours = solve(scene, sun, (615.0, 450.0), paths=200).view(rays)
+    theirs = Solver("swim").solve(scene, sun, [615.0, 450.0]).view(rays)
+    assert ours.radiance.mean() > 0.1
+    np.testing.assert_allclose(ours.radiance.mean(axis=0), theirs.radiance.mean(axis=0), rtol=0.03)
+    np.testing.assert_allclose(ours.radiance, theirs.radiance, rtol=0.1, atol=0.01)

@@ -29,7 +29,7 @@ def monomial(a: int, b: int, c: int) -> float:
     return 4 * math.pi * top / odd_factorial(a + b + c + 1)
 
 
-@pytest.mark.parametrize(("count", "degree"), [(26, 7), (50, 11)])
+@pytest.mark.parametrize(("count", "degree"), [(26, 7), (50, 11), (110, 17)])
 def test_lebedev_rules_are_exact_to_their_degree(count: int, degree: int) -> None:
     q, w = lebedev(count)
     assert len(w) == count
@@ -57,8 +57,9 @@ def test_double_gauss_fluxes_are_exact(mu_count: int, azimuth_count: int) -> Non
 @pytest.mark.parametrize(
     ("rule", "degree"),
     # products of two harmonics have degree 2 (degree - 1): 4 Gauss nodes reach 7, so l < 4 there
-    [(lebedev(26), 4), (lebedev(50), 5), (double_gauss(6, 10), 5), (double_gauss(4, 9), 4)],
-    ids=["lebedev26", "lebedev50", "gauss6x10", "gauss4x9"],
+    [(lebedev(26), 4), (lebedev(50), 5), (lebedev(110), 8), (double_gauss(6, 10), 5), (double_gauss(4, 9), 4),
+     (double_gauss(5, 11), 5)],
+    ids=["lebedev26", "lebedev50", "lebedev110", "gauss6x10", "gauss4x9", "gauss5x11"],
 )
 def test_harmonics_are_orthonormal_under_the_rules(rule, degree: int) -> None:
     y = harmonic_matrix(rule.direction, degree)
@@ -105,9 +106,10 @@ def test_product_rule_of_the_shells_counts_both_sides_of_the_sun() -> None:
     assert (weight * x**2).sum() == pytest.approx(4 * math.pi / 3, abs=EXACT)
 
 
+@pytest.mark.parametrize("count", [50, 110])
 @pytest.mark.parametrize("cell_m", [50.0, 1000.0, 1e8])
-def test_whatever_the_cells_the_ordinates_cover_the_sphere(cell_m: float) -> None:
-    q, w = ordinates_for((cell_m, cell_m), np.arange(0.0, 1001.0, 50.0))
+def test_whatever_the_cells_the_ordinates_cover_the_sphere(cell_m: float, count: int) -> None:
+    q, w = ordinates_for((cell_m, cell_m), np.arange(0.0, 1001.0, 50.0), count)
     assert w.sum() == pytest.approx(4 * math.pi, abs=1e-9)
     assert np.abs(w @ q).max() < EXACT
     if cell_m > 50:  # flat cells: exact half-range flux

@@ -17,6 +17,8 @@ LARGE_BYTES = 1_000_000_000
 # Measured on two cores (benchmarks/): what the estimate stands on.
 _VIEW_SAMPLES_PER_S = 8e6
 _SOLVE_S_PER_NODE = 2.0e-6  # `fast`, per node of the grid and wavelength, all sweeps
+_QUALITY = {"preview": 0.4, "standard": 1.0, "high": 2.5}  # of that, on the same grid
+_HALVED_NODES, _HALVED_COST = 1.5e6, 13.0  # "high" divides the cells of grids up to so many nodes
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
@@ -42,23 +44,30 @@ class Estimate:
 
 
 def estimate(
-    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None
+    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None,
+    quality: str = "standard",
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores."""
     nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
-    solve_s = _SOLVE_S_PER_NODE * nodes * wavelengths if solver == "fast" else 0.1e-6 * nodes * wavelengths
+    halved = quality == "high" and nodes < _HALVED_NODES
+    per_node = _SOLVE_S_PER_NODE * (_HALVED_COST if halved else _QUALITY[quality])
+    solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":
         speed = _PATHS_PER_S if nodes else _CLEAR_PATHS_PER_S
         seconds = _START_S + pixels * (paths or REFERENCE_PATHS) / speed
         return Estimate(seconds, 2e8 + nodes * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
     seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
+    if halved:
+        nodes *= 8
     return Estimate(seconds, 2e8 + nodes * wavelengths * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
 
 
-def announce(scene: "Scene", camera: "Camera", solver: str, paths: int | None = None) -> None:
+def announce(
+    scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard"
+) -> None:
     """Print the estimate of a large job to stderr."""
-    expected = estimate(scene, camera, solver, paths=paths)
+    expected = estimate(scene, camera, solver, paths=paths, quality=quality)
     if expected.large:
         click.echo(str(expected), err=True)

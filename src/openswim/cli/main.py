@@ -16,6 +16,7 @@ from openswim import __version__
 from openswim.errors import UserError
 
 SOLVERS = ("swim", "fast", "reference")
+QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
 
 DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
@@ -34,6 +35,12 @@ _debug = click.option(
     callback=_remember_debug,
     help="Show the traceback of an error.",
 )
+
+
+_quality = click.option(
+    "--quality", type=click.Choice(QUALITIES),
+    help="Of --solver fast: how finely light is solved for.  [default: standard]",
+)  # fmt: skip
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -93,6 +100,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
 @click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
 @click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@_quality
 @click.option(
     "--albedo", "albedo_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own map of the ground's colour: GeoTIFF in any projection, Blue Marble tile or aerial photograph; may "
@@ -128,14 +136,17 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@_quality
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the rows to this file.")
 @click.option("--seconds", type=float, help="Of --solver reference: CPU seconds per view.  [default: 3]")
 @_debug
-def validate(directory: Path, solver: str, json_path: Path | None, seconds: float | None) -> None:
+def validate(
+    directory: Path, solver: str, quality: str | None, json_path: Path | None, seconds: float | None
+) -> None:
     """Compare with every reference file below DIRECTORY; print a table, worst first."""
     from openswim.cli.validate import run
 
-    run(directory, solver, json_path, seconds)
+    run(directory, solver, json_path, seconds, quality)
 
 
 @cli.group()

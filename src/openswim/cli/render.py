@@ -42,6 +42,7 @@ class RenderRequest:
     fov_deg: float | None = None
     size: str | None = None
     solver: str = "fast"
+    quality: str | None = None
     paths: int | None = None
     seed: int = 0
     error_percent: float | None = None
@@ -72,7 +73,7 @@ def run(request: RenderRequest) -> None:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene)
-    announce(scene, camera, request.solver, request.paths)
+    announce(scene, camera, solver.name, request.paths, solver.quality)
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver)
     report(image)
@@ -109,10 +110,12 @@ def solver_of(request: RenderRequest) -> "Solver":
     from openswim.transport import Solver
 
     given = {"--paths": request.paths, "--error": request.error_percent, "--checkpoint": request.checkpoint}
+    if request.quality is not None and request.solver != "fast":
+        raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     if request.solver != "reference":
         for name in [n for n, value in given.items() if value is not None] + ["--seed"] * (request.seed != 0):
             raise UserError(f"{name} belongs to --solver reference; leave it out with {request.solver}")
-        return Solver(request.solver)
+        return Solver(request.solver, quality=request.quality or "standard")
     target = None if request.error_percent is None else request.error_percent / 100
     return Solver(
         "reference", paths=request.paths, seed=request.seed, target_error=target, checkpoint=request.checkpoint

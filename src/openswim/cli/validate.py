@@ -10,7 +10,9 @@ from openswim.errors import UserError
 REFERENCE_S = 3.0  # CPU seconds of Monte Carlo per view and flux
 
 
-def run(directory: Path, solver: str, json_path: Path | None, seconds: float | None = None) -> None:
+def run(
+    directory: Path, solver: str, json_path: Path | None, seconds: float | None = None, quality: str | None = None
+) -> None:
     """Compare, print the table, write the JSON; files that cannot be compared are named on stderr."""
     if json_path is not None:
         _check_folder(json_path)
@@ -20,10 +22,12 @@ def run(directory: Path, solver: str, json_path: Path | None, seconds: float | N
     from openswim.transport import Solver
     from openswim.validate import as_table, validate, write_json
 
+    if quality is not None and solver != "fast":
+        raise UserError(f"--quality belongs to --solver fast; leave it out with {solver}")
     if solver == "reference":
         chosen = Solver(solver, seconds=REFERENCE_S if seconds is None else seconds)
     elif seconds is None:
-        chosen = Solver(solver)
+        chosen = Solver(solver, quality=quality or "standard")
     else:
         raise UserError(f"--seconds belongs to --solver reference; leave it out with {solver}")
     rows, skipped = validate(directory, chosen)

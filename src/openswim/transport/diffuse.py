@@ -104,9 +104,12 @@ class Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
-        # half the ordinates answer as well; level ones are not for flat cells
-        level = np.abs(self.ordinates.direction[:, 2]) < 1e-6
-        few = lebedev(26) if level.any() else self.ordinates
+        # half the ordinates answer as well, which tell four degrees apart; level ones are not for flat cells
+        few = self.ordinates
+        if (np.abs(few.direction[:, 2]) < 1e-6).any():
+            few = lebedev(26)
+            cut = cut._replace(scattering=cut.scattering.copy(), air_scattering=cut.air_scattering.copy())
+            cut.scattering[:, 4:] = cut.air_scattering[:, 4:] = 0
         dark = Sweeper.of(
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,

@@ -22,6 +22,17 @@ def subdivided(field: F32, fineness: int) -> F32:
     return np.ascontiguousarray(field)
 
 
+def halved(field: NDArray, axis: int, periodic: bool = False) -> NDArray:
+    """The field with the mean of every two neighbours between them; ``periodic``: the last's neighbour is the first."""
+    f = np.moveaxis(field, axis, -1)
+    if periodic:
+        f = np.concatenate([f, f[..., :1]], axis=-1)
+    out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), f.dtype)
+    out[..., ::2] = f
+    out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
+    return np.ascontiguousarray(np.moveaxis(out[..., :-1] if periodic else out, -1, axis))
+
+
 def finer_cloud(field: F32, fineness: int) -> F32:
     """Extinction between the nodes of a coarse model, so that its cells do not show.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.levels import on_levels
 from openswim.scene.scene import Scene
-from openswim.transport.finer import finer_cloud, subdivided
+from openswim.transport.finer import finer_cloud, halved, subdivided
 from openswim.transport.layers import LAYERS_DEGREE, layer_levels
 from openswim.transport.shells import shell_levels
 from openswim.transport.subgrid import cloud_under_cover
@@ -30,6 +30,7 @@ _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
+_MOST_HALVED_NODES = 10_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
@@ -88,8 +89,13 @@ def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | N
     return background(scene.atmosphere, wavelengths_nm, shell_levels() + ground_m)
 
 
-def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True) -> Medium:
-    """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps."""
+def build_medium(
+    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, coarseness: int = 1
+) -> Medium:
+    """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
+
+    coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall.
+    """
     grid = scene.grid
     if grid is None:
         raise UserError("this scene has no grid")
@@ -120,7 +126,9 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        levels = _refined(levels, heights, total, min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0)
+        levels = _refined(
+            levels, heights, total, coarseness * min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0
+        )  # fmt: skip
     divided = frame.curved and (refine or cover is not None)
     fineness = 1
     if divided:
@@ -151,6 +159,29 @@ def build_medium(scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool 
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
         per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness, LAYERS_DEGREE if layered else DEGREE,
+    )  # fmt: skip
+
+
+def halved_medium(scene: Scene, medium: Medium) -> Medium:
+    """The same fields on columns half as wide, linear between those of ``medium``, and then on layers no taller.
+
+    Nothing is halved that would make more than `_MOST_HALVED_NODES`, nor in scenes without sides.
+    """
+    nz, ny, nx = medium.shape
+    if ny * nx == 1 or 4 * nz * ny * nx > _MOST_HALVED_NODES:
+        return medium
+    grid, fineness = scene.grid, 2 * medium.fineness
+    assert grid is not None
+    extinction, terrain = (halved(halved(field, -1, medium.periodic), -2, medium.periodic)
+                           for field in (medium.extinction, medium.terrain_m))  # fmt: skip
+    axes, place = _columns(grid, medium.frame, fineness)
+    cell_m = (medium.cell_m[0] / 2, medium.cell_m[1] / 2)
+    levels = medium.levels_m
+    if np.median(np.diff(levels)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
+        extinction, levels = halved(extinction, 1), halved(levels, 0)
+    return replace(
+        medium, extinction=extinction, levels_m=levels, cell_m=cell_m, terrain_m=terrain, axes=axes, place=place,
+        chart=2 * medium.chart, fineness=fineness,
     )  # fmt: skip
 
 
@@ -224,7 +255,8 @@ def _fixed(frame: Frame, place: F64) -> F64:
 def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     """Axes and sea-level points of the columns."""
     _, ny, nx = grid.shape
-    ny, nx = fineness * (ny - 1) + 1, fineness * (nx - 1) + 1
+    last = 0 if grid.periodic else fineness - 1  # beyond the last node only the next period begins
+    ny, nx = fineness * ny - last, fineness * nx - last
     iy, ix = np.mgrid[0:ny, 0:nx] / fineness
     if not frame.curved:
         place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)

@@ -117,7 +117,7 @@ class ReferenceField:
         lat, lon, _ = self.frame.latlon(places)
         sample = surface_properties(self.scene, lat, lon, self.wavelengths_nm)
         full.lambertian = sample.lambertian
-        for name in ("albedo", "water", "snow", "sea_ice", "wind_speed"):
+        for name in ("albedo", "water", "snow", "sea_ice", "wind_speed", "chlorophyll"):
             getattr(full, name)[where] = getattr(sample, name)
         return seen_ground(full, self.wavelengths_nm)
 
@@ -252,8 +252,8 @@ class ReferenceField:
 
 def _black(n: int, nw: int) -> SurfaceSample:
     """Ground that reflects nothing at n places."""
-    none = np.zeros(n)
-    return SurfaceSample(np.zeros((n, nw)), none, none, none, none, none, lambertian=True)
+    water, snow, sea_ice, wind_speed, chlorophyll = np.zeros((5, n))  # each is filled in by itself
+    return SurfaceSample(np.zeros((n, nw)), water, snow, sea_ice, wind_speed, chlorophyll, lambertian=True)
 
 
 class Sums:

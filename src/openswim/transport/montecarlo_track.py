@@ -245,6 +245,8 @@ def _beside_m(ix, iy, per_x, per_y, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _face_m(x, per, block, free, cells):
     """Way to the face of the blocks around index x that are alike: ``free`` blocks either way; ``per``: m a cell."""
+    if per >= FAR:  # along the face, and perhaps in it
+        return FAR
     if per > 0.0:
         return (min((block + free + 1) * BLOCK, cells) - x) * per
     return (max((block - free) * BLOCK, 0) - x) * per

@@ -13,6 +13,12 @@ Array = NDArray[np.float64]
 
 # Lebedev & Laikov (1999): orbits of the octahedral group as (generating point, weight), weights sum to 1
 _R11 = 11**-0.5
+
+
+def _two_alike(a: float) -> tuple[float, float, float]:
+    return a, a, (1 - 2 * a * a) ** 0.5
+
+
 _LEBEDEV = {
     26: [((1, 0, 0), 1 / 21), ((2**-0.5, 2**-0.5, 0), 4 / 105), ((3**-0.5,) * 3, 9 / 280)],
     50: [
@@ -21,7 +27,16 @@ _LEBEDEV = {
         ((3**-0.5,) * 3, 27 / 1280),
         ((_R11, _R11, 3 * _R11), 14641 / 725760),
     ],
+    110: [
+        ((1, 0, 0), 0.003828270494937162),
+        ((3**-0.5,) * 3, 0.009793737512487512),
+        (_two_alike(0.1851156353447362), 0.008211737283191111),
+        (_two_alike(0.6904210483822922), 0.009942814891178103),
+        (_two_alike(0.3956894730559419), 0.009595471336070963),
+        ((0.4783690288121502, (1 - 0.4783690288121502**2) ** 0.5, 0), 0.009694996361663028),
+    ],
 }
+_FLAT = {50: (4, 9), 110: (5, 11)}  # rules of `double_gauss` about as large
 
 
 class Ordinates(NamedTuple):
@@ -31,8 +46,8 @@ class Ordinates(NamedTuple):
     weight: Array
 
 
-def ordinates_for(cell_m: tuple[float, float], levels_m: Array) -> Ordinates:
-    """Fifty Lebedev ordinates in cells about as high as wide; in flat cells a rule that is exact for fluxes.
+def ordinates_for(cell_m: tuple[float, float], levels_m: Array, count: int = 50) -> Ordinates:
+    """Lebedev's rule of ``count`` ordinates in cells about as high as wide; flat ones: exact for fluxes.
 
     Lebedev's level ordinates stand for a sixth of all directions. In a layer without sides they see an endless path,
     and a thin layer then looks too bright at grazing angles.
@@ -40,7 +55,7 @@ def ordinates_for(cell_m: tuple[float, float], levels_m: Array) -> Ordinates:
     flat = min(cell_m) / float(np.median(np.diff(levels_m)))
     if flat > 1e3:
         return double_gauss(6, 10)
-    return double_gauss(4, 9) if flat > 5 else lebedev(50)
+    return double_gauss(*_FLAT[count]) if flat > 5 else lebedev(count)
 
 
 def double_gauss(mu_count: int, azimuth_count: int) -> Ordinates:
@@ -55,7 +70,7 @@ def double_gauss(mu_count: int, azimuth_count: int) -> Ordinates:
 
 
 def lebedev(count: int) -> Ordinates:
-    """The Lebedev rule of 26 or 50 points."""
+    """The Lebedev rule of 26, 50 or 110 points."""
     points, weights = [], []
     for generator, weight in _LEBEDEV[count]:
         permutations = {

@@ -20,7 +20,7 @@ from openswim.transport import diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.layers import solve_layers
-from openswim.transport.medium import Medium, air_of, build_medium
+from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.optical_grid import at_another_wavelength, optical_grid
@@ -28,6 +28,7 @@ from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
+from openswim.transport.quality import SETTINGS, Quality, solve_coarse
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.surface import Lighting
 from openswim.transport.volume import DEGREE, Shells
@@ -42,16 +43,20 @@ NAMES = ("swim", "fast", "reference")
 class Solver:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo). tolerance: change of
-    the field, relative, at which sweeps end, before a last correction; .02 leaves about 1 % of fluxes and, where cells
-    are thick (optical depth 3), up to 5 % of an image (RMSE). step: eye-ray step in cells.
+    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo).
+    step: eye-ray step in cells.
+
+    Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
+    change of the field, relative, at which sweeps end, before a last correction; .02, the standard's, leaves about 1 %
+    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
 
     Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
     seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
     """
 
     name: str = "fast"
-    tolerance: float = 0.02
+    quality: str = "standard"
+    tolerance: float | None = None
     step: float = 1.0
     most_sweeps: int = 60
     paper_phases: bool = False
@@ -67,12 +72,22 @@ class Solver:
         given = [self.paths, self.target_error, self.seconds, self.checkpoint]
         if self.name != "reference" and (self.seed or any(option is not None for option in given)):
             raise UserError("paths, seed, target_error, seconds and checkpoint belong to solver 'reference'")
+        if self.quality not in SETTINGS:
+            raise UserError(f"unknown quality {self.quality!r}: choose one of {', '.join(SETTINGS)}")
+        if self.quality != "standard" and self.name != "fast":
+            raise UserError(f"quality belongs to solver 'fast'; leave it out with {self.name!r}")
         if self.paths is not None and self.paths < 2:
             raise UserError(f"paths = {self.paths}: give at least 2 per pixel, or there is no error to tell")
         if self.target_error is not None and not 0 < self.target_error < 1:
             raise UserError(f"target_error = {self.target_error:g}: give a share of the radiance, such as 0.01")
         if not 0 <= self.seed < 2**31:
             raise UserError(f"seed = {self.seed}: give a whole number from 0 to 2147483647")
+
+    @property
+    def setting(self) -> Quality:
+        """What the quality stands for, with the tolerance that was asked for."""
+        setting = SETTINGS[self.quality]
+        return setting if self.tolerance is None else setting._replace(tolerance=self.tolerance)
 
     def solve(
         self,
@@ -122,7 +137,10 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     """Field of a scene with a grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
     started = time.perf_counter()
     fast = solver.name == "fast"
-    medium = build_medium(scene, wl, float(sun[2]), refine=fast)
+    setting = solver.setting
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1)
+    if fast and setting.halved:
+        medium = halved_medium(scene, medium)
     frame = medium.frame
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
@@ -186,7 +204,8 @@ def _diffuse(
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on."""
     medium = light.medium
     nz, ny, nx = medium.shape
-    ordinates = ordinates_for(medium.cell_m, medium.levels_m)
+    setting = solver.setting
+    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates)
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
@@ -214,10 +233,11 @@ def _diffuse(
                 ordinates, pool,
             )  # fmt: skip
             if plane_parallel:
-                values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * solver.tolerance, 400, 12)
+                values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
             else:
-                solution = diffuse.coarse_to_fine(sweeper, solver.tolerance, solver.most_sweeps, traces)
+                solve = solve_coarse if setting.coarse else diffuse.coarse_to_fine
+                solution = solve(sweeper, setting.tolerance, solver.most_sweeps, traces)
                 traces = traces or solution.traces
             light.moments.append(solution.moments)
             light.coarser.append(solution.coarser)

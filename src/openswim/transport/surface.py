@@ -323,7 +323,8 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
     if medium.frame.curved:
         ix, iy = grid.index(lon, lat)
         return ix * medium.fineness, iy * medium.fineness
-    ix, iy = (place[:, 0] - grid.x[0]) / grid.step[0], (place[:, 1] - grid.y[0]) / grid.step[1]
+    ix = medium.fineness * (place[:, 0] - grid.x[0]) / grid.step[0]
+    iy = medium.fineness * (place[:, 1] - grid.y[0]) / grid.step[1]
     if medium.periodic:
         _, ny, nx = medium.shape
         return np.clip(ix % nx, 0, nx - 1), np.clip(iy % ny, 0, ny - 1)

@@ -33,10 +33,10 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
     sigma = data.sigma.transpose("i", "j", ...) if "sigma" in data else 0 * radiance
     for k, albedo in enumerate(np.atleast_1d(data.surface_albedo.values)):
         exact = solver.name == "reference"
-        scene = _scene(reference, float(albedo), _FINE_CELLS if exact else CELLS_ACROSS)
+        scene = case_scene(reference, float(albedo), _FINE_CELLS if exact else CELLS_ACROSS)
         with watch.running():
             field = solver.solve(scene, sun / np.linalg.norm(sun), np.array([WAVELENGTH_NM]))
-            image, own = _spread(field, reference) if exact else _render(field, reference)
+            image, own = case_estimate(field, reference) if exact else case_image(field, reference)
         truth, noise = (a.values.reshape(*image.shape, -1)[..., k] for a in (radiance, sigma))
         yield reference.row(
             solver.name, f"radiance, albedo {albedo:g}", image_score(image, truth, np.hypot(noise, own)), watch.lap(),
@@ -44,7 +44,7 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
         )  # fmt: skip
 
 
-def _scene(reference: Reference, albedo: float, cells: int = CELLS_ACROSS) -> Scene:
+def case_scene(reference: Reference, albedo: float, cells: int = CELLS_ACROSS) -> Scene:
     data, attributes = reference.data, reference.data.attrs
     boundary = str(attributes.get("boundary", "open"))
     periodic = "periodic" in boundary
@@ -94,7 +94,7 @@ def _rays(reference: Reference) -> tuple[Array, Array, NDArray[np.bool_]]:
     return origin[known], direction[known] / np.linalg.norm(direction[known], axis=-1, keepdims=True), known
 
 
-def _render(field: Any, reference: Reference) -> tuple[Array, Array]:
+def case_image(field: Any, reference: Reference) -> tuple[Array, Array]:
     """The image (ni, nj), NaN where there is no ray, without error; extended pixels are means over sub-rays."""
     origin, along, known = _rays(reference)
     # One view per shift: its rays then share their origin or their direction, as those of the case do.
@@ -106,7 +106,7 @@ def _render(field: Any, reference: Reference) -> tuple[Array, Array]:
     return image, np.zeros_like(image)
 
 
-def _spread(field: Any, reference: Reference) -> tuple[Array, Array]:
+def case_estimate(field: Any, reference: Reference) -> tuple[Array, Array]:
     """The image (ni, nj) and its standard error by a solver whose paths are spread over the pixels."""
     origin, along, known = _rays(reference)
     view = field.view(Rays(1000.0 * origin, along), *(1000.0 * side for side in _sides(reference)))

@@ -1,0 +1,142 @@
+"""preview, standard, high: each cheaper or better than the next, by Monte Carlo and by the field they solve on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, toward
+
+from openswim.errors import UserError
+from openswim.scene import Scene
+from openswim.transport import Solver
+from openswim.transport.medium import build_medium, halved_medium
+from openswim.transport.quality import SETTINGS
+from openswim.validate.metrics import Score, image_score
+from openswim.validate.phases import PhaseTables
+from openswim.validate.reference import read_reference
+
+CELL_M = 60.0
+SHAPE = (16, 48, 48)
+SUN = toward(200.0, 35.0)
+PIXELS = 48
+
+
+def cumuli() -> np.ndarray:
+    """Two dozen blobs (nz, ny, nx) of some optical depth, 1/m."""
+    rng = np.random.default_rng(5)
+    z, y, x = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1], 0 : SHAPE[2]]
+    field = np.zeros(SHAPE)
+    for _ in range(24):
+        cz, cy, cx = rng.uniform(5, 10), *rng.uniform(5, SHAPE[1] - 6, 2)
+        field += 0.02 * np.exp(-((z - cz) ** 2 + (y - cy) ** 2 + (x - cx) ** 2) / rng.uniform(3, 9))
+    field[field < 0.002] = 0
+    return field.astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, surface_albedo=0.1)
+
+
+@pytest.fixture(scope="module")
+def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
+    """Of the picture from above (4x4-pixel means), by Monte Carlo, and the sweeps of each grid, coarsest first."""
+    at = (np.arange(PIXELS) / (PIXELS - 1) - 0.5) * (SHAPE[1] - 1) * CELL_M
+    places = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
+    rays = down_on(places[:, 0], places[:, 1], 3000.0)
+    truth = Solver("reference", paths=400).solve(scene, SUN, [WAVELENGTH_NM]).view(rays)
+    image, sigma = (a.reshape(PIXELS, PIXELS) for a in (truth.radiance, truth.sigma))
+    out = {}
+    for quality in SETTINGS:
+        field = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM])
+        seen = field.view(rays).radiance.reshape(PIXELS, PIXELS)
+        out[quality] = image_score(seen, image, sigma), field.packs[0].sweeps
+    return out
+
+
+def test_each_quality_keeps_its_promise(scores) -> None:
+    """docs/solvers.md: preview within 10 %, standard within 5 %, high no worse than standard. Half of that here."""
+    preview, standard, high = (scores[quality][0] for quality in ("preview", "standard", "high"))
+    assert preview.n > 50
+    assert preview.relative_rmse < 0.05
+    assert abs(preview.bias) < 0.02
+    assert standard.relative_rmse < 0.025
+    assert high.relative_rmse <= standard.relative_rmse
+    assert abs(high.bias) < 0.005
+
+
+def test_preview_leaves_the_fine_grid_alone(scores) -> None:
+    """Its sweeps end on 24 x 24 columns; a sweep of the full grid costs four of those."""
+    assert len(scores["preview"][1][0]) == len(scores["standard"][1][0]) - 1
+
+
+def test_preview_of_cumulus(shared: Path) -> None:
+    """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
+    from openswim.validate.cases3d import compare
+
+    for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
+        reference = read_reference(shared / "reference" / "clouds" / name)
+        for row in compare(reference, Solver(quality="preview"), PhaseTables([])):
+            assert row.relative_rmse < 0.10, row
+            assert abs(row.bias) < 0.04, row
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
+    scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
+    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
+    finer = halved_medium(scene, medium)
+    _, ny, nx = medium.shape
+    assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
+    assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
+    assert np.diff(finer.levels_m).max() < 1.3 * CELL_M / 2
+    every = finer.levels_m.searchsorted(medium.levels_m)
+    np.testing.assert_array_equal(finer.levels_m[every], medium.levels_m)
+    np.testing.assert_array_equal(finer.extinction[:, every][:, :, ::2, ::2], medium.extinction)
+    np.testing.assert_allclose(finer.place[::2, ::2], medium.place, atol=1e-6)
+    between = 0.5 * (medium.extinction[:, :, :, :-1] + medium.extinction[:, :, :, 1:])
+    np.testing.assert_allclose(finer.extinction[:, every][:, :, ::2, 1 : 2 * nx - 2 : 2], between, rtol=1e-6)
+    if periodic:
+        seam = 0.5 * (medium.extinction[..., -1] + medium.extinction[..., 0])
+        np.testing.assert_allclose(finer.extinction[:, every][:, :, ::2, -1], seam, rtol=1e-6)
+
+
+def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    sideless = slab(2.0)
+    medium = build_medium(sideless, np.array([WAVELENGTH_NM]), 0.7)
+    assert halved_medium(sideless, medium) is medium
+    scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
+    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
+    monkeypatch.setattr("openswim.transport.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    assert halved_medium(scene, medium) is medium
+
+
+def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:
+    """Albedo 0 in the west, 1 in the east of a flat scene: seen from above, each half keeps its own."""
+    albedo = np.where(np.arange(24) < 12, 0.0, 1.0) * np.ones((24, 1))
+    scene = grid_scene(np.zeros((4, 24, 24)), (4, 24, 24), (100.0, 100.0, 100.0), surface_albedo=albedo)
+    rays = down_on([-700.0, 700.0], 0.0, 1000.0)
+    seen = Solver(quality="high").solve(scene, SUN, [WAVELENGTH_NM]).view(rays).radiance[:, 0]
+    np.testing.assert_allclose(seen, [0.0, 4 * SUN[2]], atol=0.01)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("quality", ["preview", "high"])
+def test_white_clouds_over_white_ground_reflect_all(quality: str, periodic: bool) -> None:
+    """Nothing absorbs: of a period, up_top = mu0, within 1 %; open sides only lose."""
+    rows = {True: slice(None), False: slice(8, 40)}[periodic]
+    field = cumuli()[:, rows, rows]
+    scene = grid_scene(field, field.shape, (CELL_M,) * 3, surface_albedo=1.0, periodic=periodic)
+    up = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).fluxes()["up_top"][0]
+    if periodic:
+        assert up == pytest.approx(SUN[2], rel=0.01)
+    else:
+        assert up < 1.02 * SUN[2]
+
+
+@pytest.mark.parametrize(("name", "quality"), [("fast", "best"), ("swim", "high"), ("reference", "preview")])
+def test_qualities_that_are_not(name: str, quality: str) -> None:
+    with pytest.raises(UserError, match="quality"):
+        Solver(name, quality=quality)
