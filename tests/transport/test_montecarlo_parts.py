@@ -11,9 +11,11 @@ from openswim.optics import mie
 from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.transport.montecarlo_cells import cell_majorants, free_cells
 from openswim.transport.montecarlo_ground import reflectance, seen_ground
 from openswim.transport.montecarlo_phase import (
     drawn_q,
+    exponential,
     phase_place,
     phases_of,
     start_stream,
@@ -33,6 +35,15 @@ def _numbers(seed, ray, path, n):
     start_stream(rng, seed, ray, path)
     for i in range(n):
         out[i] = uniform(rng)
+    return out
+
+
+@njit
+def _depths(n):
+    rng, out = np.zeros(1, np.uint64), np.zeros(n)
+    start_stream(rng, 7, 8, 9)
+    for i in range(n):
+        out[i] = exponential(rng)
     return out
 
 
@@ -73,6 +84,17 @@ def test_numbers_are_even_and_streams_apart() -> None:
     assert abs(a.var() - 1 / 12) < 4 * np.sqrt(1 / 180 / 1e5)
     for x, y in ((a, b), (a, c), (b, c), (a[1:], a[:-1])):
         assert abs(np.corrcoef(x, y)[0, 1]) < 4 / np.sqrt(1e5)
+
+
+def test_depths_are_exponential() -> None:
+    """Counts of a million in 60 bins of equal chance, and in the tail beyond the ziggurat's layers, to 4 sigma."""
+    n = 1_000_000
+    x = _depths(n)
+    counts, _ = np.histogram(np.exp(-x), np.linspace(0, 1, 61))
+    assert ((counts - n / 60) ** 2 / (n / 60)).sum() < 59 + 4 * np.sqrt(118)
+    tail = x[x > 7.7]
+    assert abs(len(tail) - n * np.exp(-7.7)) < 4 * np.sqrt(n * np.exp(-7.7))
+    assert abs(tail.mean() - 8.7) < 4 / np.sqrt(len(tail))
 
 
 @pytest.mark.parametrize("phase", PHASES, ids=["hg", "backward", "rayleigh", "mie"])
@@ -117,6 +139,42 @@ def test_majorants_hold_a_cell_beyond_their_blocks(periodic: bool) -> None:
             if (place < 0).any() or (place >= cells).any():
                 continue
             assert bound[tuple(place // BLOCK)] >= field[k, j, i]
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_cells_hold_their_nodes(periodic: bool) -> None:
+    field = np.random.default_rng(1).random((6, 5, 4)).astype(np.float32)
+    cells = cell_majorants(field, periodic)
+    assert cells.shape == (5 - (not periodic), 4 - (not periodic), 5)
+    for j, i, k in np.ndindex(cells.shape):
+        corners = field[k : k + 2].take([j, j + 1], 1, mode="wrap").take([i, i + 1], 2, mode="wrap")
+        assert cells[j, i, k] == pytest.approx(corners.max(), rel=2e-6)
+        assert cells[j, i, k] >= corners.max()
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_jumps_end_before_cloud(periodic: bool) -> None:
+    """No cell of the cubes ahead has cloud; open ones could not be larger."""
+    rng = np.random.default_rng(2)
+    cells = np.where(rng.random((9, 8, 7)) < 0.01, 1, 0).astype(np.float32)
+    free = free_cells(cells, periodic, (9, 8))
+    assert (free > 1).mean() > 0.5
+
+    def ahead(place: np.ndarray, sign: np.ndarray, n: int) -> bool:
+        """Whether there is cloud in a cube of n cells' edge."""
+        index = [p + s * np.arange(n) for p, s in zip(place, sign, strict=True)]
+        for axis, size in enumerate(cells.shape):
+            keep = (index[axis] >= 0) & (index[axis] < size)
+            index[axis] = index[axis] % size if periodic and axis < 2 else index[axis][keep]
+        return bool((cells[np.ix_(*index)] > 0).any())
+
+    for octant in range(8):
+        sign = np.array([2 * (octant >> 1 & 1) - 1, 2 * (octant & 1) - 1, 2 * (octant >> 2) - 1])
+        for place in np.ndindex(cells.shape):
+            n = int(free[octant][place])
+            assert (n == 0) == (cells[place] > 0)
+            assert not ahead(np.array(place), sign, n)
+            assert periodic or n == 255 or ahead(np.array(place), sign, n + 1)
 
 
 def _ground(n: int) -> SurfaceSample:

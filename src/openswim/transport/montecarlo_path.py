@@ -12,6 +12,7 @@ import math
 
 from numba import njit
 
+from openswim.transport.montecarlo_flat import collided, fly_flat, sunlight_flat
 from openswim.transport.montecarlo_ground import reflectance
 from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
 from openswim.transport.montecarlo_track import (
@@ -31,6 +32,7 @@ from openswim.transport.montecarlo_track import (
     on_ray,
     place,
     ray_constants,
+    sizes,
     species_at,
     sunlight,
     terrain_step,
@@ -42,18 +44,6 @@ STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
 _STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
-    """Whether a tentative collision scatters; weights are kept right. ``chance``: that it does."""
-    if uniform(rng) < chance:
-        for w in range(nw):
-            weight[w] *= scattered[w] / (majorant * chance)
-        return True
-    for w in range(nw):
-        weight[w] *= (majorant - taken[w]) / (majorant * (1.0 - chance))
-    return False
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -160,7 +150,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def scatterers(event, h, world, shares, scattered, nodes):
     """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
-    ns, nw = world.extinction.shape[3], scattered.shape[0]
+    nw, ns = sizes(world, scattered)
     if event == CLOUD:
         for w in range(nw):
             inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
@@ -209,7 +199,7 @@ def facet(ix, iy, x, y, z, h, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def diffuse_albedo(ix, iy, world, out):
     """Albedo (nw,) of the ground met by light that has been scattered: the grid's, or the domain's mean outside."""
-    nw = out.shape[0]
+    nw, _ = sizes(world, out)
     ny, nx = world.terrain_m.shape
     if not world.gridded or not in_domain(ix, iy, world):
         for w in range(nw):
@@ -227,6 +217,20 @@ def diffuse_albedo(ix, iy, world, out):
     for w in range(nw):
         low = v[j, i, w] + a * (v[j, i1, w] - v[j, i, w])
         out[w] = low + b * (v[j1, i, w] + a * (v[j1, i1, w] - v[j1, i, w]) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _black(ix, iy, straight, ray, seen, world, out):
+    """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
+    nw, _ = sizes(world, out)
+    if straight and not seen.lambertian:
+        return False
+    if not straight:
+        diffuse_albedo(ix, iy, world, out)
+    most = 0.0
+    for w in range(nw):
+        most = max(most, seen.albedo[ray, w] if straight else out[w])
+    return most <= 0.0
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -253,7 +257,7 @@ def trace(
     ``eye``: the ground that the path meets first is seen as ``seen`` says, else as by scattered light.
     ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK, 7 + nw): work space.
     """
-    nw = out.shape[0]
+    nw, _ = sizes(world, out)
     weight, scattered, taken, beam, factor, before = (
         scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5],
     )  # fmt: skip
@@ -264,10 +268,13 @@ def trace(
         weight[w] = 1.0
     waiting = 0
     while True:
-        event, s, h, ix, iy = fly(
-            x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
-        )  # fmt: skip
-        alive = event != ESCAPED
+        if world.kind.ndim > 1:
+            event, s, h, ix, iy = fly_flat(x, y, z, dx, dy, dz, weight, scattered, taken, nodes, world, rng)
+        else:
+            event, s, h, ix, iy = fly(
+                x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
+            )  # fmt: skip
+        alive = event != ESCAPED and not (event == GROUND and _black(ix, iy, straight, ray, seen, world, factor))
         if alive:
             x, y, z = x + s * dx, y + s * dy, z + s * dz
             total = 0.0
@@ -303,7 +310,11 @@ def trace(
             if worth > 0.0 and (chance == 1.0 or uniform(rng) < chance):
                 for w in range(nw):
                     before[w] = weight[w] * factor[w] / chance
-                if sunlight(x, y, z, h, world, beam, stack[STACK], rng):
+                if world.kind.ndim > 1:
+                    lit = sunlight_flat(x, y, z, world, beam, stack[STACK], rng)
+                else:
+                    lit = sunlight(x, y, z, h, world, beam, stack[STACK], rng)
+                if lit:
                     for w in range(nw):
                         out[w] += before[w] * beam[w]
             # two ways on: by the phase function, and by chance a second photon aimed at the sun

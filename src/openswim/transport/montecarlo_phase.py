@@ -22,9 +22,26 @@ F64 = NDArray[np.float64]
 HALF_NODES = 1536  # nodes from 0 to 90 degrees, at q = (i/n)^4, and mirrored from 90 to 180
 _GUIDES = 1024
 
+_LAYERS = 256
+_TAIL = 7.69711747013104972  # of the ziggurat, whose layers have the area of _TAIL's and what is beyond
+
+
+def _ziggurat() -> tuple[F64, F64]:
+    """Widths (257,) of the layers under exp(-x), and exp(-width)."""
+    area = (_TAIL + 1.0) * math.exp(-_TAIL)
+    x = [area * math.exp(_TAIL), _TAIL]
+    while len(x) < _LAYERS:
+        x.append(-math.log(area / x[-1] + math.exp(-x[-1])))
+    x.append(0.0)
+    return np.array(x), np.exp(-np.array(x))
+
+
+_WIDTH, _HEIGHT = _ziggurat()
+
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1, _MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+_LOW_8 = np.uint64(0xFF)
 _LOW_32, _S32 = np.uint64(0xFFFFFFFF), np.uint64(32)
 
 
@@ -101,6 +118,22 @@ def uniform(rng):
     """A random number in [0, 1)."""
     rng[0] = rng[0] + _GAMMA
     return np.float64(_mixed(rng[0]) >> _S11) * 1.1102230246251565e-16
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def exponential(rng):
+    """A random number with mean 1, density exp(-x), by the ziggurat (Marsaglia and Tsang 2000)."""
+    while True:
+        rng[0] = rng[0] + _GAMMA
+        z = _mixed(rng[0])
+        i = np.int64(z & _LOW_8)
+        x = np.float64(z >> _S11) * 1.1102230246251565e-16 * _WIDTH[i]
+        if x < _WIDTH[i + 1]:
+            return x
+        if i == 0:
+            return _TAIL - math.log(1.0 - uniform(rng))
+        if _HEIGHT[i] + uniform(rng) * (_HEIGHT[i + 1] - _HEIGHT[i]) < math.exp(-x):
+            return x
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)

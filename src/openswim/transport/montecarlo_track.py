@@ -25,6 +25,14 @@ ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sizes(world, spectrum):
+    """Wavelengths and species: known to the compiler where there is one of each."""
+    if world.kind.ndim == 3:
+        return 1, 1
+    return spectrum.shape[0], world.extinction.shape[3]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def chart_place(x, y, z, dx, dy, dz, world):
     """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
     depth = world.radius_m + z
@@ -122,18 +130,10 @@ def wrapped(ix, iy, world):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def species_at(ix, iy, h, world, nodes):
-    """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
+def in_cell(i, j, k, a, b, g, world, nodes):
+    """As `species_at`, at the shares (a, b, g) of a cell's edges along x, y and z."""
     ny, nx = world.terrain_m.shape
-    ns = world.extinction.shape[3]
-    k = level_below(h, world)
-    low = flat(world.levels_m, k)
-    g = min(max((h - low) / (flat(world.levels_m, k + 1) - low), 0.0), 1.0)
-    ix, iy = wrapped(ix, iy, world)
-    i = min(max(int(ix), 0), nx - 1)
-    j = min(max(int(iy), 0), ny - 1)
-    a = ix - i
-    b = iy - j
+    _, ns = sizes(world, nodes)
     right, up = ns, nx * ns
     if i + 1 >= nx:
         right = -i * ns if world.periodic else 0
@@ -154,6 +154,19 @@ def species_at(ix, iy, h, world, nodes):
         nodes[s] = value
         total += value
     return total
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def species_at(ix, iy, h, world, nodes):
+    """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
+    ny, nx = world.terrain_m.shape
+    k = level_below(h, world)
+    low = flat(world.levels_m, k)
+    g = min(max((h - low) / (flat(world.levels_m, k + 1) - low), 0.0), 1.0)
+    ix, iy = wrapped(ix, iy, world)
+    i = min(max(int(ix), 0), nx - 1)
+    j = min(max(int(iy), 0), ny - 1)
+    return in_cell(i, j, k, ix - i, iy - j, g, world, nodes)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openswim.optics import background
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium, build_medium
+from openswim.transport.montecarlo_cells import cell_majorants, free_cells
 from openswim.transport.montecarlo_phase import Phases, phases_of
 from openswim.transport.scalar import height_of_square_m
 from openswim.transport.surface import Lighting
@@ -43,6 +44,7 @@ class World(NamedTuple):
     gridded: bool
     airy: bool
     curved: bool
+    kind: F32  # its rank tells the compiler. 1: anything; 2: flat, and cloud alone; 3: one species, one wavelength too
     index_x0: float  # flat scenes: ix = index_x0 + x index_per_x
     index_y0: float
     index_per_x: float
@@ -61,6 +63,8 @@ class World(NamedTuple):
     scattering: F64  # (ns, nw) scattering over the reference extinction
     majorant: F32  # (blocks z, y, x)
     skip: NDArray[np.uint8]  # (blocks z, y, x) empty blocks around an empty one, in all directions
+    cells: F32  # (y, x, nz - 1) majorants of cells, from rank 2 on
+    free: NDArray[np.uint8]  # (8, y, x, nz - 1) empty cells ahead, by octant
     terrain_m: F32  # (ny, nx)
     normal: F64  # (ny, nx, 3)
     albedo: F64  # (ny, nx, nw)
@@ -119,7 +123,8 @@ def _no_grid(ground_m: float, nw: int) -> dict:
         "level_table": np.zeros(2), "levels_m": np.array([-1e9, -1e9 + 1]), "cell_m": np.full(2, 1e9),
         "periodic": False, "extinction": np.zeros((1, 1, 1, 1), f32), "relative": np.zeros((1, nw)),
         "scattering": np.zeros((1, nw)), "majorant": np.zeros((1, 1, 1), f32), "skip": np.zeros((1, 1, 1), np.uint8),
-        "terrain_m": np.zeros((1, 1), f32), "normal": np.zeros((1, 1, 3)), "albedo": np.zeros((1, 1, nw)),
+        **_cells(None, (), (1, 1), False), "terrain_m": np.zeros((1, 1), f32), "normal": np.zeros((1, 1, 3)),
+        "albedo": np.zeros((1, 1, nw)),
     }  # fmt: skip
 
 
@@ -141,6 +146,7 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         ground = ground[:1]  # periodic scenes stand on sea level, as in the march
     elif flat and not medium.frame.curved:
         ground = ground[1:]
+    plain = not airy and not medium.frame.curved and min(ground) == max(ground) and not _one_wide(medium)
     normal = lighting.normal
     assert normal is not None
     x0, y0, per_x, per_y = 0.0, 0.0, 0.0, 0.0
@@ -155,10 +161,28 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         "level_origin_m": origin, "level_per_m": per_m, "level_table": table,
         "levels_m": np.asarray(medium.levels_m, float), "cell_m": _least_cells(medium), "periodic": medium.periodic,
         "extinction": extinction, "relative": relative, "scattering": relative * omega, "majorant": majorant,
-        "skip": _empty_blocks(majorant, medium.periodic), "terrain_m": np.ascontiguousarray(terrain),
+        "skip": _empty_blocks(majorant, medium.periodic),
+        **_cells(most if plain else None, (ns, nw), terrain.shape, medium.periodic),
+        "terrain_m": np.ascontiguousarray(terrain),
         "normal": np.ascontiguousarray(normal, float),
         "albedo": np.ascontiguousarray(np.moveaxis(lighting.albedo, 0, -1), float),
     }  # fmt: skip
+
+
+def _one_wide(medium: Medium) -> bool:
+    """Whether an open grid has columns along one axis only: it ends there at once."""
+    return not medium.periodic and min(medium.shape[1:]) == 1 < max(medium.shape[1:])
+
+
+def _cells(most: F32 | None, sizes: tuple[int, ...], columns: tuple[int, ...], periodic: bool) -> dict:
+    """What rays need that go from cell to cell, from the nodes' greatest extinction; None: they do not."""
+    if most is None:
+        empty = {"cells": np.zeros((1, 1, 1), np.float32), "free": np.zeros((8, 1, 1, 1), np.uint8)}
+        return {"kind": np.zeros(1, np.float32), **empty}
+    cells = cell_majorants(most, periodic)
+    free = free_cells(cells, periodic, (columns[0], columns[1]))
+    kind = np.zeros((1,) * (3 if sizes == (1, 1) else 2), np.float32)
+    return {"kind": kind, "cells": cells, "free": free}
 
 
 def _least_cells(medium: Medium) -> F64:
