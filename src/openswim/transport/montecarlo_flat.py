@@ -75,7 +75,7 @@ def _begin(ox, oy, oz, dx, dy, dz, world):
     ux, px, x_in, x_out = _axis(x, dx * world.index_per_x, cx, nx == 1, world.periodic)
     uy, py, y_in, y_out = _axis(y, dy * world.index_per_y, cy, ny == 1, world.periodic)
     top = flat(world.levels_m, nz)
-    pz, s, end = FAR, 0.0, min(x_out, y_out, _FARTHEST_M)
+    pz, s, end = -FAR, 0.0, min(x_out, y_out, _FARTHEST_M)  # level rays: the level below is far ahead
     if dz < 0.0:
         pz = 1.0 / dz
         s = max((top - oz) * pz, 0.0)
