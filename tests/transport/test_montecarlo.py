@@ -131,6 +131,14 @@ def test_cell_by_cell_and_block_by_block_agree(periodic: bool, wavelengths: tupl
         assert (whole < 0.02 * mine.radiance.mean(axis=0)).all()
 
 
+@pytest.mark.parametrize("dz", [0.0, -0.0])
+def test_level_rays_see_what_rays_beside_them_see(dz: float) -> None:
+    light = solve(cloud_scene(), paths=4000)
+    level, tilted = (light.view(Rays(np.array([-900.0, 20.0, 440.0]), np.array([[1.0, 0.0, z]]))) for z in (dz, 1e-6))
+    assert tilted.radiance[0, 0] > 10 * tilted.sigma[0, 0]
+    assert abs(level.radiance - tilted.radiance)[0, 0] < 4 * np.hypot(level.sigma, tilted.sigma)[0, 0]
+
+
 def test_the_sun_is_aimed_at_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:
     field = solve(cloud_scene(surface_albedo=0.3), paths=3000)
     rays = down_on([-150.0, 0.0, 150.0], [0.0, 100.0, -100.0], 2000.0)
