@@ -33,7 +33,7 @@ def broken_cloud(seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
-    """Tolerance .02 is the error that a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
+    """Tolerance .02 is what a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
     assert len(quick.packs[0].sweeps[0]) == 3
