@@ -29,7 +29,7 @@ from openswim.transport.sweep import Half, Room, half_sweep
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FEW_COLUMNS = 3000  # fewer than these are swept by one thread
+_FEW_COLUMNS = 500  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
@@ -141,7 +141,7 @@ class Sweeper:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
         new = np.zeros(values.shape, np.float32) if out is None else out  # not zeros_like, which touches every page
         threads = get_num_threads()
-        if self.ground_albedo.size < _FEW_COLUMNS:  # meeting after every plane would take longer than the plane
+        if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
         try:
             self._sweep_halves(values, new)
@@ -153,15 +153,15 @@ class Sweeper:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
         room = self._room(get_num_threads())
-        for n, (half, group) in enumerate(self.halves):
-            half_sweep(
-                get_num_threads(), n == 0, self.grid, half, *group, self.place, values, self.coarser, radiance, new,
-                self.up_flux if n else self.down_flux, room,
-            )  # fmt: skip
-            if n == 0:
-                radiance = np.asarray(
-                    self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
-                )
+        (down, down_groups), (up, up_groups) = self.halves
+        self.down_flux = half_sweep(
+            True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
+        )
+        arriving = self.ground_albedo * (self.direct_flux + self.down_flux)
+        radiance = np.asarray(arriving / np.float32(self.unit_flux), np.float32)
+        self.up_flux = half_sweep(
+            False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
+        )
 
     def _room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
