@@ -29,7 +29,7 @@ from openswim.transport.sweep_source import (
     row_of_emission,
     thin_row,
 )
-from openswim.transport.threads import share
+from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 
@@ -309,7 +309,7 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
                 extinction_row(k, j, grid, room.extinction)
             if g > 0:
                 collect_row(
-                    g - 1, k, j, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
+                    g - 1, k, j, threads, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
                     new_values, grid.ground_node.shape[1],
                 )  # fmt: skip
             if g < groups:
@@ -353,7 +353,9 @@ def half_sweep(
     groups = len(group.first) - 1
     highest = int(grid.ground_node.max())
     for g in range(groups + 1):
-        share(share_rows, g, downward, grid, group, place, values, coarser, new_values, room)
+        in_threads(share_rows, g, downward, grid, group, place, values, coarser, new_values, room)
         if g < groups:
-            share(share_ordinates, g, downward, grid, half, group.first, place, coarser, ground_radiance, highest, room)
+            in_threads(
+                share_ordinates, g, downward, grid, half, group.first, place, coarser, ground_radiance, highest, room
+            )
     return np.asarray(room.flux.sum(axis=0))

@@ -231,14 +231,19 @@ def row_ends(rows, at, nx, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collect_row(g, k, j, again, radiance, group, place, row, sums, values, nx):
+def collect_row(g, k, j, ahead, again, radiance, group, place, row, sums, values, nx):
     """Sum of w_n Y_nlm I_n over the blocks that are kept on row j of level k, along group g, into ``values``.
 
-    row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do.
+    row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do. ahead: to this
+    thread's next row.
     """
     ny, blocks = place.shape[1], place.shape[2]
     moments = values.shape[1]
     first, apart = row_of_emission(k * ny + j, row, radiance)
+    later = min(k * ny + j + ahead, row.shape[0] - 2)
+    size = radiance.shape[0] * BLOCK
+    for i in range(flat(row, later) * size, flat(row, later + 1) * size, LANES):
+        prefetch(radiance, i)
     for b in range(blocks):
         kept = flat(place, (k * ny + j) * blocks + b)
         if kept < 0:

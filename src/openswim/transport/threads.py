@@ -13,7 +13,7 @@ from functools import cache
 from numba import get_num_threads
 
 
-def share(kernel: Callable[..., None], *args: object) -> None:
+def in_threads(kernel: Callable[..., None], *args: object) -> None:
     """kernel(t, threads, *args) for t = 0 to threads - 1 side by side; ``threads`` as `numba.set_num_threads` says."""
     threads = get_num_threads()
     others = [_pool().submit(kernel, t, threads, *args) for t in range(1, threads)]
