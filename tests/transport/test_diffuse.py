@@ -33,7 +33,7 @@ def broken_cloud(seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
-    """Tolerance .02 is the error that a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
+    """Tolerance .02 is what a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
     assert len(quick.packs[0].sweeps[0]) == 3
@@ -111,7 +111,7 @@ def test_restriction_is_the_mean_by_extinction(size: tuple[int, int]) -> None:
     field, weight = rng.standard_normal((4, 2, ny, nx)), rng.random((2, ny, nx)).astype(np.float32)
     fine = blocks_of(field)
     coarse = blocks_of(np.full((4, 2, (ny + 1) // 2, (nx + 1) // 2), 9.0))
-    restrict(1, fine.place, np.zeros_like(fine.values), fine.values, weight, nx, coarse.place, coarse.values)
+    restrict(0, 1, fine.place, np.zeros_like(fine.values), fine.values, weight, nx, coarse.place, coarse.values)
     expected = coarsen((field * weight).astype(np.float32)) / coarsen(weight)
     np.testing.assert_allclose(dense(coarse, (nx + 1) // 2), expected, rtol=1e-4, atol=1e-5)
 
@@ -124,7 +124,7 @@ def test_prolongation_keeps_planes_and_constants(size: tuple[int, int]) -> None:
     y, x = np.mgrid[0:rows, 0:columns] * 2.0 + 0.5
     coarse = blocks_of(np.stack([np.ones((1, rows, columns)), (3 * y - 2 * x)[None], *np.zeros((2, 1, rows, columns))]))
     fine = blocks_of(np.zeros((4, 1, ny, nx)))
-    prolong(1, coarse, columns, nothing_coarser(2), fine.place, nx, fine.values, False)
+    prolong(0, 1, coarse, columns, nothing_coarser(2), fine.place, nx, fine.values, False)
     seen = dense(fine, nx)
     np.testing.assert_allclose(seen[0], 1.0, rtol=1e-6)
     y, x = np.mgrid[0:ny, 0:nx]

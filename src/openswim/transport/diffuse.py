@@ -25,11 +25,12 @@ from openswim.transport.ordinates import Ordinates, lebedev
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
 from openswim.transport.sweep import Half, Room, half_sweep
+from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FEW_COLUMNS = 3000  # fewer than these are swept by one thread
+_FEW_COLUMNS = 500  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
@@ -138,10 +139,10 @@ class Sweeper:
         return np.zeros(self.shape, np.float32)
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
-        """One pass over all ordinates; ``out``, an earlier result of a like sweep, saves the pages of a new one."""
-        new = np.zeros(values.shape, np.float32) if out is None else out  # not zeros_like, which touches every page
+        """One pass over all ordinates; ``out``, an earlier result of a like sweep, is written over."""
+        new = self.pool.lend(values.shape) if out is None else out
         threads = get_num_threads()
-        if self.ground_albedo.size < _FEW_COLUMNS:  # meeting after every plane would take longer than the plane
+        if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
         try:
             self._sweep_halves(values, new)
@@ -153,15 +154,15 @@ class Sweeper:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
         room = self._room(get_num_threads())
-        for n, (half, group) in enumerate(self.halves):
-            half_sweep(
-                get_num_threads(), n == 0, self.grid, half, *group, self.place, values, self.coarser, radiance, new,
-                self.up_flux if n else self.down_flux, room,
-            )  # fmt: skip
-            if n == 0:
-                radiance = np.asarray(
-                    self.ground_albedo * (self.direct_flux + self.down_flux) / np.float32(self.unit_flux), np.float32
-                )
+        (down, down_groups), (up, up_groups) = self.halves
+        self.down_flux = half_sweep(
+            True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
+        )
+        arriving = self.ground_albedo * (self.direct_flux + self.down_flux)
+        radiance = np.asarray(arriving / np.float32(self.unit_flux), np.float32)
+        self.up_flux = half_sweep(
+            False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
+        )
 
     def _room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
@@ -210,6 +211,9 @@ class Sweeper:
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
             recent.mix(image, residual, values)
+        for other in recent.images:
+            if other is not image:
+                self.pool.back(other)
         return image, values, n
 
 
@@ -246,7 +250,7 @@ class _Anderson:
         weights = np.linalg.solve(gram, -(differences @ last))
         np.multiply(image, np.float32(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
-            add_scaled(out.reshape(-1), np.float32(w), earlier.reshape(-1))
+            in_threads(add_scaled, out.reshape(-1), np.float32(w), earlier.reshape(-1))
 
 
 class Trace(NamedTuple):
@@ -290,8 +294,8 @@ def coarse_to_fine(
     trace = like[len(below.sweeps) - 1] if like else None
     level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
     begin = fine.pool.take("begin", *level.shape)
-    prolong(
-        get_num_threads(), Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
+    in_threads(
+        prolong, Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
         level.grid.ground_node.shape[1], begin, False,
     )  # fmt: skip
     start = begin if like else begin.copy()
@@ -304,6 +308,8 @@ def coarse_to_fine(
     enough = 2 * tolerance if trace else tolerance
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
+    if everywhere:  # nothing is left to the coarser field
+        fine.pool.back(known)
     traces = []
     if not like:
         first = start[:, :1].copy()
@@ -327,8 +333,8 @@ class _Correction:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
-        restrict(get_num_threads(), place, before, image, self.weight, nx, self.dark.place, means)
+        in_threads(restrict, place, before, image, self.weight, nx, self.dark.place, means)
         follows = Moments(self.dark.place, self.dark.answer(means))
-        prolong(
-            get_num_threads(), follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, image, True
+        in_threads(
+            prolong, follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, image, True
         )  # fmt: skip

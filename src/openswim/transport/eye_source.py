@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.moments import Coarser, Moments, between
@@ -216,20 +216,20 @@ def _rows(
                     put(fields, place + w, flat(source, min(w, count - 1) * LANES + n))
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def view_source(
-    extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
-    columns, levels_m, eye, parallel, sun, count, fields,
+    t, threads, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor,
+    coarse_columns, columns, levels_m, eye, parallel, sun, count, fields,
 ):  # fmt: skip
-    """Smooth source toward one eye at every node, into fields[..., PACK:2 PACK].
+    """Smooth source toward one eye at every node of thread t's rows, into fields[..., PACK:2 PACK].
 
     ``extinction`` (ns, nz, ny, nx); at PACK wavelengths, of which the first ``count`` are wanted, Legendre moments of
     the scattering coefficient ``scattering`` (PACK, ns, M) per extinction and ``air_scattering`` (PACK, nz, M),
     ``beams`` (nz, ny, nx) each, the diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`.
     ``eye``: the viewing direction where ``parallel``.
     """
-    for j in prange(beams[0].shape[1]):
+    for j in range(t, beams[0].shape[1], threads):
         _rows(
-            np.int64(j), extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values,
+            j, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values,
             factor, coarse_columns, columns, levels_m, eye, parallel, sun, count, fields,
         )  # fmt: skip

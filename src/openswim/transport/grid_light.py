@@ -17,8 +17,9 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import depths_to_sun, direct_beam, terrain_shadow
+from openswim.transport.sun import depths_to_sun, direct_beam, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
 F32 = NDArray[np.float32]
@@ -65,8 +66,8 @@ class GridLight:
             return
         m = self.medium
         eye = np.array(eye, float)
-        view_source(
-            wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
+        in_threads(
+            view_source, wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
             np.stack([c.air_scattering for c in self.coefficients]), tuple(wide(beam) for beam in self.beams),
             *field_at(self.moments, self.coarser), columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
             parallel, self.sun, self.count, volume.fields,
@@ -224,14 +225,15 @@ def beams_and_shadows(
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     if not medium.periodic:
-        terrain_shadow(
-            medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow, ridge
-        )
+        in_threads(
+            shadow_rows, medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow,
+            ridge,
+        )  # fmt: skip
     beams = np.empty((count, nz, ny, nx), np.float32)
     surface = np.empty((count, ny, nx), np.float32)
-    direct_beam(
-        *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams, surface,
-        volume.fields,
+    in_threads(
+        direct_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams,
+        surface, volume.fields,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     _fill_air(volume, shells, medium, float(sun[2]))

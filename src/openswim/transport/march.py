@@ -11,12 +11,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit, prange
+from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
 from openswim.transport.pack import PACK, flat, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields, tidy
 from openswim.transport.walk import (
     BATCH,
@@ -220,30 +221,20 @@ def _march_tile(
                 which[lane] = -1
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def _march_share(
-    worker, order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out
+    t, threads, order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out
 ):  # fmt: skip
-    """One worker's tiles: every so-manieth, for sky and ground do not cost the same."""
-    count, workers = direction.shape[0], scratch.shape[1]
-    nodes, got, rays = scratch[0, worker], scratch[1, worker], scratch[2, worker]
+    """Thread t's tiles, see `march_rays`: every so-manieth, for sky and ground do not cost the same."""
+    count = direction.shape[0]
+    nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
     walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, BATCH * PLACE))
     peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
     which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
-    for tile in range(worker, (count + TILE - 1) // TILE, workers):
+    for tile in range(t, (count + TILE - 1) // TILE, threads):
         _march_tile(
             tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, sun, table, shells, volume,
             highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
-        )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def _march_all(order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out):
-    """See `march_rays`. What a worker does is a function of its own, which compiles more quickly."""
-    for worker in prange(scratch.shape[1]):
-        _march_share(
-            np.int64(worker), order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit,
-            scale, out,
         )  # fmt: skip
 
 
@@ -281,9 +272,9 @@ def march_rays(
     )  # fmt: skip
     scratch = blank_fields((3, get_num_threads(), LANES), max(volume.fields.shape[3], GATHERED, RAY))
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
-    _march_all(
-        order, scratch, o, d, np.array(sun, float), np.array(table, np.float32, order="C"), tidy(shells), tidy(volume),
-        highest_m, float(depth_limit), float(scale), out,
+    in_threads(
+        _march_share, order, scratch, o, d, np.array(sun, float), np.array(table, np.float32, order="C"), tidy(shells),
+        tidy(volume), highest_m, float(depth_limit), float(scale), out,
     )  # fmt: skip
     return out
 

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.products import BLOCK
@@ -114,49 +114,46 @@ def moment_row(place, values, coarser, k, j, scratch, out):
                     out[c, i] = np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def prolong(threads, coarse, coarse_nx, coarsest, place, nx, values, again):
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added."""
     nz, ny, nb = place.shape
     count = values.shape[1]
     rows = coarse.place.shape[1]
-    scratch = np.empty((threads, count, coarsest.columns), np.float32)
-    pair = np.empty((threads, 2, count, coarse_nx), np.float32)
+    scratch = np.empty((count, coarsest.columns), np.float32)
+    one, two = np.empty((count, coarse_nx), np.float32), np.empty((count, coarse_nx), np.float32)
     near, far = np.float32(0.75), np.float32(0.25)
-    for share in prange(threads):
-        t = np.int64(share)
-        one, two = pair[t, 0], pair[t, 1]
-        for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
-            k, j = row // ny, row % ny
-            kept = False
-            for b in range(nb):
-                kept |= place[k, j, b] >= 0
-            if not kept:
+    for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
+        k, j = row // ny, row % ny
+        kept = False
+        for b in range(nb):
+            kept |= place[k, j, b] >= 0
+        if not kept:
+            continue
+        m, w = between(j, 2, rows)
+        moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, one)
+        if w > 0:
+            moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, two)
+            for c in range(count):
+                for i in range(coarse_nx):
+                    one[c, i] += w * (two[c, i] - one[c, i])
+        for b in range(nb):
+            at = place[k, j, b]
+            if at < 0:
                 continue
-            m, w = between(j, 2, rows)
-            moment_row(coarse.place, coarse.values, coarsest, k, m, scratch[t], one)
-            if w > 0:
-                moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch[t], two)
-                for c in range(count):
-                    for i in range(coarse_nx):
-                        one[c, i] += w * (two[c, i] - one[c, i])
-            for b in range(nb):
-                at = place[k, j, b]
-                if at < 0:
-                    continue
-                first = b * BLOCK
-                for c in range(count):
-                    for i in range(min(nx - first, BLOCK)):
-                        n = (first + i) // 2
-                        aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
-                        found = values[at, c, i] if again else np.float32(0.0)
-                        values[at, c, i] = found + near * one[c, n] + far * one[c, aside]
-                    for i in range(nx - first, 0 if again else BLOCK):
-                        values[at, c, i] = np.float32(0.0)
+            first = b * BLOCK
+            for c in range(count):
+                for i in range(min(nx - first, BLOCK)):
+                    n = (first + i) // 2
+                    aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
+                    found = values[at, c, i] if again else np.float32(0.0)
+                    values[at, c, i] = found + near * one[c, n] + far * one[c, aside]
+                for i in range(nx - first, 0 if again else BLOCK):
+                    values[at, c, i] = np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def restrict(threads, place, before, values, weight, nx, coarse_place, out):
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
     """Means over 2x2 columns of the change of moments kept in blocks, on a densely kept grid coarser by two.
 
     ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
@@ -165,46 +162,43 @@ def restrict(threads, place, before, values, weight, nx, coarse_place, out):
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
     half = BLOCK // 2
-    shares = np.empty((threads, 4, half), np.float32)
-    for share in prange(threads):
-        t = np.int64(share)
-        for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
-            k, m = row // rows, row % rows
-            for b in range(coarse_place.shape[2]):
-                at = coarse_place[k, m, b]
-                for side in range(2):
-                    block = 2 * b + side
-                    if at < 0 or block >= nb:
-                        continue
-                    one, two = place[k, 2 * m, block], place[k, min(2 * m + 1, ny - 1), block]
-                    last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
-                    part = shares[t]
-                    part[:, :] = np.float32(0.0)
-                    for i in range(min(half, last // 2 + 1)):
-                        x = block * BLOCK + 2 * i
-                        beside = block * BLOCK + min(2 * i + 1, last)
-                        y = min(2 * m + 1, ny - 1)
-                        w00, w01 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
-                        w10, w11 = weight[k, y, x], weight[k, y, beside]
-                        total = w00 + w01 + w10 + w11
-                        if total > np.float32(0.0):
-                            part[0, i], part[1, i] = w00 / total, w01 / total
-                            part[2, i], part[3, i] = w10 / total, w11 / total
-                    for c in range(values.shape[1]):
-                        for i in range(half):
-                            beside = min(2 * i + 1, last)
-                            mean = np.float32(0.0)
-                            if one >= 0:
-                                mean += part[0, i] * (values[one, c, 2 * i] - before[one, c, 2 * i])
-                                mean += part[1, i] * (values[one, c, beside] - before[one, c, beside])
-                            if two >= 0:
-                                mean += part[2, i] * (values[two, c, 2 * i] - before[two, c, 2 * i])
-                                mean += part[3, i] * (values[two, c, beside] - before[two, c, beside])
-                            out[at, c, side * half + i] = mean
+    part = np.empty((4, half), np.float32)
+    for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
+        k, m = row // rows, row % rows
+        for b in range(coarse_place.shape[2]):
+            at = coarse_place[k, m, b]
+            for side in range(2):
+                block = 2 * b + side
+                if at < 0 or block >= nb:
+                    continue
+                one, two = place[k, 2 * m, block], place[k, min(2 * m + 1, ny - 1), block]
+                last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
+                part[:, :] = np.float32(0.0)
+                for i in range(min(half, last // 2 + 1)):
+                    x = block * BLOCK + 2 * i
+                    beside = block * BLOCK + min(2 * i + 1, last)
+                    y = min(2 * m + 1, ny - 1)
+                    w00, w01 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
+                    w10, w11 = weight[k, y, x], weight[k, y, beside]
+                    total = w00 + w01 + w10 + w11
+                    if total > np.float32(0.0):
+                        part[0, i], part[1, i] = w00 / total, w01 / total
+                        part[2, i], part[3, i] = w10 / total, w11 / total
+                for c in range(values.shape[1]):
+                    for i in range(half):
+                        beside = min(2 * i + 1, last)
+                        mean = np.float32(0.0)
+                        if one >= 0:
+                            mean += part[0, i] * (values[one, c, 2 * i] - before[one, c, 2 * i])
+                            mean += part[1, i] * (values[one, c, beside] - before[one, c, beside])
+                        if two >= 0:
+                            mean += part[2, i] * (values[two, c, 2 * i] - before[two, c, 2 * i])
+                            mean += part[3, i] * (values[two, c, beside] - before[two, c, beside])
+                        out[at, c, side * half + i] = mean
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def add_scaled(out, weight, values):
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def add_scaled(t, threads, out, weight, values):
     """out += weight values, rows of numbers."""
-    for i in prange(out.shape[0]):
+    for i in range(t * out.shape[0] // threads, (t + 1) * out.shape[0] // threads):
         out[i] += weight * values[i]

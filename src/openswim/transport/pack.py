@@ -177,21 +177,6 @@ def write(typingctx, array, n, pack):
 
 
 @intrinsic
-def prefetch(typingctx, array, n):
-    """Ask for the cache line of flat element n, which may lie anywhere: it will be needed soon."""
-    _flat_array(array)
-
-    def lower(context, builder, sig, args):
-        pointer = builder.bitcast(_element(context, builder, sig.args[0], args[0], args[1]), ir.IntType(8).as_pointer())
-        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _INT, _INT, _INT])
-        function = get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
-        builder.call(function, [pointer, _INT(0), _INT(3), _INT(1)])
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp), lower
-
-
-@intrinsic
 def spread(typingctx, x):
     """PACK equal numbers."""
 

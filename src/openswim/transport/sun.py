@@ -9,12 +9,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.pack import PACK, flat, put, read, spread, write
 from openswim.transport.sample import sun_table_coordinate
 from openswim.transport.scalar import shadow_fraction, table_index
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 if TYPE_CHECKING:
@@ -144,19 +145,17 @@ def _row_to_sun(
             write(depth, ((k * ny + j) * nx + i) * nc + c, total)
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def _sweep(
-    extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m,
-    radius_m, periodic, depth,
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _share_level(
+    t, threads, k, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m,
+    level_table, cell_m, radius_m, periodic, depth,
 ):  # fmt: skip
-    """See `sun_sweep`."""
-    nz, ny = exact.shape[:2]
-    for step in range(nz - 1):
-        for j in prange(ny):
-            _row_to_sun(
-                nz - 2 - step, np.int64(j), extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m,
-                level_per_m, level_table, cell_m, radius_m, periodic, depth,
-            )  # fmt: skip
+    """Thread t's rows of level k: see `sun_sweep`."""
+    for j in range(t, exact.shape[1], threads):
+        _row_to_sun(
+            k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table,
+            cell_m, radius_m, periodic, depth,
+        )  # fmt: skip
 
 
 def sun_sweep(
@@ -175,9 +174,11 @@ def sun_sweep(
     exact = exact.copy()
     exact[gates] = True
     depth = np.zeros_like(extinction)
-    _sweep(
-        extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m, periodic, depth
-    )  # fmt: skip
+    for k in range(len(levels_m) - 2, -1, -1):
+        in_threads(
+            _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,
+            periodic, depth,
+        )  # fmt: skip
     return depth
 
 
@@ -209,7 +210,7 @@ def _stops(filled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
-    """A row of nodes: see `terrain_shadow`."""
+    """A row of nodes: see `shadow_rows`."""
     ny, nx = terrain_m.shape
     for i in range(nx):
         mu = sun[j, i, 2]
@@ -232,11 +233,11 @@ def _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
         distance_m[j, i] = ridge
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
-def terrain_shadow(terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def shadow_rows(t, threads, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
     """Height (ny, nx) up to which the terrain of an open domain hides the sun, and the distance of the ridge."""
-    for row in prange(terrain_m.shape[0]):
-        _shadow_row(np.int64(row), terrain_m, sun, cell_m, radius_m, shadow_m, distance_m)
+    for j in range(t, terrain_m.shape[0], threads):
+        _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m)
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
@@ -318,9 +319,9 @@ def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m,
             surface[w, j, i] = lit * shell_transmission(ground, sun[j, i, 2], w, shells) * math.exp(-total)
 
 
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def direct_beam(
-    depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
+    t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
 ):  # fmt: skip
     """Direct transmission at the first ``count`` wavelengths at every node, ``beams`` (count, nz, ny, nx), and at the
     ground, ``surface`` (count, ny, nx); its depth at every node into fields[..., :PACK].
@@ -328,8 +329,7 @@ def direct_beam(
     ``depth``: see `sun_sweep`; ``lanes`` (PACK,): which of its channels a wavelength reads.
     """
     nz, ny = depth.shape[:2]
-    for row in prange(ny):
-        j = np.int64(row)
+    for j in range(t, ny, threads):
         for k in range(nz):
             _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields)
         _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)

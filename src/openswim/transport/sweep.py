@@ -13,8 +13,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+from numpy.typing import NDArray
 
+from openswim.transport.moments import Coarser
+from openswim.transport.optical_grid import OpticalGrid
 from openswim.transport.pack import LANES, flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
 from openswim.transport.sweep_row import carry_row, step_weights
@@ -26,6 +29,9 @@ from openswim.transport.sweep_source import (
     row_of_emission,
     thin_row,
 )
+from openswim.transport.threads import in_threads
+
+F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -287,8 +293,8 @@ def _carry(n, slot, t, downward, grid, half, place, coarser, ground_radiance, hi
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _share_rows(g, t, threads, begins, grid, group, place, values, coarser, new_values, room):
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_values, room):
     """Thread t's share of what stands between two groups: what group g - 1 has left, and what g will find.
 
     begins: this half is the first, and there is nothing yet to add to.
@@ -303,7 +309,7 @@ def _share_rows(g, t, threads, begins, grid, group, place, values, coarser, new_
                 extinction_row(k, j, grid, room.extinction)
             if g > 0:
                 collect_row(
-                    g - 1, k, j, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
+                    g - 1, k, j, threads, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
                     new_values, grid.ground_node.shape[1],
                 )  # fmt: skip
             if g < groups:
@@ -321,52 +327,35 @@ def _share_rows(g, t, threads, begins, grid, group, place, values, coarser, new_
                     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _highest(ground_node):
-    highest = 0
-    for n in range(ground_node.size):
-        highest = max(highest, flat(ground_node, n))
-    return highest
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def share_ordinates(t, threads, g, downward, grid, half, first, place, coarser, ground_radiance, highest, room):
+    """Thread t's share of the ordinates of group g, first[g] to first[g + 1], carried through the grid.
+
+    downward: ordinates whose light comes from above (or level), else from below, starting at the ground's radiance
+    (ny, nx). highest: greatest of ``grid.ground_node``.
+    """
+    step, at, at_e = np.empty(8, np.float32), np.empty(4, np.int64), np.empty(4, np.int64)
+    for n in range(first[g] + t, first[g + 1], threads):
+        _carry(
+            n, n - first[g], t, downward, grid, half, place, coarser, ground_radiance, highest, room, step, at, at_e
+        )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _total(shares, out):
-    """Sum over threads (threads, ny, nx); a function of its own, since Numba would share out every single sum."""
-    for j in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            total = np.float32(0.0)
-            for t in range(shares.shape[0]):
-                total += shares[t, j, i]
-            out[j, i] = total
-
-
-@njit(cache=True, error_model="numpy", parallel=True, fastmath=_FLAGS)
 def half_sweep(
-    threads, downward, grid, half, first, sums, parts, whole, gather, spread, place, values, coarser, ground_radiance,
-    new_values, flux, room,
-):  # fmt: skip
+    downward: bool, grid: OpticalGrid, half: Half, group: Groups, place: NDArray[np.int32], values: F32,
+    coarser: Coarser, ground_radiance: F32, new_values: F32, room: Room,
+) -> F32:  # fmt: skip
     """Carry the light of one hemisphere through the grid and sum its moments into ``new_values``.
 
-    threads: how many share the work. downward: ordinates whose light comes from above (or level), else from below,
-    starting at the ground's radiance (ny, nx); the downward half comes first and overwrites, the other adds.
-    first to spread: `Groups` of the ordinates. place, values: `Moments` before; new_values: after; coarser: the field
-    that lights what is not kept.
-    flux (ny, nx): through the ground (down) or through the top (up).
+    The downward half comes first and overwrites, the other adds. place, values: `Moments` before; new_values: after;
+    coarser: the field that lights what is not kept. Returns the flux (ny, nx) through the ground (downward) or the top.
     """
-    highest = _highest(grid.ground_node)
-    step = np.empty((threads, 8), np.float32)
-    at = np.empty((threads, 2, 4), np.int64)
-    for g in range(first.shape[0]):
-        for share in prange(threads):
-            t = np.int64(share)  # an unsigned index makes floats of differences
-            group = Groups(first, sums, parts, whole, gather, spread)
-            _share_rows(g, t, threads, downward, grid, group, place, values, coarser, new_values, room)
-        if g < first.shape[0] - 1:
-            for share in prange(threads):
-                t = np.int64(share)
-                for n in range(first[g] + t, first[g + 1], threads):
-                    _carry(
-                        n, n - first[g], t, downward, grid, half, place, coarser, ground_radiance, highest, room,
-                        step[t], at[t, 0], at[t, 1],
-                    )  # fmt: skip
-    _total(room.flux, flux)
+    groups = len(group.first) - 1
+    highest = int(grid.ground_node.max())
+    for g in range(groups + 1):
+        in_threads(share_rows, g, downward, grid, group, place, values, coarser, new_values, room)
+        if g < groups:
+            in_threads(
+                share_ordinates, g, downward, grid, half, group.first, place, coarser, ground_radiance, highest, room
+            )
+    return np.asarray(room.flux.sum(axis=0))

@@ -10,9 +10,9 @@ from numba import njit
 from openswim.transport.moments import between
 from openswim.transport.pack import (
     LANES,
+    expect,
     flat,
     interleave,
-    prefetch,
     put,
     read_double,
     read_quadruple,
@@ -172,17 +172,17 @@ def _upsampled(thin, row, next_row, x, rest, share):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _prefetch_next(at, n, row, emission, thin, air_row, cloud_row):
+def _expect_next(at, n, row, emission, thin, air_row, cloud_row):
     """Ask for what the row after this will need: no processor guesses steps of so many ordinates."""
     line = thin.shape[1] * thin.shape[2]
     for i in range(0, thin.shape[2], LANES):
-        prefetch(thin, air_row + 2 * line + i)
-        prefetch(thin, cloud_row + 2 * line + i)
+        expect(thin, air_row + 2 * line + i)
+        expect(thin, cloud_row + 2 * line + i)
     later = min(at + 3, row.shape[0] - 2)
     apart = (flat(row, later + 1) - flat(row, later)) * BLOCK
     after = flat(row, later) * emission.shape[0] * BLOCK + n * apart
     for i in range(0, apart, LANES):
-        prefetch(emission, after + i)
+        expect(emission, after + i)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -204,7 +204,7 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
     clear = flat(grid.air_extinction, k)
     first, apart = row_of_emission(k * ny + j, row, emission)
     first += n * apart
-    _prefetch_next(k * ny + j, n, row, emission, thin, max(air_row, 0), max(cloud_row, 0))
+    _expect_next(k * ny + j, n, row, emission, thin, max(air_row, 0), max(cloud_row, 0))
     for b in range(blocks):
         kept = flat(place, (k * ny + j) * blocks + b)
         at = first + kept * BLOCK
@@ -231,14 +231,19 @@ def row_ends(rows, at, nx, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collect_row(g, k, j, again, radiance, group, place, row, sums, values, nx):
+def collect_row(g, k, j, ahead, again, radiance, group, place, row, sums, values, nx):
     """Sum of w_n Y_nlm I_n over the blocks that are kept on row j of level k, along group g, into ``values``.
 
-    row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do.
+    row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do. ahead: to this
+    thread's next row.
     """
     ny, blocks = place.shape[1], place.shape[2]
     moments = values.shape[1]
     first, apart = row_of_emission(k * ny + j, row, radiance)
+    later = min(k * ny + j + ahead, row.shape[0] - 2)
+    size = radiance.shape[0] * BLOCK
+    for i in range(flat(row, later) * size, flat(row, later + 1) * size, LANES):
+        expect(radiance, i)
     for b in range(blocks):
         kept = flat(place, (k * ny + j) * blocks + b)
         if kept < 0:

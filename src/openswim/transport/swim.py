@@ -21,6 +21,7 @@ from openswim.transport.swim_layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import Shells, Volume
 
 if TYPE_CHECKING:
@@ -50,8 +51,8 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     ground = np.minimum(ground, len(medium.levels_m) - 1)[None]
     airs = np.empty((light.count, *medium.shape), np.float32)
     clears = np.empty((light.count, *shape), np.float32)
-    direct_beam(
-        np.zeros((*medium.shape, PACK), np.float32), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
+    in_threads(
+        direct_beam, np.zeros((*medium.shape, PACK), np.float32), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
         medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
     )  # fmt: skip
     for w in range(len(medium.wavelengths_nm)):
