@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport.moments import Coarser, Moments, add_scaled, nothing_coarser, places, prolong, restrict
+from openswim.transport.moments import (
+    Coarser,
+    Moments,
+    add_scaled,
+    inner_product,
+    nothing_coarser,
+    places,
+    prolong,
+    restrict,
+    squares,
+    weighted_change,
+)
 from openswim.transport.optical_grid import (
     OpticalGrid,
     blocks_of,
@@ -201,27 +212,25 @@ class Sweeper:
         """
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
+        threads = get_num_threads()
+        change = np.zeros(threads)
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare())
             if correct is not None and n <= _MOST_CORRECTIONS:
                 correct(values, image)
-            if change_of(values, image) < tolerance:
+            size = np.zeros((threads, len(self.place)))
+            in_threads(squares, values, image, level, change, size)
+            size = size.sum(axis=0)
+            if change.sum() <= tolerance**2 * size.sum():
                 break
-            size = np.bincount(level, np.einsum("nci,nci->n", image[:, :4], image[:, :4]), len(self.place))
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
-            residual = (image[:, :4] - values[:, :4]) * weight[level].astype(np.float32)[:, None, None]
+            residual = self.pool.lend((len(image), 4, BLOCK))
+            in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
-        for other in recent.images:
+        for other in [*recent.images, *recent.residuals]:
             if other is not image:
                 self.pool.back(other)
         return image, values, n
-
-
-def change_of(before: F32, after: F32) -> float:
-    """Change of the first moments, relative."""
-    one, two = before[:, :4], after[:, :4]
-    change = two - one
-    return math.sqrt(float(np.vdot(change, change)) / max(float(np.vdot(two, two)), 1e-30))
 
 
 class _Anderson:
@@ -243,14 +252,25 @@ class _Anderson:
         """The best combination, into ``out``."""
         self.images.append(image)
         self.residuals.append(residual)
-        last = residual.ravel().astype(float)
-        differences = np.array([r.ravel() - last for r in self.residuals[:-1]]).reshape(-1, last.size)
-        gram = differences @ differences.T
+        # inner products of the residuals' differences from the last, from those of the residuals
+        count = len(self.residuals)
+        inner = np.empty((count, count))
+        for a, b in combinations_with_replacement(range(count), 2):
+            inner[a, b] = inner[b, a] = _inner(self.residuals[a], self.residuals[b])
+        beside = inner[:-1, -1] - inner[-1, -1]
+        gram = inner[:-1, :-1] - inner[:-1, -1:] - beside[None, :]
         gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-        weights = np.linalg.solve(gram, -(differences @ last))
+        weights = np.linalg.solve(gram, -beside)
         np.multiply(image, np.float32(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
             in_threads(add_scaled, out.reshape(-1), np.float32(w), earlier.reshape(-1))
+
+
+def _inner(a: F32, b: F32) -> float:
+    """Inner product."""
+    out = np.empty(get_num_threads())
+    in_threads(inner_product, a.reshape(-1), b.reshape(-1), out)
+    return float(out.sum())
 
 
 class Trace(NamedTuple):

@@ -202,3 +202,37 @@ def add_scaled(t, threads, out, weight, values):
     """out += weight values, rows of numbers."""
     for i in range(t * out.shape[0] // threads, (t + 1) * out.shape[0] // threads):
         out[i] += weight * values[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def squares(t, threads, before, after, level, change, size):
+    """Thread t's share of the squares of the first moments (l < 2): their ``change`` (threads,), and on every level
+    their ``size`` (threads, nz). ``level``: of every block."""
+    change[t] = 0.0
+    size[t] = 0.0
+    for n in range(t, after.shape[0], threads):
+        changed, own = np.float32(0.0), np.float32(0.0)
+        for c in range(4):
+            for i in range(BLOCK):
+                changed += (after[n, c, i] - before[n, c, i]) ** 2
+                own += after[n, c, i] ** 2
+        change[t] += changed
+        size[t, level[n]] += own
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def weighted_change(t, threads, before, after, level, weight, out):
+    """Change of the first moments (blocks, 4, BLOCK), weighted by level."""
+    for n in range(t, after.shape[0], threads):
+        for c in range(4):
+            for i in range(BLOCK):
+                out[n, c, i] = (after[n, c, i] - before[n, c, i]) * weight[level[n]]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def inner_product(t, threads, a, b, out):
+    """Thread t's share of the sum of a b, rows of numbers, into out[t]."""
+    total = 0.0
+    for i in range(t * a.shape[0] // threads, (t + 1) * a.shape[0] // threads):
+        total += np.float64(a[i]) * np.float64(b[i])
+    out[t] = total
