@@ -25,6 +25,7 @@ from openswim.transport.montecarlo_kernels import flux_kernel, path_kernel, scou
 from openswim.transport.montecarlo_phase import Phases
 from openswim.transport.montecarlo_world import World, build_world
 from openswim.transport.surface import Lighting
+from openswim.transport.threads import in_threads
 
 if TYPE_CHECKING:
     from openswim.transport.solver import Solver
@@ -96,7 +97,7 @@ class ReferenceField:
         n, nw, ns = len(rays), len(self.wavelengths_nm), self.world.extinction.shape[3]
         origin, direction = (np.array(a, float, order="C") for a in (rays.origins(), rays.directions()))
         depth, species, ground_m = np.zeros((n, nw)), np.zeros((n, ns)), np.zeros(n)
-        scout_kernel(origin, direction, self.world, depth, species, ground_m)
+        in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m)
         hit = ground_m >= 0
         position = np.where(hit[:, None], origin + direction * ground_m[:, None], np.nan)
         sides = [np.zeros(3) if side is None else np.asarray(side, float) for side in (across_m, along_m)]
@@ -138,12 +139,14 @@ class ReferenceField:
                 while sums.paths < most:
                     size = min(size, most - sums.paths)
                     start = time.perf_counter()
-                    path_kernel(
-                        origin, direction, sides[0], sides[1], solver.seed, numbers, sums.paths, size, seen,
-                        self.aiming, self.world, self.phases, sums.total, sums.squares,
+                    # in arrays of their own: of an interrupted pass some rays' paths would be there, but not counted
+                    total, squares = np.zeros_like(sums.total), np.zeros_like(sums.squares)
+                    in_threads(
+                        path_kernel, origin, direction, sides[0], sides[1], solver.seed, numbers, sums.paths, size,
+                        seen, self.aiming, self.world, self.phases, total, squares,
                     )  # fmt: skip
                     took = time.perf_counter() - start
-                    sums.paths += size
+                    sums.add(total, squares, size)
                     meter.advance(size)
                     relabel(meter, f"reference, error {100 * sums.error:.2g} %")
                     if checkpoint is not None and time.monotonic() - saved > _SAVE_S:
@@ -237,9 +240,9 @@ class ReferenceField:
         paths, size = 0, 4
         while paths < most:
             size = min(size, most - paths)
-            flux_kernel(
-                np.ascontiguousarray(place), np.ascontiguousarray(up), seed, paths, size, seen, self.aiming,
-                self.world, self.phases, total, squares,
+            in_threads(
+                flux_kernel, np.ascontiguousarray(place), np.ascontiguousarray(up), seed, paths, size, seen,
+                self.aiming, self.world, self.phases, total, squares,
             )  # fmt: skip
             paths += size
             size *= 2
@@ -263,6 +266,11 @@ class Sums:
         self.total, self.squares = np.zeros((rays, wavelengths)), np.zeros((rays, wavelengths))
         self.paths = 0
         self.interrupted = False
+
+    def add(self, total: F64, squares: F64, paths: int) -> None:
+        """The sums of some more paths: all or nothing, since no interrupt comes between plain assignments."""
+        total, squares, paths = self.total + total, self.squares + squares, self.paths + paths
+        self.total, self.squares, self.paths = total, squares, paths
 
     @property
     def mean(self) -> F64:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
+
+from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 _MOST = 255
@@ -34,14 +36,14 @@ def free_cells(majorant: F32, periodic: bool, columns: tuple[int, int]) -> NDArr
     neighbours. Counts are right or too small, so that jumps stay exact.
     """
     free = np.zeros((8, *majorant.shape), np.uint8)
-    _count(majorant, periodic, columns[0] > 1, columns[1] > 1, free)
+    in_threads(_count, majorant, periodic, columns[0] > 1, columns[1] > 1, free)
     return free
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def _count(majorant, periodic, many_y, many_x, free):
+@njit(cache=True, error_model="numpy", nogil=True)
+def _count(t, threads, majorant, periodic, many_y, many_x, free):
     ny, nx, nz = majorant.shape
-    for octant in prange(8):
+    for octant in range(t, 8, threads):
         sx, sy, sz = 2 * (octant & 1) - 1, (octant & 2) - 1, (octant & 4) // 2 - 1
         for _ in range(_ROUNDS if periodic else 1):
             for n in range(nz * ny * nx):

@@ -10,34 +10,13 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_phase import exponential, uniform
-from openswim.transport.montecarlo_track import (
-    CLOUD,
-    ESCAPED,
-    FAR,
-    GROUND,
-    LEAST_BEAM,
-    in_cell,
-    level_below,
-    place,
-    sizes,
-)
+from openswim.transport.montecarlo_phase import exponential
+from openswim.transport.montecarlo_place import FAR, in_cell, level_below, place, sizes
+from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided, dimmed
 from openswim.transport.scalar import flat
 
 _FLAGS = {"contract", "nsz", "arcp"}
 _FARTHEST_M = 1e9  # level rays in periodic scenes end somewhere
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
-    """Whether a tentative collision scatters; weights are kept right. ``chance``: that it does."""
-    if uniform(rng) < chance:
-        for w in range(nw):
-            weight[w] *= scattered[w] / (majorant * chance)
-        return True
-    for w in range(nw):
-        weight[w] *= (majorant - taken[w]) / (majorant * (1.0 - chance))
-    return False
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -212,7 +191,7 @@ def fly_flat(ox, oy, oz, dx, dy, dz, weight, scattered, taken, nodes, world, rng
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def sunlight_flat(ox, oy, oz, world, beam, nodes, rng):
     """As `sunlight`, in a world of rank 2 or 3."""
-    nw, ns = sizes(world, beam)
+    nw, _ = sizes(world, beam)
     dx, dy, dz = flat(world.sun, 0), flat(world.sun, 1), flat(world.sun, 2)
     for w in range(nw):
         beam[w] = 1.0
@@ -226,18 +205,6 @@ def sunlight_flat(ox, oy, oz, world, beam, nodes, rng):
             return dz >= 0.0
         if _cloud(s, x, ux, y, uy, oz + s * dz, i, j, k, world, nodes) <= 0.0:
             continue
-        most = 0.0
-        for w in range(nw):
-            extinct = 0.0
-            for n in range(ns):
-                extinct += nodes[n] * flat(world.relative, n * nw + w)
-            share = max(1.0 - extinct / majorant, 0.0)
-            beam[w] *= share
-            most = max(most, share)
-        left *= most
-        if left < LEAST_BEAM:
-            if uniform(rng) >= left:
-                return False
-            for w in range(nw):
-                beam[w] /= left
-            left = 1.0
+        left = dimmed(beam, left, majorant, nodes, world, rng)
+        if left == 0.0:
+            return False

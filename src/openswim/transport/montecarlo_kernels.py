@@ -5,25 +5,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from openswim.transport.montecarlo_path import STACK, trace
 from openswim.transport.montecarlo_phase import start_stream, turned, uniform, unit_circle
-from openswim.transport.montecarlo_track import (
+from openswim.transport.montecarlo_place import (
     FAR,
-    NUDGE_M,
-    air_beam,
     air_place,
-    block_step,
-    fall_m,
     ground_crossing_m,
     ground_height_m,
     in_domain,
-    layer_step,
     on_ray,
     place,
     ray_constants,
     species_at,
+)
+from openswim.transport.montecarlo_track import (
+    NUDGE_M,
+    air_beam,
+    block_step,
+    fall_m,
+    layer_step,
     sunlight,
     terrain_step,
 )
@@ -140,13 +142,13 @@ def scout(ox, oy, oz, dx, dy, dz, world, depth, species_depth, beam, nodes, want
     return cloud_m, ground_m
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def scout_kernel(origin, direction, world, depth, species_depth, ground_m):
-    """`scout` for rays (n, 3): depths (n, nw) and (n, ns), distance to the ground (n,) or -1."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def scout_kernel(t, threads, origin, direction, world, depth, species_depth, ground_m):
+    """`scout` for thread t's of the rays (n, 3): depths (n, nw) and (n, ns), distance to the ground (n,) or -1."""
     n, layers = direction.shape[0], world.layer_majorant.shape[0]
-    for tile in prange((n + _RAYS - 1) // _RAYS):
-        nodes, beam = np.zeros(world.extinction.shape[3]), np.zeros(depth.shape[1])
-        wanted, boost = np.zeros(layers), np.zeros(layers)
+    nodes, beam = np.zeros(world.extinction.shape[3]), np.zeros(depth.shape[1])
+    wanted, boost = np.zeros(layers), np.zeros(layers)
+    for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
             _, ground_m[ray] = scout(
@@ -154,11 +156,12 @@ def scout_kernel(origin, direction, world, depth, species_depth, ground_m):
             )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def path_kernel(
-    origin, direction, across, along, seed, numbers, first, count, seen, aiming, world, phases, sums, squares
+    t, threads, origin, direction, across, along, seed, numbers, first, count, seen, aiming, world, phases, sums,
+    squares,
 ):  # fmt: skip
-    """Add ``count`` paths of each ray (n, 3), from path number ``first``, to sums and sums of squares (n, nw).
+    """Add ``count`` paths of each of thread t's rays (n, 3), from path number ``first``, to sums and squares (n, nw).
 
     ``across``, ``along`` (3,): sides of the parallelogram over which each ray's origin is spread. ``numbers`` (n,):
     what the rays are called: a path's chances depend on seed, ray number and path number alone.
@@ -168,11 +171,11 @@ def path_kernel(
     spread = False
     for k in range(3):
         spread = spread or across[k] != 0.0 or along[k] != 0.0
-    for tile in prange((n + _RAYS - 1) // _RAYS):
-        scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-        stack, out = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw)
-        wanted, boost, species_depth = np.zeros(layers), np.zeros(layers), np.zeros(ns)
-        rng = np.zeros(1, np.uint64)
+    scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
+    stack, out = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw)
+    wanted, boost, species_depth = np.zeros(layers), np.zeros(layers), np.zeros(ns)
+    rng = np.zeros(1, np.uint64)
+    for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
             begin = entry_m(o[0], o[1], o[2], d[0], d[1], d[2], world)
@@ -206,17 +209,17 @@ def path_kernel(
                     squares[ray, w] += out[w] * out[w]
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def flux_kernel(place_m, up, seed, first, count, seen, aiming, world, phases, sums, squares):
-    """Add ``count`` photons per place (n, 3) to sums (n, nw, 2): diffuse flux from the half-space about ``up`` (n, 3)
-    and the unscattered sun's, over E_TOA."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def flux_kernel(t, threads, place_m, up, seed, first, count, seen, aiming, world, phases, sums, squares):
+    """Add ``count`` photons for each of thread t's places (n, 3) to sums (n, nw, 2): diffuse flux from the half-space
+    about ``up`` (n, 3) and the unscattered sun's, over E_TOA."""
     n, nw = sums.shape[:2]
     ns, layers = world.extinction.shape[3], world.layer_majorant.shape[0]
-    for tile in prange((n + _RAYS - 1) // _RAYS):
-        scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-        stack, out, beam = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw), np.zeros(nw)
-        boost = np.ones(layers)
-        rng = np.zeros(1, np.uint64)
+    scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
+    stack, out, beam = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw), np.zeros(nw)
+    boost = np.ones(layers)
+    rng = np.zeros(1, np.uint64)
+    for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for k in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             p, v = place_m[k], up[k]
             mu = v[0] * world.sun[0] + v[1] * world.sun[1] + v[2] * world.sun[2]

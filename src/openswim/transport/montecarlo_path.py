@@ -12,139 +12,16 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_flat import collided, fly_flat, sunlight_flat
+from openswim.transport.montecarlo_flat import fly_flat, sunlight_flat
 from openswim.transport.montecarlo_ground import reflectance
 from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
-from openswim.transport.montecarlo_track import (
-    AIR,
-    CLOUD,
-    ESCAPED,
-    FAR,
-    GROUND,
-    NUDGE_M,
-    air_place,
-    block_step,
-    fall_m,
-    ground_crossing_m,
-    ground_height_m,
-    in_domain,
-    layer_step,
-    on_ray,
-    place,
-    ray_constants,
-    sizes,
-    species_at,
-    sunlight,
-    terrain_step,
-)
-from openswim.transport.scalar import flat
+from openswim.transport.montecarlo_place import air_place, diffuse_albedo, facet, sizes
+from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
 _FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
-_STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nodes, world, rng):
-    """Follow a photon from distance s of its ray to its next real event: (event, distance, height, ix, iy).
-
-    Absorption is taken from the weights. ``boost``: factors (layers,) on the air's collisions while ``boosted``.
-    """
-    nw = weight.shape[0]
-    ns = world.extinction.shape[3]
-    square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
-    hilly = world.low_m < world.high_m
-    grid_top = flat(world.levels_m, world.levels_m.shape[0] - 1)
-    depth = -math.log(1.0 - uniform(rng))
-    while True:
-        h, here, b = on_ray(s, square, rise, world)
-        if h >= world.top_m - 1e-6 and b >= 0.0:
-            return ESCAPED, s, h, -1e9, -1e9
-        step, cloud, air, ix, iy = FAR, 0.0, 0.0, -1e9, -1e9
-        if world.gridded:
-            step, cloud, ix, iy = block_step(
-                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
-            )  # fmt: skip
-        if world.airy:
-            edge, layer = layer_step(h, here, b, per_rise, world)
-            step = min(step, edge)
-            air = flat(world.layer_majorant, layer)
-            if boosted and boost[layer] > 1.0:
-                air *= boost[layer] * _STRETCH
-        hills, base = hilly, world.low_m
-        if hilly and not in_domain(ix, iy, world):
-            hills = False
-            if h <= grid_top:
-                base = world.ground_m
-        ground = max(fall_m(b, here, base, per_rise, world), 0.0)
-        if step >= FAR and ground >= FAR:
-            return ESCAPED, s, h, ix, iy
-        step = min(step, ground + 1.0)
-        if hills:
-            step = terrain_step(step, b, h, world)
-        step = max(step, 0.0) + NUDGE_M
-        majorant = cloud + air
-        met = step * majorant
-        tentative = met >= depth
-        if tentative:
-            step = depth / majorant
-            depth = -math.log(1.0 - uniform(rng))
-        else:
-            depth -= met
-        landed = step >= ground
-        if landed:
-            if not hills:
-                s += ground
-                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
-                return GROUND, s, base, ix, iy
-            step = ground
-            tentative = False
-        before = s
-        s += step
-        if tentative or hills:
-            h, here, b = on_ray(s, square, rise, world)
-            ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
-            if landed or (hills and h < world.high_m and h < ground_height_m(ix, iy, world)):
-                s = ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, before, s, world)
-                h, here, b = on_ray(s, square, rise, world)
-                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
-                return GROUND, s, h, ix, iy
-        if not tentative:
-            continue
-        total = 0.0
-        for w in range(nw):
-            total += weight[w]
-        if total <= 0.0:
-            return ESCAPED, s, h, ix, iy
-        chance = 0.0
-        if cloud > 0.0 and (air == 0.0 or uniform(rng) * majorant < cloud):
-            if species_at(ix, iy, h, world, nodes) <= 0.0:
-                continue
-            for w in range(nw):
-                scattered[w] = 0.0
-                taken[w] = 0.0
-                for n in range(ns):
-                    scattered[w] += nodes[n] * world.scattering[n, w]
-                    taken[w] += nodes[n] * world.relative[n, w]
-                chance += weight[w] * scattered[w]
-            chance = min(chance / (total * cloud), 1.0)
-            if collided(chance, cloud, nw, weight, total, scattered, taken, rng):
-                return CLOUD, s, h, ix, iy
-        else:
-            i, f = air_place(h, world)
-            a = world.air
-            for w in range(nw):
-                taken[w] = a[i, 0, w] + f * (a[i + 1, 0, w] - a[i, 0, w])
-                molecules = a[i, 1, w] + f * (a[i + 1, 1, w] - a[i, 1, w])
-                haze = a[i, 2, w] + f * (a[i + 1, 2, w] - a[i, 2, w])
-                scattered[w] = molecules + haze
-                chance += weight[w] * scattered[w]
-            factor = boost[layer] if boosted else 1.0
-            chance = min(max(factor, 1.0) * chance / (total * air), 1.0)
-            if collided(chance, air, nw, weight, total, scattered, taken, rng):
-                return AIR, s, h, ix, iy
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -175,48 +52,6 @@ def mixed_phase(q, w, first, last, nw, shares, phases):
         v = phases.value[n * nw + w]
         p += shares[n, w] * (v[i] + f * (v[i + 1] - v[i]))
     return p
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def facet(ix, iy, x, y, z, h, world):
-    """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
-    if world.periodic or not world.gridded or not in_domain(ix, iy, world):
-        r = world.radius_m + h
-        return x / r, y / r, (world.radius_m + z) / r
-    ny, nx = world.terrain_m.shape
-    i, j = min(int(ix), max(nx - 2, 0)), min(int(iy), max(ny - 2, 0))
-    a, b = ix - i, iy - j
-    i1, j1 = min(i + 1, nx - 1), min(j + 1, ny - 1)
-    v = world.normal
-    w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
-    px = v[j, i, 0] * w00 + v[j, i1, 0] * w01 + v[j1, i, 0] * w10 + v[j1, i1, 0] * w11
-    py = v[j, i, 1] * w00 + v[j, i1, 1] * w01 + v[j1, i, 1] * w10 + v[j1, i1, 1] * w11
-    pz = v[j, i, 2] * w00 + v[j, i1, 2] * w01 + v[j1, i, 2] * w10 + v[j1, i1, 2] * w11
-    scale = 1.0 / math.sqrt(px * px + py * py + pz * pz)
-    return px * scale, py * scale, pz * scale
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def diffuse_albedo(ix, iy, world, out):
-    """Albedo (nw,) of the ground met by light that has been scattered: the grid's, or the domain's mean outside."""
-    nw, _ = sizes(world, out)
-    ny, nx = world.terrain_m.shape
-    if not world.gridded or not in_domain(ix, iy, world):
-        for w in range(nw):
-            out[w] = world.mean_albedo[w]
-        return
-    x, y = ix, iy
-    if world.periodic:
-        x -= math.floor(x / nx) * nx
-        y -= math.floor(y / ny) * ny
-    i, j = min(int(x), nx - 1), min(int(y), ny - 1)
-    a, b = x - i, y - j
-    i1 = (i + 1) % nx if world.periodic else min(i + 1, nx - 1)
-    j1 = (j + 1) % ny if world.periodic else min(j + 1, ny - 1)
-    v = world.albedo
-    for w in range(nw):
-        low = v[j, i, w] + a * (v[j, i1, w] - v[j, i, w])
-        out[w] = low + b * (v[j1, i, w] + a * (v[j1, i1, w] - v[j1, i, w]) - low)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)

@@ -7,207 +7,30 @@ import math
 from numba import njit
 
 from openswim.transport.montecarlo_phase import uniform
-from openswim.transport.montecarlo_world import (
-    AIR_NODES,
-    AIR_STEP_M,
-    BLOCK,
-    SUN_COSINES,
-    SUN_HEIGHTS,
+from openswim.transport.montecarlo_place import (
+    FAR,
+    air_place,
+    chart_place,
+    ground_crossing_m,
+    ground_height_m,
+    in_domain,
+    level_below,
+    on_ray,
+    place,
+    ray_constants,
+    sizes,
+    species_at,
+    wrapped,
 )
-from openswim.transport.scalar import flat, height_of_square_m, shadow_fraction
+from openswim.transport.montecarlo_world import AIR_NODES, AIR_STEP_M, BLOCK, SUN_COSINES, SUN_HEIGHTS
+from openswim.transport.scalar import flat, shadow_fraction
 from openswim.transport.volume import SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "nsz", "arcp"}
 NUDGE_M = 0.01  # past a face, so that no step ends on it; blocks reach a cell beyond their faces
-FAR = 1e30
 LEAST_BEAM = 0.25  # of a beam through cloud: below it chance decides whether it goes on
 ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sizes(world, spectrum):
-    """Wavelengths and species: known to the compiler where there is one of each."""
-    if world.kind.ndim == 3:
-        return 1, 1
-    return spectrum.shape[0], world.extinction.shape[3]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def chart_place(x, y, z, dx, dy, dz, world):
-    """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
-    depth = world.radius_m + z
-    r = math.sqrt(x * x + y * y + depth * depth)
-    if depth <= -0.99 * r:
-        return -1e9, -1e9, 0.0, 0.0
-    q = world.radius_m * math.sqrt(2.0 / (r * (r + depth)))
-    u = (x * q - world.chart_origin_m) * world.chart_per_m
-    v = (y * q - world.chart_origin_m) * world.chart_per_m
-    n = world.chart.shape[0] - 1
-    if not world.periodic and (u < 0.0 or v < 0.0 or u > n or v > n):
-        return -1e9, -1e9, 0.0, 0.0
-    dr = (x * dx + y * dy + depth * dz) / r
-    shrink = 0.5 * (dr / r + (dr + dz) / (r + depth))
-    du = world.chart_per_m * q * (dx - x * shrink)
-    dv = world.chart_per_m * q * (dy - y * shrink)
-    i = min(max(int(u), 0), n - 1)
-    j = min(max(int(v), 0), n - 1)
-    a = u - i
-    b = v - j
-    c = world.chart
-    here = 2 * (j * (n + 1) + i)
-    up = here + 2 * (n + 1)
-    x00, x01, x10, x11 = flat(c, here), flat(c, here + 2), flat(c, up), flat(c, up + 2)
-    y00, y01, y10, y11 = flat(c, here + 1), flat(c, here + 3), flat(c, up + 1), flat(c, up + 3)
-    low, high = x00 + a * (x01 - x00), x10 + a * (x11 - x10)
-    ix = low + b * (high - low)
-    ux = du * ((1 - b) * (x01 - x00) + b * (x11 - x10)) + dv * (high - low)
-    low, high = y00 + a * (y01 - y00), y10 + a * (y11 - y10)
-    iy = low + b * (high - low)
-    uy = du * ((1 - b) * (y01 - y00) + b * (y11 - y10)) + dv * (high - low)
-    return ix, iy, ux, uy
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def place(x, y, z, world):
-    """Fractional (ix, iy) of a point."""
-    if world.curved:
-        ix, iy, _, _ = chart_place(x, y, z, 0.0, 0.0, 0.0, world)
-        return ix, iy
-    return world.index_x0 + x * world.index_per_x, world.index_y0 + y * world.index_per_y
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def ray_constants(x, y, z, dx, dy, dz, world):
-    """What is the same all along a ray: (r^2 - R^2, r mu) at its origin; in flat scenes metres per cell and per metre
-    of height."""
-    if world.curved:
-        square = x * x + y * y + z * (2.0 * world.radius_m + z)
-        return square, x * dx + y * dy + (world.radius_m + z) * dz, 0.0, 0.0, 0.0
-    across, along = dx * world.index_per_x, dy * world.index_per_y
-    return (
-        z, dz, 1.0 / across if across != 0.0 else FAR, 1.0 / along if along != 0.0 else FAR,
-        1.0 / dz if dz != 0.0 else FAR,
-    )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def on_ray(s, square, rise, world):
-    """Height at a distance along a ray, and (r^2 - R^2, r mu); in flat scenes twice the height, and dz."""
-    if world.curved:
-        here = square + s * (2.0 * rise + s)
-        return height_of_square_m(here, world.radius_m), here, rise + s
-    h = square + s * rise
-    return h, h, rise
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def in_domain(ix, iy, world):
-    ny, nx = world.terrain_m.shape
-    return world.periodic or (ix >= 0.0 and iy >= 0.0 and ix <= nx - 1.0 and iy <= ny - 1.0)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def level_below(h, world):
-    """Level under a height, clamped to the grid."""
-    nz = world.levels_m.shape[0]
-    t = (h - world.level_origin_m) * world.level_per_m
-    n = world.level_table.shape[0] - 1
-    k = int(flat(world.level_table, int(min(max(t, 0.0), 1.0 * n))))
-    k = min(k, nz - 2)
-    if k < nz - 2 and h >= flat(world.levels_m, k + 1):
-        k += 1
-    return k
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def wrapped(ix, iy, world):
-    """Indices within one period."""
-    ny, nx = world.terrain_m.shape
-    if world.periodic:
-        ix -= math.floor(ix / nx) * nx
-        iy -= math.floor(iy / ny) * ny
-    return ix, iy
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def in_cell(i, j, k, a, b, g, world, nodes):
-    """As `species_at`, at the shares (a, b, g) of a cell's edges along x, y and z."""
-    ny, nx = world.terrain_m.shape
-    _, ns = sizes(world, nodes)
-    right, up = ns, nx * ns
-    if i + 1 >= nx:
-        right = -i * ns if world.periodic else 0
-    if j + 1 >= ny:
-        up = -j * nx * ns if world.periodic else 0
-    here = ((k * ny + j) * nx + i) * ns
-    above = here + ny * nx * ns
-    f = world.extinction
-    total = 0.0
-    for s in range(ns):
-        n, m = here + s, above + s
-        l0 = flat(f, n) + a * (flat(f, n + right) - flat(f, n))
-        l1 = flat(f, n + up) + a * (flat(f, n + up + right) - flat(f, n + up))
-        h0 = flat(f, m) + a * (flat(f, m + right) - flat(f, m))
-        h1 = flat(f, m + up) + a * (flat(f, m + up + right) - flat(f, m + up))
-        low_value = l0 + b * (l1 - l0)
-        value = low_value + g * (h0 + b * (h1 - h0) - low_value)
-        nodes[s] = value
-        total += value
-    return total
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def species_at(ix, iy, h, world, nodes):
-    """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
-    ny, nx = world.terrain_m.shape
-    k = level_below(h, world)
-    low = flat(world.levels_m, k)
-    g = min(max((h - low) / (flat(world.levels_m, k + 1) - low), 0.0), 1.0)
-    ix, iy = wrapped(ix, iy, world)
-    i = min(max(int(ix), 0), nx - 1)
-    j = min(max(int(iy), 0), ny - 1)
-    return in_cell(i, j, k, ix - i, iy - j, g, world, nodes)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def air_place(h, world):
-    """Row of the air's table under a height, and the share of the next."""
-    x = min(max((h - world.ground_m) / AIR_STEP_M, 0.0), AIR_NODES - 1.000001)
-    i = int(x)
-    return i, x - i
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def ground_height_m(ix, iy, world):
-    """Height of the ground at a place of the grid, or outside it; as `march._ground_m`."""
-    if world.periodic or not in_domain(ix, iy, world):
-        return world.ground_m
-    ny, nx = world.terrain_m.shape
-    i = min(int(ix), max(nx - 2, 0))
-    j = min(int(iy), max(ny - 2, 0))
-    a, b = ix - i, iy - j
-    i1, j1 = min(i + 1, nx - 1), min(j + 1, ny - 1)
-    t = world.terrain_m
-    return (t[j, i] * (1 - a) + t[j, i1] * a) * (1 - b) + (t[j1, i] * (1 - a) + t[j1, i1] * a) * b
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def above_ground_m(x, y, z, h, world):
-    ix, iy = place(x, y, z, world)
-    return h - ground_height_m(ix, iy, world)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
-    """Distance between ``low`` (above ground) and ``high`` (not above) at which a ray meets the terrain, to a cm."""
-    while high - low > 0.01:
-        s = 0.5 * (low + high)
-        h, _, _ = on_ray(s, square, rise, world)
-        if above_ground_m(ox + s * dx, oy + s * dy, oz + s * dz, h, world) < 0.0:
-            high = s
-        else:
-            low = s
-    return low
+_STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -328,6 +151,144 @@ def terrain_step(step, b, h, world):
     return step
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
+    """Whether a tentative collision scatters; weights are kept right. ``chance``: that it does."""
+    if uniform(rng) < chance:
+        for w in range(nw):
+            weight[w] *= scattered[w] / (majorant * chance)
+        return True
+    for w in range(nw):
+        weight[w] *= (majorant - taken[w]) / (majorant * (1.0 - chance))
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def dimmed(beam, left, majorant, nodes, world, rng):
+    """A beam keeps the share of its light that the majorant takes in excess: how much is ``left`` of it, times that.
+
+    Below `LEAST_BEAM` chance decides whether it goes on as strong as at first; 0 where it does not.
+    """
+    nw, ns = sizes(world, beam)
+    most = 0.0
+    for w in range(nw):
+        extinct = 0.0
+        for n in range(ns):
+            extinct += nodes[n] * flat(world.relative, n * nw + w)
+        share = max(1.0 - extinct / majorant, 0.0)
+        beam[w] *= share
+        most = max(most, share)
+    left *= most
+    if left < LEAST_BEAM:
+        if uniform(rng) >= left:
+            return 0.0
+        for w in range(nw):
+            beam[w] /= left
+        left = 1.0
+    return left
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nodes, world, rng):
+    """Follow a photon from distance s of its ray to its next real event: (event, distance, height, ix, iy).
+
+    Absorption is taken from the weights. ``boost``: factors (layers,) on the air's collisions while ``boosted``.
+    """
+    nw = weight.shape[0]
+    ns = world.extinction.shape[3]
+    square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
+    hilly = world.low_m < world.high_m
+    grid_top = flat(world.levels_m, world.levels_m.shape[0] - 1)
+    depth = -math.log(1.0 - uniform(rng))
+    while True:
+        h, here, b = on_ray(s, square, rise, world)
+        if h >= world.top_m - 1e-6 and b >= 0.0:
+            return ESCAPED, s, h, -1e9, -1e9
+        step, cloud, air, ix, iy = FAR, 0.0, 0.0, -1e9, -1e9
+        if world.gridded:
+            step, cloud, ix, iy = block_step(
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
+            )  # fmt: skip
+        if world.airy:
+            edge, layer = layer_step(h, here, b, per_rise, world)
+            step = min(step, edge)
+            air = flat(world.layer_majorant, layer)
+            if boosted and boost[layer] > 1.0:
+                air *= boost[layer] * _STRETCH
+        hills, base = hilly, world.low_m
+        if hilly and not in_domain(ix, iy, world):
+            hills = False
+            if h <= grid_top:
+                base = world.ground_m
+        ground = max(fall_m(b, here, base, per_rise, world), 0.0)
+        if step >= FAR and ground >= FAR:
+            return ESCAPED, s, h, ix, iy
+        step = min(step, ground + 1.0)
+        if hills:
+            step = terrain_step(step, b, h, world)
+        step = max(step, 0.0) + NUDGE_M
+        majorant = cloud + air
+        met = step * majorant
+        tentative = met >= depth
+        if tentative:
+            step = depth / majorant
+            depth = -math.log(1.0 - uniform(rng))
+        else:
+            depth -= met
+        landed = step >= ground
+        if landed:
+            if not hills:
+                s += ground
+                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+                return GROUND, s, base, ix, iy
+            step = ground
+            tentative = False
+        before = s
+        s += step
+        if tentative or hills:
+            h, here, b = on_ray(s, square, rise, world)
+            ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+            if landed or (hills and h < world.high_m and h < ground_height_m(ix, iy, world)):
+                s = ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, before, s, world)
+                h, here, b = on_ray(s, square, rise, world)
+                ix, iy = place(ox + s * dx, oy + s * dy, oz + s * dz, world)
+                return GROUND, s, h, ix, iy
+        if not tentative:
+            continue
+        total = 0.0
+        for w in range(nw):
+            total += weight[w]
+        if total <= 0.0:
+            return ESCAPED, s, h, ix, iy
+        chance = 0.0
+        if cloud > 0.0 and (air == 0.0 or uniform(rng) * majorant < cloud):
+            if species_at(ix, iy, h, world, nodes) <= 0.0:
+                continue
+            for w in range(nw):
+                scattered[w] = 0.0
+                taken[w] = 0.0
+                for n in range(ns):
+                    scattered[w] += nodes[n] * world.scattering[n, w]
+                    taken[w] += nodes[n] * world.relative[n, w]
+                chance += weight[w] * scattered[w]
+            chance = min(chance / (total * cloud), 1.0)
+            if collided(chance, cloud, nw, weight, total, scattered, taken, rng):
+                return CLOUD, s, h, ix, iy
+        else:
+            i, f = air_place(h, world)
+            a = world.air
+            for w in range(nw):
+                taken[w] = a[i, 0, w] + f * (a[i + 1, 0, w] - a[i, 0, w])
+                molecules = a[i, 1, w] + f * (a[i + 1, 1, w] - a[i, 1, w])
+                haze = a[i, 2, w] + f * (a[i + 1, 2, w] - a[i, 2, w])
+                scattered[w] = molecules + haze
+                chance += weight[w] * scattered[w]
+            factor = boost[layer] if boosted else 1.0
+            chance = min(max(factor, 1.0) * chance / (total * air), 1.0)
+            if collided(chance, air, nw, weight, total, scattered, taken, rng):
+                return AIR, s, h, ix, iy
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def air_beam(x, y, z, h, world, beam):
     """Transmission of the air from a point to the sun into ``beam`` (nw,): 0, and false, in the Earth's shadow."""
@@ -373,7 +334,6 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
         return True
     dx, dy, dz = world.sun[0], world.sun[1], world.sun[2]
     square, rise, per_x, per_y, per_rise = ray_constants(x, y, z, dx, dy, dz, world)
-    ns = world.extinction.shape[3]
     hilly = world.low_m < world.high_m
     top = flat(world.levels_m, world.levels_m.shape[0] - 1)
     s = 0.0
@@ -407,18 +367,6 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
         ix, iy = place(x + s * dx, y + s * dy, z + s * dz, world)
         if species_at(ix, iy, h, world, nodes) <= 0.0:
             continue
-        most = 0.0
-        for w in range(nw):
-            taken = 0.0
-            for n in range(ns):
-                taken += nodes[n] * flat(world.relative, n * nw + w)
-            share = max(1.0 - taken / majorant, 0.0)
-            beam[w] *= share
-            most = max(most, share)
-        left *= most
-        if left < LEAST_BEAM:
-            if uniform(rng) >= left:
-                return False
-            for w in range(nw):
-                beam[w] /= left
-            left = 1.0
+        left = dimmed(beam, left, majorant, nodes, world, rng)
+        if left == 0.0:
+            return False

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.optics import background
@@ -17,6 +17,7 @@ from openswim.transport.montecarlo_cells import cell_majorants, free_cells
 from openswim.transport.montecarlo_phase import Phases, phases_of
 from openswim.transport.scalar import height_of_square_m
 from openswim.transport.surface import Lighting
+from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -103,7 +104,7 @@ def build_world(scene: Scene, sun: F64, wavelengths_nm: F64) -> tuple[World, Pha
     phases = phases_of([*(rows or [[gas_phase] * nw]), [gas_phase] * nw, haze_phase], particles)
     sun_depth = np.zeros((SUN_HEIGHTS, SUN_COSINES, nw), np.float32)
     if airy:
-        _slant_depths(air[:, 0].copy(), frame.radius_m + ground_m, sun_depth)
+        in_threads(_slant_depths, air[:, 0].copy(), frame.radius_m + ground_m, sun_depth)
     common = {
         "radius_m": frame.radius_m, "ground_m": ground_m, "airy": airy, "curved": frame.curved, "air": air,
         "layer_edge_m": edges, "layer_of": layer_of, "layer_majorant": layer_majorant, "sun": np.array(sun, float),
@@ -245,15 +246,15 @@ def _air_table(scene: Scene, wavelengths_nm: F64, ground_m: float):
     return table, air.aerosol_phase, air.rayleigh_phase
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def _slant_depths(extinction, ground_radius_m, out):
+@njit(cache=True, error_model="numpy", nogil=True)
+def _slant_depths(t, threads, extinction, ground_radius_m, out):
     """log of the slant depth to space of a profile (AIR_NODES, nw); axis sqrt of the cosine above the horizon.
 
     Gauss-Legendre with two points a step, steps even in the cube root of the distance from the lowest point.
     """
     nw = extinction.shape[1]
     top = (AIR_NODES - 1) * AIR_STEP_M
-    for k in prange(SUN_HEIGHTS):
+    for k in range(t, SUN_HEIGHTS, threads):
         above = top * (k / (SUN_HEIGHTS - 1.0)) ** 2
         r = ground_radius_m + above
         horizon = -math.sqrt(max(0.0, 1.0 - (ground_radius_m / r) ** 2))

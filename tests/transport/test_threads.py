@@ -1,0 +1,62 @@
+"""Every thread gets its share, once; errors come through; a forked process has threads of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import numba
+import pytest
+
+from openswim.transport.threads import in_threads
+
+FORKED = """
+import os, warnings
+from numba import set_num_threads
+from openswim.transport.threads import in_threads
+warnings.simplefilter("ignore", DeprecationWarning)
+seen = []
+in_threads(lambda t, threads: seen.append(t))
+pid = os.fork()
+if pid == 0:
+    in_threads(lambda t, threads: seen.append(t))
+    os._exit(len(seen))
+print(len(seen), os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+
+
+def test_shares_are_handed_out_once() -> None:
+    seen, threads = [], numba.get_num_threads()
+    in_threads(lambda *share: seen.append(share), "x")
+    assert sorted(seen) == [(t, threads, "x") for t in range(threads)]
+
+
+def test_as_many_as_numba_is_told() -> None:
+    seen, threads = [], numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        in_threads(lambda *share: seen.append((*share, threading.current_thread().name)))
+    finally:
+        numba.set_num_threads(threads)
+    assert seen == [(0, 1, threading.current_thread().name)]
+
+
+@pytest.mark.parametrize("which", [0, -1])
+def test_errors_come_through(which: int) -> None:
+    last = (numba.get_num_threads() + which) % numba.get_num_threads()
+
+    def fails(t: int, threads: int) -> None:
+        if t == last:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        in_threads(fails)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_process_does_not_wait_for_its_parents_threads() -> None:
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=60, check=True)
+    before, after = map(int, done.stdout.split())
+    assert after == 2 * before
