@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,14 +64,21 @@ def scene_optics(scene: Scene, wavelengths_nm: ArrayLike) -> list[OpticalSpecies
     Hydrometeors by Eq. 7 (`openswim.optics.hydrometeors`), `aerosol_extinction`, and `extinction_<name>` with
     `scene.optics[name]`.
     """
+    return list(each_species(scene, wavelengths_nm))
+
+
+def each_species(scene: Scene, wavelengths_nm: ArrayLike) -> Iterator[OpticalSpecies]:
+    """`scene_optics` one after the other, for those who keep none."""
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    found = [one for kind in hydrometeors.HYDROMETEORS for one in _hydrometeor(scene, kind, wavelengths)]
-    found += _aerosol(scene, wavelengths)
+    for kind in hydrometeors.HYDROMETEORS:
+        yield from (one for one in _hydrometeor(scene, kind, wavelengths) if one.extinction_per_m.any())
+    yield from (one for one in _aerosol(scene, wavelengths) if one.extinction_per_m.any())
     prefix = "extinction_"
     for name in map(str, scene.data.data_vars):
         if name.startswith(prefix):
-            found.append(_direct(scene, name.removeprefix(prefix), wavelengths))
-    return [species for species in found if species.extinction_per_m.any()]
+            one = _direct(scene, name.removeprefix(prefix), wavelengths)
+            if one.extinction_per_m.any():
+                yield one
 
 
 def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> list[OpticalSpecies]:

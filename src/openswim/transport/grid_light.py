@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport import swim
+from openswim.transport.columns import Columns
 from openswim.transport.eye_source import columns_of, field_at, view_source, wide
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
@@ -51,6 +52,7 @@ class GridLight:
     ridge_m: F64
     coarser: list[Coarser] = field(default_factory=list)
     layers: list[Layers] | None = None  # instead of moments, in `Medium.layered` scenes
+    columns: Columns | None = None  # instead of moments, in very large domains
     _aimed: tuple[bytes, bool] | None = None
 
     def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
@@ -61,6 +63,9 @@ class GridLight:
         if self.layers is not None:
             for w, layers in enumerate(self.layers):
                 volume.fields[:, 0, 0, PACK + w] = layers.source(eye)
+            self._aimed = key
+        if self.columns is not None:
+            self.columns.aim(volume.fields, np.array(eye, float), parallel)
             self._aimed = key
         if self.moments is None:
             return

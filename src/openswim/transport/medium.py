@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ class Medium:
     air: Background | None
     fineness: int = 1  # nodes of the medium per node of the scene's grid, each way
     degree: int = DEGREE  # truncation order of the diffuse field
+    first: tuple[int, int] = (0, 0)  # column and row of the scene's grid that are its first
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -99,7 +101,7 @@ def build_medium(
     grid = scene.grid
     if grid is None:
         raise UserError("this scene has no grid")
-    _check_span(grid)
+    check_span(grid)
     frame = scene_frame(scene)
     species = scene_optics(scene, wavelengths_nm)
     _, ny, nx = grid.shape
@@ -153,9 +155,9 @@ def build_medium(
         thickness = np.gradient(levels)
         buried = levels[:, None, None] < terrain - 1.5 * thickness[:, None, None]
         extinction[:, buried] = 0
-    origin, per_m, chart = _chart(grid, frame)
+    origin, per_m, chart = chart_of(grid, frame)
     chart = chart * fineness
-    ground_m = _outside_ground_m(terrain) if frame.curved else 0.0
+    ground_m = outside_ground_m(terrain) if frame.curved else 0.0
     return Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
         per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness, LAYERS_DEGREE if layered else DEGREE,
@@ -193,7 +195,7 @@ def _fineness(ny: int, nx: int, cell_m: float, wanted_m: float, most: int) -> in
     return fineness
 
 
-def _outside_ground_m(terrain: F32) -> float:
+def outside_ground_m(terrain: F32) -> float:
     """Height of the ground beyond the grid: the median along the edge, rounded to the metre."""
     edge = np.concatenate([terrain[0], terrain[-1], terrain[:, 0], terrain[:, -1]])
     return float(np.round(np.median(edge)))
@@ -252,6 +254,13 @@ def _fixed(frame: Frame, place: F64) -> F64:
     return Frame(frame.radius_m, 0.0, 0.0).position(lat, lon, 0.0) + np.array([0.0, 0.0, frame.radius_m])
 
 
+def columns_on(grid: Grid, frame: Frame, some: Any) -> tuple[F32, F64]:
+    """Axes and sea-level points of some of the nodes (ny, nx) of a grid on the Earth."""
+    _, ny, nx = grid.shape
+    rows, columns = np.broadcast_arrays(np.arange(ny)[:, None], np.arange(nx))
+    return _columns_at(grid, frame, columns[some].astype(float), rows[some].astype(float))
+
+
 def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     """Axes and sea-level points of the columns."""
     _, ny, nx = grid.shape
@@ -261,6 +270,11 @@ def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     if not frame.curved:
         place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)
         return np.broadcast_to(np.eye(3, dtype=np.float32), (ny, nx, 3, 3)).copy(), place
+    return _columns_at(grid, frame, ix, iy)
+
+
+def _columns_at(grid: Grid, frame: Frame, ix: F64, iy: F64) -> tuple[F32, F64]:
+    """`_columns` at fractional indices on the Earth."""
 
     def at(i: F64, j: F64) -> F64:
         lon, lat = grid.lonlat(i, j)
@@ -276,7 +290,7 @@ def _columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
 
 
-def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
+def chart_of(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
     """Table of fractional grid indices on Lambert's azimuthal equal-area map around the origin of the frame."""
     _, ny, nx = grid.shape
     if not frame.curved:
@@ -305,7 +319,7 @@ def _chart(grid: Grid, frame: Frame) -> tuple[float, float, F64]:
     return -half, (_CHART_NODES - 1) / (2 * half), np.nan_to_num(chart, nan=-1e9, posinf=1e9, neginf=-1e9)
 
 
-def _check_span(grid: Grid) -> None:
+def check_span(grid: Grid) -> None:
     """Longitudes that go half round the Earth have a seam, or a pole, that no chart can hide."""
     if grid.in_degrees and grid.x[-1] - grid.x[0] > _MOST_DEGREES:
         raise UserError(

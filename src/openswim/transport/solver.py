@@ -19,6 +19,7 @@ from openswim.scene.scene import Scene
 from openswim.transport import diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+from openswim.transport.large import is_large, solve_large
 from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
@@ -103,6 +104,13 @@ class Solver:
             raise UserError("wavelengths must lie between 280 and 2500 nm")
         if self.name == "reference":
             return solve_reference(self, scene, sun, wl)
+        if is_large(scene):
+            return Field(
+                [
+                    solve_large(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size, CLEAR_REACH_DEG)
+                    for part in (wl[a : a + PACK] for a in range(0, wl.size, PACK))
+                ]
+            )
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else _grid_field
         return Field(

@@ -322,7 +322,7 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
     assert grid is not None
     if medium.frame.curved:
         ix, iy = grid.index(lon, lat)
-        return ix * medium.fineness, iy * medium.fineness
+        return (ix - medium.first[0]) * medium.fineness, (iy - medium.first[1]) * medium.fineness
     ix = medium.fineness * (place[:, 0] - grid.x[0]) / grid.step[0]
     iy = medium.fineness * (place[:, 1] - grid.y[0]) / grid.step[1]
     if medium.periodic:
