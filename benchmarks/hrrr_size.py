@@ -3,7 +3,7 @@
 The grid is HRRR's (1799 x 1059, Lambert, 3 km; the definition is taken from a real message where one is given), with 50
 hybrid levels of pressure, height, temperature, humidity and four species, packed as NCEP packs them. The weather is
 fractal noise shaped by hand: a cyclone's front, stratocumulus off California, cumulus, thunderstorms with anvils, and
-cirrus. About 700 MB in five minutes; never committed.
+cirrus. About 230 MB in a minute and a half; never committed.
 """
 
 from __future__ import annotations
@@ -55,40 +55,46 @@ class Weather:
         rng = np.random.default_rng(20)
         y, x = np.mgrid[0:NY, 0:NX].astype(np.float32)
         self.terrain = terrain
-        big, mid = noise(rng, 3.2, 700, 4), noise(rng, 2.8, 200, 1.0)
-        fine = noise(rng, 2.2, 50)
-        self.texture = 0.6 * mid + 0.5 * fine
-        # a cyclone over the Great Lakes, its cold front trailing to Texas, its comma wrapped around
-        cx, cy = 1150.0, 760.0
-        r, angle = np.hypot(x - cx, y - cy), np.arctan2(y - cy, x - cx)
-        arm = (angle + np.pi * 0.62 + np.log(np.maximum(r, 20) / 420) * 0.75 + 0.10 * big) % (2 * np.pi) - np.pi
-        near = np.abs((arm + np.pi) % (2 * np.pi) - np.pi)
-        width = 0.16 + 35 / np.maximum(r, 60)
-        self.front = ramp(1 - near / (2.1 * width) + 0.22 * self.texture, 0, 0.7) * ramp(r, 20, 90) * (1 - ramp(r, 620, 850))
-        self.front_top = 5500 + 4000 * ramp(self.front + 0.1 * mid, 0.2, 1.0)
+        big, mid, small = noise(rng, 3.2, 700, 4), noise(rng, 2.8, 200, 2.5), noise(rng, 2.4, 60, 2.5)
+        self.texture = 0.7 * mid + 0.4 * small
+        # all shapes are drawn on a crumpled map
+        xw = x + 45 * noise(rng, 3.2, 500, 4) + 16 * noise(rng, 2.8, 120, 3) + 5 * small
+        yw = y + 45 * noise(rng, 3.2, 500, 4) + 16 * noise(rng, 2.8, 120, 3) + 5 * mid
+        # a cyclone over the Great Lakes: cold front trailing to Texas, comma head, warm front
+        away = xw - 1180 + 0.0013 * np.maximum(760 - yw, 0) ** 2
+        cold = np.exp(-((away / np.where(away > 0, 75, 22)) ** 2)) * ramp(yw, 180, 330) * (1 - ramp(yw, 740, 800))
+        r, angle = np.hypot(xw - 1150, yw - 760), np.arctan2(yw - 760, xw - 1150) % (2 * np.pi)
+        head = np.exp(-(((r - 50 - 26 * angle) / 42) ** 2)) * (1 - ramp(angle, 3.6, 5.2))
+        warm = np.exp(-(((xw - 1340) / 190) ** 2) - ((yw - 835) / 70) ** 2)
+        self.front = ramp(np.maximum(np.maximum(cold, head), warm) + 0.10 * self.texture, 0.25, 0.95)
+        self.front_top = 5000 + 4500 * ramp(self.front + 0.15 * mid, 0.2, 1.1)
         # stratocumulus over the cold Pacific, in closed cells that break up toward the south-west
         sea = (1 - ramp(land, 0.2, 0.8)) * (1 - ramp(lon, -125.5, -116.5)) * ramp(lat, 20, 24)
-        cells = 1 - np.abs(noise(rng, 1.2, 14, 3.0))
-        self.deck = ramp(0.75 * cells + 0.5 * big + 0.25 * mid + 0.5, 0.0, 0.8) * sea
-        # cumulus by day over the humid south-east, streets in the noise
+        cells = 1 - np.abs(noise(rng, 1.2, 20, 3.5))
+        self.deck = ramp(0.55 * cells + 0.45 * big + 0.25 * mid + 0.75, 0.0, 1.6) * sea
+        # cumulus by day over the humid south-east
         humid = ramp(lon, -102, -92) * (1 - ramp(lat, 36, 41)) * land
-        self.cumulus = ramp(noise(rng, 0.8, 12, 1.0) + 0.6 * mid + 0.35 * big - 1.3 + 0.8 * humid, 0.0, 1.0) * (0.15 + humid)
-        self.cumulus *= 1 - ramp(self.front, 0, 0.3)
-        # thunderstorms: cores in clusters, anvils blown to the east-north-east
+        grown = 0.8 * noise(rng, 1.0, 14, 3.0) + 0.5 * mid + 0.3 * big - 1.5 + 0.7 * humid
+        self.cumulus = ramp(grown, 0.0, 1.6) * (0.25 + 0.75 * humid) * (1 - ramp(self.front, 0, 0.3))
+        # thunderstorms: a line ahead of the cold front, clusters elsewhere, anvils blown to the east-north-east
         self.core, self.anvil = np.zeros((NY, NX), np.float32), np.zeros((NY, NX), np.float32)
-        for _ in range(70):
-            group = rng.choice(4, p=[0.35, 0.3, 0.2, 0.15])
-            mx, my, sx, sy = [(900, 330, 170, 80), (1350, 130, 160, 60), (560, 330, 110, 130), (1500, 420, 70, 90)][group]
-            px, py, size = mx + sx * rng.normal(), my + sy * rng.normal(), rng.lognormal(1.7, 0.5)
-            wobble = 0.5 * mid + 0.3 * fine
-            d = np.hypot(x - px, y - py) / size
-            self.core = np.maximum(self.core, ramp(1.0 - 0.55 * d + 0.3 * wobble, 0, 0.6))
-            along, across = (x - px) * 0.94 + (y - py) * 0.34, (y - py) * 0.94 - (x - px) * 0.34
-            far = np.hypot((along - 2.2 * size) / (4.6 * size), across / (2.3 * size))
-            self.anvil = np.maximum(self.anvil, ramp(1.15 - far + 0.16 * mid + 0.08 * fine, 0, 0.9))
+        groups = [(900, 330, 120, 60), (1350, 130, 150, 50), (560, 330, 90, 110), (1500, 420, 60, 80)]
+        for n in range(90):
+            if n < 35:
+                py = rng.uniform(260, 620)
+                px = 1180 - 0.0013 * (760 - py) ** 2 + 75 + 10 * rng.normal()
+            else:
+                mx, my, sx, sy = groups[rng.choice(4, p=[0.25, 0.3, 0.25, 0.2])]
+                px, py = mx + sx * rng.normal(), my + sy * rng.normal()
+            size = rng.lognormal(1.0, 0.5)
+            d = np.hypot(xw - px, yw - py) / size
+            self.core = np.maximum(self.core, ramp(1.3 - 0.55 * d, 0, 0.9))
+            along, across = (xw - px) * 0.94 + (yw - py) * 0.34, (yw - py) * 0.94 - (xw - px) * 0.34
+            far = np.hypot((along - 4.5 * size) / (9 * size), across / (4.5 * size))
+            self.anvil = np.maximum(self.anvil, ramp(1.1 - far + 0.12 * self.texture, 0, 1.0))
         # cirrus in streaks along the jet
-        streak = noise(rng, 2.4, 160, 0.5, 3.0)
-        self.cirrus = ramp(streak + 0.9 * big - 0.9, 0, 1.6)
+        streak = noise(rng, 2.4, 160, 2.0, 3.0)
+        self.cirrus = ramp(0.7 * streak + 0.9 * big - 0.6, 0, 2.2)
 
     def at(self, z: F32, temperature: F32) -> dict[str, F32]:
         """Mixing ratios at heights z (NY, NX) above sea level."""
@@ -100,17 +106,18 @@ class Weather:
         def layer(base: Any, top: Any, soft: float) -> Any:
             return ramp(z, base - soft, base + soft) * (1 - ramp(z, top - soft, top + soft))
 
-        water += 2.8e-4 * self.deck * ramp(above, 300, 500) * (1 - ramp(above, 600 + 250 * self.deck, 800 + 250 * self.deck))
+        deck_top = 600 + 250 * self.deck
+        water += 2.6e-4 * self.deck * ramp(above, 300, 500) * (1 - ramp(above, deck_top, deck_top + 200))
         top = 1400 + 2200 * self.cumulus
-        water += 5e-4 * (self.cumulus > 0) * ramp(self.cumulus, 0, 0.5) * ramp(above, 900, 1150) * (1 - ramp(above, top - 300, top))
+        water += 4e-4 * ramp(self.cumulus, 0, 0.8) * ramp(above, 900, 1150) * (1 - ramp(above, top - 300, top))
         front = self.front * ramp(0.8 + 0.5 * lumps + 1.6 * self.front, 0.4, 1.6) * layer(1200, self.front_top, 500)
         core = self.core * layer(900 + self.terrain, 11_800 + 900 * self.core, 500)
         anvil = self.anvil * layer(10_300 - 900 * self.anvil, 11_900, 500)
         cirrus = self.cirrus * layer(8800 + 500 * lumps, 10_200 + 500 * lumps, 400)
         frozen = ramp(273.0 - temperature, 2, 32)
-        total = 4.5e-4 * front * (1 - 0.6 * frozen) + 1.6e-3 * core
-        ice = total * frozen * 0.45 + 1.6e-4 * anvil + 1.3e-5 * cirrus
-        snow = 3.5e-4 * front * frozen + 9e-4 * core * frozen + 5e-5 * anvil
+        total = 2.5e-4 * front * (1 - 0.6 * frozen) + 1.6e-3 * core
+        ice = total * frozen * 0.45 + 9e-5 * anvil + 1.2e-5 * cirrus
+        snow = 1.8e-4 * front * frozen + 9e-4 * core * frozen + 2e-5 * anvil
         rain = (2e-4 * front + 1.5e-3 * core) * (1 - frozen) * (1 - ramp(above, 3500, 5000))
         found = {"liquid": water + total * (1 - frozen), "ice": ice, "rain": rain, "snow": snow}
         return {name: np.where(values > 1e-7, values, 0).astype(np.float32) for name, values in found.items()}
@@ -135,7 +142,7 @@ def write(path: Path, sample: Path | None = None) -> None:
 
     land = 1 - np.asarray(water_fraction(lat.ravel(), lon.ravel())).reshape(NY, NX).astype(np.float32)
     rng = np.random.default_rng(3)
-    ridges = 1 - np.abs(noise(rng, 2.4, 120))
+    ridges = 1 - np.abs(noise(rng, 2.4, 120, 2.0))
     rockies = ramp(lon, -124, -117) * (1 - ramp(lon, -105.8, -99)) * ramp(lat, 24, 31)
     appalachians = np.exp(-(((lon + 80.5 - 0.85 * (lat - 37)) / 1.6) ** 2)) * ramp(lat, 32, 35)
     terrain = land * (60 + 1500 * rockies + 900 * rockies * ridges + 500 * appalachians * (0.6 + 0.5 * ridges))
@@ -172,7 +179,8 @@ def write(path: Path, sample: Path | None = None) -> None:
             pressure = 101_325 * np.exp(-z * GRAVITY / (GAS * 0.5 * (temperature + 294)))
             celsius = temperature - 273.15
             vapour = 0.6 * 611.2 * np.exp(17.67 * celsius / (celsius + 243.5))
-            fields = {"pressure": pressure, "height": z, "temperature": temperature, "humidity": 0.622 * vapour / pressure}
+            fields = {"pressure": pressure, "height": z, "temperature": temperature}
+            fields["humidity"] = 0.622 * vapour / pressure
             for name, values in {**fields, **weather.at(z, temperature)}.items():
                 put(name, (105, k + 1), values)
             print(f"level {k + 1} of {NZ}", file=sys.stderr, flush=True)

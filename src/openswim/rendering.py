@@ -104,7 +104,7 @@ def render(
     the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
     ``radiance_standard_error``, the paths per pixel and the mean error.
     """
-    lit = scene if isinstance(scene, LitScene) else light(scene, solver, wavelengths_nm, time, sun)
+    lit = scene if isinstance(scene, LitScene) else light(_needed(scene, camera), solver, wavelengths_nm, time, sun)
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
@@ -121,6 +121,18 @@ def render(
     if isinstance(view, ReferenceView):
         _add_errors(image, pixels, view, lit.field.solver.seed)
     return image
+
+
+def _needed(scene: Scene, camera: Camera) -> Scene:
+    """The part of a scene of very many columns, or of a large part of the Earth, that a view needs."""
+    from openswim.readers.neighbourhood import Mesh, Neighbourhood, is_large, part_of, reach_m
+
+    grid = scene.grid
+    if grid is None or grid.crs is None or camera.lat is None or camera.lon is None:
+        return scene
+    if not is_large(Mesh(grid.x, grid.y, grid.crs, grid.earth_radius_m)):
+        return scene
+    return part_of(scene, Neighbourhood(camera.lat, camera.lon, reach_m(camera.height_m), if_large=True))
 
 
 def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) -> None:
@@ -240,7 +252,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "view": camera.view,
         "source": lit.scene.source,
         "solver": lit.field.solver.name,
-        "quality": lit.field.solver.quality,
+        "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),
         "sun_azimuth_deg": round(azimuth, 4),
         "sun_distance_au": lit.daylight.distance_au,

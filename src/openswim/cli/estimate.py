@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from openswim.progress import PATIENCE_S
+from openswim.transport.large import LIGHT_OF_COLUMNS, is_large
+from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera
@@ -25,6 +27,8 @@ REFERENCE_PATHS = 256
 _START_S = 2.0
 _NODE_BYTES = 250  # optics, moments and scratch per node and wavelength
 _PIXEL_BYTES = 60
+_COLUMN_S, _SEEN_PIXEL_S = 13e-6, 5e-6  # of large domains, whatever the solver
+_LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,8 @@ def estimate(
     quality: str = "standard",
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores."""
+    if scene.grid is not None and solver != "reference" and is_large(scene):
+        return _estimate_large(scene, camera, wavelengths)
     nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
@@ -64,10 +70,23 @@ def estimate(
     return Estimate(seconds, 2e8 + nodes * wavelengths * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
 
 
+def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:
+    """Of a domain lit in parts: the scene's own fields, their extinction on levels, and a part."""
+    assert scene.grid is not None
+    columns = scene.grid.shape[1] * scene.grid.shape[2]
+    pixels = camera.shape[0] * camera.shape[1]
+    own = sum(values.nbytes for values in scene.data.data_vars.values()) + scene.grid.height_m.nbytes
+    seconds = _START_S + (columns * _COLUMN_S + pixels * _SEEN_PIXEL_S) * -(-wavelengths // PACK)
+    held = own + 4 * _LEVELS * columns * len(scene.species)
+    return Estimate(seconds, held + _PART_BYTES + pixels * wavelengths * _SEEN_PIXEL_BYTES)
+
+
 def announce(
     scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard"
 ) -> None:
     """Print the estimate of a large job to stderr."""
+    if solver == "fast" and scene.grid is not None and is_large(scene):
+        click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
     expected = estimate(scene, camera, solver, paths=paths, quality=quality)
     if expected.large:
         click.echo(str(expected), err=True)

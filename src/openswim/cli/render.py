@@ -87,7 +87,7 @@ def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | 
 
     if request.lat is None or request.lon is None:
         return None
-    return Neighbourhood(request.lat, request.lon, reach_m(camera.height_m), if_large=True)
+    return Neighbourhood(request.lat, request.lon, reach_m(camera.height_m), True, request.solver != "reference")
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":

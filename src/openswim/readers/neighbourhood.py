@@ -30,11 +30,13 @@ F64 = NDArray[np.float64]
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
 MOST_RADIUS_M = 10_000_000.0  # a hemisphere
 _SEEN_FROM_SPACE_M = 3_000_000.0
+_SPACE_M = 1e5
 _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
 _WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
 _LARGE_SPAN = 1.9  # radians
 _MOST_COLUMNS = 300_000  # cut as they are; more are averaged
+_MOST_SEEN_COLUMNS = 6_000_000  # for an eye in space, which sees them part by part
 _LEAST_CELLS = 3  # on each side of the observer
 _NARROWING = 1.2  # width of cells at one edge of the part against its middle
 _MOST_SIDE = 420  # columns along a side of a resampled part
@@ -43,12 +45,14 @@ _EVEN = 0.02  # of a cell, as Grid asks
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """A place (degrees) and how far around it matters; `if_large`: leave small domains whole."""
+    """A place (degrees) and how far around it matters; `if_large`: leave small domains whole; `in_parts`: as many
+    columns as an eye in space may see part by part (`transport.large`)."""
 
     lat: float
     lon: float
     radius_m: float = GROUND_RADIUS_M
     if_large: bool = False
+    in_parts: bool = True
 
     def __post_init__(self) -> None:
         if not (-90.0 <= self.lat <= 90.0 and -360.0 <= self.lon <= 360.0):
@@ -277,7 +281,8 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
         columns = (slice(west, nx), slice(0, east + 1 - nx))
     if (east - west) * wide > _MOST_WINDOW_M or (north - south) * tall > _MOST_WINDOW_M:
         return None
-    if (east - west) * (north - south) > _MOST_COLUMNS:
+    in_parts = around.in_parts and around.radius_m >= reach_m(_SPACE_M) and max(wide, tall) <= _WIDE_CELL_M
+    if (east - west) * (north - south) > (_MOST_SEEN_COLUMNS if in_parts else _MOST_COLUMNS):
         return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
     note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")

@@ -64,6 +64,10 @@ class Field:
         return self._first.solver
 
     @property
+    def quality(self) -> str:
+        return self._first.quality
+
+    @property
     def frame(self) -> Frame:
         return self._first.frame
 
@@ -126,6 +130,11 @@ class PackField:
     light: GridLight | None = None
     reach_deg: float = CLEAR_REACH_DEG  # how far round the Earth the shells' diffuse field is solved
     space_shells: Shells | None = None
+
+    @property
+    def quality(self) -> str:
+        """How finely the diffuse light is solved."""
+        return self.solver.quality
 
     def view(self, rays: Rays) -> View:
         """See `Field.view`."""

@@ -45,7 +45,7 @@ class GridLight:
     beams: list[F32]
     moments: list[Moments] | None
     coefficients: list[Coefficients]
-    sun_harmonics: F32
+    local_sun: F64  # (ny, nx, 3)
     sun: F64
     count: int
     shadow_m: F64
@@ -54,6 +54,12 @@ class GridLight:
     layers: list[Layers] | None = None  # instead of moments, in `Medium.layered` scenes
     columns: Columns | None = None  # instead of moments, in very large domains
     _aimed: tuple[bytes, bool] | None = None
+
+    @property
+    def sun_harmonics(self) -> F32:
+        """Harmonics (M^2, ny, nx) of the direction to the sun in every column's axes."""
+        harmonics = harmonic_matrix(self.local_sun.reshape(-1, 3), DEGREE).T
+        return np.ascontiguousarray(harmonics.reshape(-1, *self.local_sun.shape[:2]), np.float32)
 
     def aim(self, volume: Volume, eye: F64, parallel: bool) -> None:
         """Fill the source channels for one eye."""
@@ -243,10 +249,9 @@ def beams_and_shadows(
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
-    harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)
     return GridLight(
-        medium, [beams[min(w, count - 1)] for w in range(PACK)], None, coefficients, np.ascontiguousarray(harmonics),
-        sun, count, shadow, ridge,
+        medium, [beams[min(w, count - 1)] for w in range(PACK)], None, coefficients, local_sun, sun, count,
+        shadow, ridge,
     )  # fmt: skip
 
 

@@ -104,15 +104,8 @@ class Solver:
             raise UserError("wavelengths must lie between 280 and 2500 nm")
         if self.name == "reference":
             return solve_reference(self, scene, sun, wl)
-        if is_large(scene):
-            return Field(
-                [
-                    solve_large(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size, CLEAR_REACH_DEG)
-                    for part in (wl[a : a + PACK] for a in range(0, wl.size, PACK))
-                ]
-            )
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
-        solve = _clear_field if scene.grid is None else _grid_field
+        solve = _clear_field if scene.grid is None else solve_large if is_large(scene) else _grid_field
         return Field(
             [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
         )
