@@ -26,7 +26,25 @@ def test_more_of_anything_takes_longer() -> None:
     assert estimate(CLEAR, large).memory_bytes > estimate(CLEAR, small).memory_bytes
 
 
+def test_domains_lit_in_parts_take_less() -> None:
+    """Measured: HRRR's 1799 x 1059 columns on 50 levels, 1.9 million pixels: 2.7 GB of fields, 5.0 GB in all, some 70
+    CPU seconds, half of that on two cores."""
+    names = ("liquid_content", "ice_content", "rain_content", "snow_content", "air_pressure", "air_temperature")
+    field = SimpleNamespace(nbytes=4 * 50 * 1059 * 1799)
+    shape = SimpleNamespace(shape=(50, 1059, 1799), periodic=False, curved=True, height_m=field)
+    scene = SimpleNamespace(grid=shape, data=_Fields(dict.fromkeys(names, field)), species=[*"abcd"])
+    expected = estimate(scene, Camera.satellite(0, 0, size=(1059, 1799)))
+    assert 20 < expected.seconds < 90
+    assert 4e9 < expected.memory_bytes < 8e9
+
+
+class _Fields(dict):  # type: ignore[type-arg]
+    @property
+    def data_vars(self) -> "_Fields":
+        return self
+
+
 def test_only_large_jobs_are_announced() -> None:
     assert not estimate(CLEAR, Camera.allsky(47, 11, size=100)).large
-    assert estimate(_scene(64, 1000, 1000), Camera.allsky(47, 11, size=100)).large
-    assert "GB" in str(estimate(_scene(64, 1000, 1000), Camera.allsky(47, 11)))
+    assert estimate(_scene(64, 500, 500), Camera.allsky(47, 11, size=100)).large
+    assert "GB" in str(estimate(_scene(64, 500, 500), Camera.allsky(47, 11)))

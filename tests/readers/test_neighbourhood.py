@@ -120,7 +120,7 @@ def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
 def test_a_large_domain_seen_whole_is_averaged_and_no_farther_than_it_reaches():
     crs = CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229")
     mesh = Mesh(3000.0 * np.arange(1799) - 2.7e6, 3000.0 * np.arange(1059) - 1.6e6, crs, 6371229.0)
-    part = select(mesh, Neighbourhood(38.0, -97.0, reach_m(35_786_000.0), if_large=True))
+    part = select(mesh, Neighbourhood(38.0, -97.0, reach_m(35_786_000.0), if_large=True, in_parts=False))
     assert max(part.shape) <= 421
     assert part.x[1] - part.x[0] < 16_000  # 5400 km by 3200 km
     assert part.x[-1] - part.x[0] > 5.2e6
@@ -163,3 +163,20 @@ def test_part_of_any_scene():
     np.testing.assert_allclose(part.data.liquid_content[1], np.maximum(_sphere(lon, lat), 0) * 1e-6, atol=1e-10)
     np.testing.assert_allclose(part.data.surface_albedo[..., 2], np.abs(_sphere(lon, lat)) / 300, atol=1e-5)
     assert any("neighbourhood" in note for note in part.notes)
+
+
+HRRR = Mesh(
+    3000.0 * (np.arange(1799) - 899), 3000.0 * (np.arange(1059) - 529),
+    CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229"), 6_371_229.0,
+)  # fmt: skip
+
+
+def test_narrow_cells_of_very_large_domains_are_kept_for_an_eye_in_space():
+    from_space = Neighbourhood(38.5, -97.5, reach_m(3.6e7), if_large=True)
+    whole = select(HRRR, from_space)
+    assert whole.shape == HRRR.shape
+    assert not whole.nodes
+    near = select(HRRR, Neighbourhood(38.5, -97.5, reach_m(2.0), if_large=True))
+    assert near.shape[0] < 150
+    wide = Mesh(10 * HRRR.x, 10 * HRRR.y, HRRR.crs, 10 * HRRR.earth_radius_m)
+    assert select(wide, from_space).nodes

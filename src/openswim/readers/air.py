@@ -17,8 +17,13 @@ F32 = NDArray[np.float32]
 
 def geometric_height_m(geopotential_height_m: NDArray[Any]) -> F32:
     """Height above sea level [m] of a geopotential height H [gpm]: R H/(R - H)."""
-    h = np.asarray(geopotential_height_m, np.float64)
-    return (GEOID_RADIUS_M * h / (GEOID_RADIUS_M - h)).astype(np.float32)
+    given = np.asarray(geopotential_height_m)
+    out = np.empty(given.shape, np.float32)
+    levels = zip(out, given, strict=True) if given.ndim == 3 else [(out, given)]
+    for heights, values in levels:  # one after the other: double precision of large domains takes memory
+        h = values.astype(np.float64)
+        heights[...] = GEOID_RADIUS_M * h / (GEOID_RADIUS_M - h)
+    return out
 
 
 def virtual_temperature_k(temperature_k: F32, specific_humidity: F32 | None) -> F32:
@@ -65,6 +70,17 @@ def standard_air(height_m: NDArray[Any]) -> tuple[F32, F32]:
 
     pressure, temperature = us_standard_pressure_temperature(np.asarray(height_m, float))
     return pressure.astype(np.float32), temperature.astype(np.float32)
+
+
+def without_gaps(values: F32) -> int:
+    """Make missing values (NaN) of levels zero, in place; how many there were."""
+    count = 0
+    for level in values:
+        gap = np.isnan(level)
+        if gap.any():
+            count += int(gap.sum())
+            level[gap] = 0
+    return count
 
 
 def filled_from_above(values: F32) -> F32:

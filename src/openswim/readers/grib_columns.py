@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from openswim.readers.air import (
     standard_air,
     standard_height_m,
     virtual_temperature_k,
+    without_gaps,
 )
 from openswim.readers.grib_codes import CONTENT
 from openswim.readers.grib_file import Field, GRIBFile
@@ -68,10 +70,9 @@ class Columns:
 
     def stack(self, fields: dict[float, Field], levels: Sequence[float]) -> F32:
         """(nz, ny, nx) of a quantity on these levels; NaN on those it lacks."""
-        out = np.full((len(levels), *self.selection.shape), np.nan, np.float32)
+        out = np.empty((len(levels), *self.selection.shape), np.float32)
         for k, level in enumerate(levels):
-            if level in fields:
-                out[k] = self.read(fields[level])
+            out[k] = self.read(fields[level]) if level in fields else np.nan
         return out
 
 
@@ -216,7 +217,8 @@ def _humidity(columns: Columns, levels: list[float], pressure: F32 | None, tempe
             found = found / (1 + found)
         elif name == "relative_humidity":
             found = _specific(found, pressure, temperature)
-        return np.asarray(np.clip(np.nan_to_num(found), 0.0, 0.1), np.float32)
+        without_gaps(found)
+        return np.asarray(np.clip(found, 0.0, 0.1, out=found), np.float32)
     columns.notes.append("no humidity in the file: dry air assumed for density")
     return None
 
@@ -327,7 +329,7 @@ def _extend_down(height: F32, pressure: F32, temperature: F32) -> None:
 
 def _completed(columns: Columns, name: str, values: F32) -> F32:
     """Gaps below the terrain take the value above them; whole columns without data the mean of their level."""
-    gaps = int(np.isnan(values).sum())
+    gaps = sum(int(np.isnan(level).sum()) for level in values)
     if not gaps:
         return values
     values = filled_from_above(values)
@@ -342,9 +344,9 @@ def _completed(columns: Columns, name: str, values: F32) -> F32:
 
 
 def _check_rising(columns: Columns, levels: list[float], height: F32) -> None:
-    if not (np.isfinite(height).all() and np.abs(height).max() < 1e6):
+    if not all(np.isfinite(level).all() and np.abs(level).max() < 1e6 for level in height):
         raise UserError(f"{columns.file.path}: heights of levels are missing or absurd: damaged, or in other units")
-    rises = np.diff(height, axis=0).min(axis=(1, 2))
+    rises = np.array([(above - below).min() for below, above in pairwise(height)])
     k = int(np.argmin(rises))
     if not rises[k] > 0:
         raise UserError(

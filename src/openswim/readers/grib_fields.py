@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.air import without_gaps
 from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.grib_codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib_columns import Air, Columns
@@ -84,14 +85,13 @@ def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field
     if inner:
         columns.notes.append(f"{name} is missing on {len(inner)} levels between others ({inner[0]:g} ...): none there")
     values = columns.stack(fields, air.levels)
-    gaps = int(np.isnan(values).sum()) - len(lacking) * values[0].size
+    gaps = without_gaps(values) - len(lacking) * values[0].size
     if gaps:
         columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
-    values = np.nan_to_num(values, nan=0.0)
     per = next(iter(fields.values())).meaning.per
     if name.endswith(RADIUS) or per == "volume":
         return values
-    return np.asarray(values * (air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3), np.float32)
+    return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
 
 
 def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:

@@ -7,6 +7,7 @@ groups on trust, and would end the program on some.
 from __future__ import annotations
 
 import struct
+import threading
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 _WIDEST = 32  # bits
+_scratch = threading.local()
 
 
 def is_complex(section5: bytes) -> bool:
@@ -43,8 +45,7 @@ def unpacked(section5: bytes, section6: bytes, section7: bytes, points: int) -> 
     if max(abs(two), abs(ten)) > 300:
         return None
     body = np.frombuffer(section7, np.uint8)[5:]
-    coded = np.empty(count, np.int64)
-    missing = np.zeros(count, np.bool_)
+    coded, missing = _room(count)
     fine = _groups(body, bits, groups, width_ref, width_bits, length_ref, length_step, last, length_bits, order, octets,
                    management, coded, missing)  # fmt: skip
     if not fine:
@@ -56,6 +57,15 @@ def unpacked(section5: bytes, section6: bytes, section7: bytes, points: int) -> 
     whole = np.full(points, np.nan, np.float32)
     whole[there] = values
     return whole
+
+
+def _room(count: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Scratch for so many values: touching new memory for every message takes as long as unpacking it."""
+    if getattr(_scratch, "coded", np.empty(0)).size < count:
+        _scratch.coded, _scratch.missing = np.empty(count, np.int64), np.empty(count, np.bool_)
+    missing = _scratch.missing[:count]
+    missing[:] = False
+    return _scratch.coded[:count], missing
 
 
 def _signed(octets: bytes) -> int:
@@ -97,7 +107,7 @@ def _magnitude(body: Any, at: int, bits: int) -> int:
     return -value if _read(body, at, 1) else value
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _groups(
     body: Any, bits: int, groups: int, width_ref: int, width_bits: int, length_ref: int, length_step: int, last: int,
     length_bits: int, order: int, octets: int, management: int, coded: Any, missing: Any,
@@ -152,7 +162,7 @@ def _groups(
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _scaled(coded: Any, missing: Any, reference: float, two: float, ten: float, values: Any) -> None:
     for n in range(coded.size):
         values[n] = np.nan if missing[n] else (reference + coded[n] * two) * ten
