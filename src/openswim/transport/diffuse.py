@@ -158,7 +158,7 @@ class Sweeper:
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, is written over."""
-        new = self.pool.lend(values.shape) if out is None else out
+        new = np.empty_like(values) if out is None else out
         threads = get_num_threads()
         if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
@@ -231,12 +231,9 @@ class Sweeper:
             if change.sum() <= tolerance**2 * size.sum():
                 break
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
-            residual = self.pool.lend((len(image), 4, BLOCK))
+            residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
-        for other in [*recent.images, *recent.residuals]:
-            if other is not image:
-                self.pool.back(other)
         return image, values, n
 
 
@@ -342,8 +339,6 @@ def coarse_to_fine(
     enough = 2 * tolerance if trace else tolerance
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
-    if level.coarser.values is not known:
-        fine.pool.back(known)
     traces = []
     if not like:
         traces = [*below.traces, Trace(level.place >= 0, begun[:, :1].copy(), before[:, :_ALIKE] - begun)]
