@@ -12,11 +12,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.pack import LANES, four_times_as_fine, put, read_quadruple, twice_as_fine, write
 from openswim.transport.products import BLOCK
 
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_ZERO = np.float32(0.0)
 
 
 class Moments(NamedTuple):
@@ -27,7 +29,7 @@ class Moments(NamedTuple):
 
 
 class Coarser(NamedTuple):
-    """The solved field of a grid coarser by ``factor`` in x and y (0: none), with the beam that lights it."""
+    """The solved field of a grid coarser by ``factor`` in x and y (2, 4; 0: none), with the beam that lights it."""
 
     factor: int
     columns: int  # nx; the rows below are filled with zeros to whole blocks
@@ -63,8 +65,14 @@ def between(i, factor, count):
     return m, np.float32(share)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def interpolated(nodes, factor):
+    """LANES nodes of a grid from those of one coarser by 2 or 4, of which the second is the first one's own."""
+    return twice_as_fine(nodes) if factor == 2 else four_times_as_fine(nodes)
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def coarser_row(place, values, k, j, factor, scratch):
+def _coarser_row(place, values, k, j, factor, scratch):
     """Moments at level k of a densely kept coarser grid, into scratch (M*M, nx of the coarser), at the fine row j."""
     count, nx = scratch.shape
     m, share = between(j, factor, place.shape[1])
@@ -75,7 +83,7 @@ def coarser_row(place, values, k, j, factor, scratch):
         lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
         for c in range(count):
             row = scratch[c, lo:hi]
-            row[:] = np.float32(0.0)
+            row[:] = _ZERO
             if at >= 0:
                 one = values[at, c]
                 for i in range(hi - lo):
@@ -87,42 +95,49 @@ def coarser_row(place, values, k, j, factor, scratch):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def moment_row(place, values, coarser, k, j, scratch, out):
-    """Moments (M*M, nx) along one row, kept or interpolated. ``scratch`` (M*M, nx of the coarser grid)."""
-    count, nx = out.shape
-    wanting = coarser.factor > 0
+def _moment_row(place, values, coarser, k, j, scratch, nx, out):
+    """Moments (M*M, ...) of the ``nx`` nodes of one row, kept or interpolated, between ghosts that repeat the ends.
+
+    ``scratch`` (M*M, nx of the coarser grid).
+    """
+    count = out.shape[0]
+    wanting = False
+    for b in range(place.shape[2] if coarser.factor > 0 else 0):
+        wanting |= place[k, j, b] < 0
     if wanting:
-        wanting = False
-        for b in range(place.shape[2]):
-            wanting |= place[k, j, b] < 0
-    if wanting:
-        coarser_row(coarser.place, coarser.values, k, j, coarser.factor, scratch)
+        _coarser_row(coarser.place, coarser.values, k, j, coarser.factor, scratch)
     for b in range(place.shape[2]):
         at = place[k, j, b]
         lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
         for c in range(count):
+            row = out[c]
             if at >= 0:
-                for i in range(lo, hi):
-                    out[c, i] = values[at, c, i - lo]
+                own = values[at, c]
+                for i in range(hi - lo):
+                    row[1 + lo + i] = own[i]
             elif wanting:
                 for i in range(lo, hi):
                     m, share = between(i, coarser.factor, scratch.shape[1])
                     last = min(m + 1, scratch.shape[1] - 1)
-                    out[c, i] = scratch[c, m] + share * (scratch[c, last] - scratch[c, m])
+                    row[1 + i] = scratch[c, m] + share * (scratch[c, last] - scratch[c, m])
             else:
                 for i in range(lo, hi):
-                    out[c, i] = np.float32(0.0)
+                    row[1 + i] = _ZERO
+    for c in range(count):
+        out[c, 0], out[c, nx + 1] = out[c, 1], out[c, nx]
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
-    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added."""
+    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added.
+
+    As many as there are of the coarser grid, the first ones.
+    """
     nz, ny, nb = place.shape
-    count = values.shape[1]
-    rows = coarse.place.shape[1]
+    count, moments = coarse.values.shape[1], values.shape[1]
+    rows, width = coarse.place.shape[1], coarse_nx + 2 + LANES
     scratch = np.empty((count, coarsest.columns), np.float32)
-    one, two = np.empty((count, coarse_nx), np.float32), np.empty((count, coarse_nx), np.float32)
-    near, far = np.float32(0.75), np.float32(0.25)
+    one, two = np.zeros((count, width), np.float32), np.zeros((count, width), np.float32)
     for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
         k, j = row // ny, row % ny
         kept = False
@@ -131,25 +146,24 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
         if not kept:
             continue
         m, w = between(j, 2, rows)
-        moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, one)
+        _moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, coarse_nx, one)
         if w > 0:
-            moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, two)
+            _moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, coarse_nx, two)
             for c in range(count):
-                for i in range(coarse_nx):
-                    one[c, i] += w * (two[c, i] - one[c, i])
+                near, far = one[c], two[c]
+                for i in range(width):
+                    near[i] += w * (far[i] - near[i])
         for b in range(nb):
-            at = place[k, j, b]
-            if at < 0:
+            if place[k, j, b] < 0:
                 continue
-            first = b * BLOCK
             for c in range(count):
-                for i in range(min(nx - first, BLOCK)):
-                    n = (first + i) // 2
-                    aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
-                    found = values[at, c, i] if again else np.float32(0.0)
-                    values[at, c, i] = found + near * one[c, n] + far * one[c, aside]
-                for i in range(nx - first, 0 if again else BLOCK):
-                    values[at, c, i] = np.float32(0.0)
+                at = (place[k, j, b] * moments + c) * BLOCK
+                for i in range(0, BLOCK, LANES):
+                    x = min((b * BLOCK + i) // 2, coarse_nx)  # blocks may go on beyond the last node
+                    mean = interpolated(read_quadruple(one, c * width + x), 2)
+                    write(values, at + i, mean + read_quadruple(values, at + i) if again else mean)
+                for i in range(nx - b * BLOCK, BLOCK):
+                    put(values, at + i, _ZERO)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
@@ -157,7 +171,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
     """Means over 2x2 columns of the change of moments kept in blocks, on a densely kept grid coarser by two.
 
     ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
-    as zero.
+    as zero. As many moments as ``out`` has, the first ones.
     """
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
@@ -184,7 +198,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
                     if total > np.float32(0.0):
                         part[0, i], part[1, i] = w00 / total, w01 / total
                         part[2, i], part[3, i] = w10 / total, w11 / total
-                for c in range(values.shape[1]):
+                for c in range(out.shape[1]):
                     for i in range(half):
                         beside = min(2 * i + 1, last)
                         mean = np.float32(0.0)
