@@ -10,6 +10,7 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 import openswim
 from openswim import Camera, Scene, UserError
 from openswim.lights import solar_irradiance, sun_position
+from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
 from openswim.rendering import daylight, light
 
 TIME = np.datetime64("2024-05-04T09:30")
@@ -196,3 +197,18 @@ def test_the_setting_sun_is_lifted_by_refraction() -> None:
     t = int(np.argmin([abs(p.altitude_deg) for p in place]))
     lifted = np.degrees(np.arcsin(daylight(scene, times[t]).direction[2])) - place[t].altitude_deg
     assert lifted == pytest.approx(0.48, abs=0.06)  # Bennett (1982): 29 minutes of arc
+
+
+def test_of_a_large_domain_opened_whole_a_view_takes_what_it_needs() -> None:
+    shape = (3, 600, 600)
+    cloud = box(shape, (slice(1, 2), slice(280, 330), slice(290, 296)), 5e-4)
+    whole = grid_scene(cloud, shape, (3000.0, 3000.0, 900.0), curved=True, air=True)
+    sky = Camera.allsky(LAT, LON, size=12)
+    part = part_of(whole, Neighbourhood(LAT, LON, reach_m(sky.height_m)))
+    assert part.data["extinction_cloud"].shape[1] < 150
+    seen = openswim.render(whole, sky, solver="swim", sun=SUN)
+    expected = openswim.render(part, sky, solver="swim", sun=SUN)
+    np.testing.assert_array_equal(seen.radiance, expected.radiance)
+    from_space = openswim.render(whole, Camera.satellite(LAT, LON, 3.6e7, size=(8, 8), fov_deg=2.5), sun=SUN)
+    assert from_space.quality == "columns"  # all of them
+    assert np.isfinite(from_space.radiance).all()
