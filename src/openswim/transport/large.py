@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 from openswim.ground import hemispherical_albedo, surface_properties
-from openswim.optics.cover import cloud_cover
 from openswim.progress import job
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
@@ -46,6 +45,7 @@ LIGHT_OF_COLUMNS = (
     f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
     "the picture made part by part"
 )
+_BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where the scene has their cover
 _PART_COLUMNS = 90_000
 _MARGIN = 12  # columns of the ground's fields beyond a part, where what fades at their edge may fade
 _MOST_SLANT = 96  # columns that light may come from the side
@@ -58,7 +58,8 @@ def is_large(scene: Scene) -> bool:
     grid = scene.grid
     if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
         return False
-    return not grid.periodic and grid.curved and cloud_cover(scene) is None
+    covered = "cloud_area_fraction" in scene.data and min(grid.spacing_m()) > _BROKEN_CELL_M
+    return not grid.periodic and grid.curved and not covered
 
 
 def _ground_of(scene: Scene, window: Window) -> Scene:
@@ -78,6 +79,7 @@ class LargeField(PackField):
     """`PackField` of a large domain: light is solved anew for every view, part by part, and forgotten."""
 
     inflow: F32 = field(default_factory=lambda: np.zeros((0, 0, 2), np.float32))
+    cover: F32 | None = None
 
     @property
     def quality(self) -> str:
@@ -179,7 +181,7 @@ class LargeField(PackField):
         started = time.perf_counter()
         grid, fast = self.scene.grid, self.solver.name == "fast"
         assert grid is not None
-        medium = part_of_medium(self.whole, grid, window)
+        medium = part_of_medium(self.whole, self.cover, grid, window)
         wider = window.grown((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), self.whole.shape[1:])
         ground = _ground_of(self.scene, wider)
         medium.first = (window.west - wider.west, window.south - wider.south)
@@ -216,7 +218,7 @@ class LargeField(PackField):
 def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> LargeField:
     """What all views and parts share: optics on levels, the clear air around."""
     started = time.perf_counter()
-    medium = large_medium(scene, wl)
+    medium, cover = large_medium(scene, wl)
     grid, frame = scene.grid, medium.frame
     assert grid is not None
     _, ny, nx = grid.shape
@@ -236,5 +238,5 @@ def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     return LargeField(
         solver, scene, frame, sun, wl, count, shells, no_volume(), table, lighting, medium,
         {"air": time.perf_counter() - started}, reach_deg=reach,
-        inflow=top_light(shells, float(medium.levels_m[-1]), count),
+        inflow=top_light(shells, float(medium.levels_m[-1]), count), cover=cover,
     )  # fmt: skip

@@ -10,12 +10,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.ground.relief import refined_terrain
+from openswim.optics.cover import LEAST_COVER, cloud_cover
 from openswim.optics.species import OpticalSpecies, each_species
 from openswim.scene.frame import scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
 from openswim.scene.variables import HYDROMETEORS
 from openswim.transport.medium import Medium, air_of, chart_of, check_span, columns_on, outside_ground_m
+from openswim.transport.subgrid import cloud_under_cover
 from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
@@ -102,8 +104,9 @@ def _cloud_top_m(scene: Scene, heights: NDArray) -> float:
     return float(np.max(top))
 
 
-def large_medium(scene: Scene, wavelengths_nm: F64) -> Medium:
-    """The medium of a whole large domain, without axes and places of its columns (`part_of_medium` adds them)."""
+def large_medium(scene: Scene, wavelengths_nm: F64) -> tuple[Medium, F32 | None]:
+    """The medium of a whole large domain, without axes and places of its columns (`part_of_medium` adds them), and
+    what share of its cells is cloud (nz, ny, nx), if the scene says so."""
     grid = scene.grid
     assert grid is not None
     check_span(grid)
@@ -128,12 +131,16 @@ def large_medium(scene: Scene, wavelengths_nm: F64) -> Medium:
         fields[n] = nothing
     for k, z in enumerate(levels):
         extinction[:, k, z < terrain - 1.5 * thickness[k]] = 0
+    cover = cloud_cover(scene)
+    if cover is not None:
+        cover = np.clip(spread_on_levels(cover, heights, levels), LEAST_COVER, 1)
     ground_m = outside_ground_m(terrain)
-    return Medium(
+    medium = Medium(
         frame, wavelengths_nm, species, extinction, levels, grid.spacing_m(), terrain,
         np.zeros((0, 0, 3, 3), np.float32), np.zeros((0, 0, 3)), False, *chart_of(grid, frame), ground_m,
         air_of(scene, wavelengths_nm, ground_m),
     )  # fmt: skip
+    return medium, cover
 
 
 class Window(NamedTuple):
@@ -155,12 +162,18 @@ class Window(NamedTuple):
         return slice(self.south, self.north), slice(self.west, self.east)
 
 
-def part_of_medium(medium: Medium, grid: Grid, window: Window) -> Medium:
-    """The columns of a window, in the whole's frame and on its levels."""
+def part_of_medium(medium: Medium, cover: F32 | None, grid: Grid, window: Window) -> Medium:
+    """The columns of a window, in the whole's frame and on its levels; cloud that covers parts of cells is thinned to
+    what reflects as much."""
     rows, columns = window.slices
     axes, place = columns_on(grid, medium.frame, window.slices)
+    extinction = np.ascontiguousarray(medium.extinction[:, :, rows, columns])
+    if cover is not None:
+        extinction = cloud_under_cover(
+            list(extinction), medium.species, cover[:, rows, columns], medium.levels_m, place, min(medium.cell_m), 1
+        )
     return replace(
-        medium, extinction=np.ascontiguousarray(medium.extinction[:, :, rows, columns]),
+        medium, extinction=extinction,
         terrain_m=np.ascontiguousarray(medium.terrain_m[rows, columns]), axes=axes, place=place,
         chart=medium.chart - np.array([window.west, window.south], float),
     )  # fmt: skip
