@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.transport.scenes import WAVELENGTH_NM, grid_scene, slab
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, slab
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
@@ -85,6 +85,21 @@ def test_even_cloud_as_layers_of_many_streams(
         place = np.array([1000.0, 1000.0, 1000.0]) - 3000.0 * down
         expected = truth_field.view(Rays(place, down)).radiance[0, 0]
         assert seen == pytest.approx(expected, rel=0.07)
+
+
+@pytest.mark.parametrize("zenith_deg", [30.0, 77.0])
+def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
+    """Over black ground, where nothing else shines: there is no frame to see."""
+    field = np.zeros((30, 24, 24), np.float32)
+    field[25] = 1e-9
+    scene = grid_scene(field, (30, 24, 24), (3000.0, 3000.0, 500.0), curved=True, air=True)
+    clear = Scene.clear(LAT, LON, surface_albedo=0.0)
+    for south_deg in (0.0, 35.0):
+        rays = _rays(scene, 3, 3, south_deg)
+        seen, expected = (
+            Solver().solve(one, _sun(zenith_deg), [615.0, 450.0]).view(rays).radiance[4] for one in (scene, clear)
+        )
+        np.testing.assert_allclose(seen, expected, rtol=0.012)
 
 
 def test_no_light_is_lost() -> None:

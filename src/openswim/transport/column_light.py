@@ -159,7 +159,7 @@ def _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, s
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, fields):
+def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missing, fields):
     """Into the fields each node's source: its own, or in thick cells what makes the eye, which takes it as linear to
     the next node, see what the parts send up."""
     nz, ny, nx = fields.shape[:3]
@@ -208,7 +208,7 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, fields
                 shown = choose_above(read_quadruple(slopes, k * LANES), _ZERO, wanted, own)
             last = first
         place = ((k * ny + j) * nx + i) * channels + PACK + w
-        write(slopes, nz * LANES, shown)
+        write(slopes, nz * LANES, shown + read_quadruple(missing, k * LANES))
         for n in range(LANES):
             value = flat(slopes, nz * LANES + n)
             put(fields, place + n * channels, value)
@@ -219,7 +219,7 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, fields
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def column_light(
     t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
-    albedo, direct, inflow, tables, columns, eye, parallel, count, fields, down, up,
+    albedo, direct, inflow, lacking, tables, columns, eye, parallel, count, fields, down, up,
 ):  # fmt: skip
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
 
@@ -227,8 +227,9 @@ def column_light(
     of the species, ``scaled`` (count, ns) and ``scattering`` (count, ns, DEGREE), those of the air (count, nz) and
     (count, nz, DEGREE), 1/m; ``ground_node`` (ny, nx) lowest level not under the ground, ``sun`` (ny, 3, nx) in the
     columns' axes; ``albedo`` and the beam's flux ``direct`` at the ground (count, ny, nx), the light from above the
-    grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it; fields[..., :count] holds depths to the sun.
-    ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
+    grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
+    ``lacking`` (count, nz, suns), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds depths to the
+    sun. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
     `eye_source.view_source`.
     """
     _, nz, ny, nx = extinction.shape
@@ -240,6 +241,7 @@ def column_light(
     thick, node, below = np.empty(most, f32), np.empty(most, f32), np.empty(most, f32)
     rows, start = np.empty(most * 6 * LANES, f32), np.empty(6 * LANES, f32)
     looks, phases = np.empty(nz * MODES * ORDERS * LANES, f32), np.empty(nz * DEGREE * LANES, f32)
+    missing = np.empty(nz * LANES, f32)
     slopes, lit = np.empty((nz + 1) * LANES, f32), np.empty(MODES * ORDERS * LANES, f32)
     ground, above, flux = np.empty(3 * LANES, f32), np.empty(2 * LANES, f32), np.zeros(2 * LANES, f32)
     parts = np.empty(nz, np.int64)
@@ -267,6 +269,9 @@ def column_light(
                     at = 0.5 * (inflow.shape[1] - 1) * (1.0 + mu_sun[j, i + n])
                     at = min(max(at, 0.0), inflow.shape[1] - 1.0)
                     m = min(int(at), inflow.shape[1] - 2)
+                    for k in range(nz):
+                        before = lacking[w, k, m]
+                        put(missing, k * LANES + n, f32(before + (at - m) * (lacking[w, k, m + 1] - before)))
                     for c in range(2):
                         low = inflow[w, m, c]
                         put(above, c * LANES + n, f32(low + (at - m) * (inflow[w, m + 1, c] - low)))
@@ -282,4 +287,4 @@ def column_light(
                     )  # fmt: skip
                 for n in range(LANES):
                     down[w, j, i + n], up[w, j, i + n] = flux[n], flux[LANES + n]
-                _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, fields)
+                _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missing, fields)

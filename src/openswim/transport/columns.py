@@ -7,7 +7,7 @@ does not is solved without sweeps (`column_solve.py`), and the eye sees of each 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from openswim.transport.column_solve import harmonics_of_mode, mode_tables
 from openswim.transport.eye_source import columns_of
 from openswim.transport.medium import Medium
 from openswim.transport.optical_grid import Coefficients
-from openswim.transport.shells import clear_radiance
+from openswim.transport.pack import PACK
+from openswim.transport.shells import clear_radiance, rows_between
+from openswim.transport.sun import direct_beam
 from openswim.transport.threads import in_threads
-from openswim.transport.volume import Shells
+from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -39,6 +41,7 @@ class Columns:
     albedo: F32
     direct: F32
     inflow: F32
+    lacking: F32
     down: F32
     up: F32
     count: int
@@ -50,9 +53,53 @@ class Columns:
             column_light, m.extinction, np.stack([c.scaled for c in some]), np.stack([c.scattering for c in some]),
             np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
-            self.albedo, self.direct, self.inflow, mode_tables(), columns_of(m.axes, m.place, eye, parallel), eye,
-            parallel, self.count, fields, self.down, self.up,
+            self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
+            columns_of(m.axes, m.place, eye, parallel), eye, parallel, self.count, fields, self.down, self.up,
         )  # fmt: skip
+
+
+def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: Shells, inflow: F32, count: int) -> F32:
+    """What the clear air of the shells scatters straight up, less what its columns are found to (count, nz, suns), 1/m.
+
+    Four harmonics do not hold the light that runs level through thin air: over dark water 2-5 % of all that is seen.
+    """
+    levels = medium.levels_m
+    nz, suns = len(levels), inflow.shape[1]
+    mu = np.linspace(-1, 1, suns)
+    sun = np.stack([np.sqrt(1 - mu**2), 0 * mu, mu], axis=-1)[None]
+    ground = np.full((1, suns), shells.ground_m, np.float32)
+    fields = blank_fields((nz, 1, suns), 2 * PACK)
+    beams, surface = np.empty((count, nz, 1, suns), np.float32), np.empty((count, 1, suns), np.float32)
+    in_threads(
+        direct_beam, np.zeros((nz, 1, suns, PACK), np.float32), np.zeros(PACK, np.int64), sun, levels, ground,
+        np.full((1, suns), -1e9), np.zeros((1, suns)), count, shells, beams, surface, fields,
+    )  # fmt: skip
+    node = np.full((1, suns), min(int((levels < shells.ground_m - 0.01).sum()), nz - 2), np.int64)
+    albedo = np.broadcast_to(shells.ground_albedo[:count, None, None], surface.shape).astype(np.float32)
+    alone = replace(
+        medium, extinction=np.zeros((1, nz, 1, suns), np.float32), place=np.zeros((1, suns, 3)),
+        axes=np.tile(np.eye(3, dtype=np.float32), (1, suns, 1, 1)),
+    )  # fmt: skip
+    flux = np.empty_like(surface)
+    column = Columns(
+        alone, [_air_alone(c) for c in coefficients], node, sun, mu[None], albedo,
+        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns), np.float32), flux,
+        flux.copy(), count,
+    )  # fmt: skip
+    column.aim(fields, np.array([0.0, 0.0, -1.0]), True)
+    found = np.moveaxis(fields[:, 0, :, PACK : PACK + count], -1, 0)
+    above = np.maximum(levels - shells.ground_m, 0.0)
+    level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
+    place = np.interp(mu, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
+    up = np.moveaxis(shells.source[:, :, 0, 0, :count], 0, 1)  # (suns, nl, count)
+    known = rows_between(up.reshape(len(up), -1), place).reshape(suns, -1, count)
+    known = rows_between(np.moveaxis(known, 0, 1).reshape(-1, suns * count).astype(np.float32), level)
+    return np.ascontiguousarray(np.moveaxis(known.reshape(nz, suns, count), -1, 0) - found, np.float32)
+
+
+def _air_alone(one: Coefficients) -> Coefficients:
+    """Without any species, but for one of which there is nothing."""
+    return replace(one, scaled=np.zeros(1, np.float32), scattering=np.zeros((1, DEGREE), np.float32))
 
 
 def top_light(shells: Shells, top_m: float, count: int) -> F32:
