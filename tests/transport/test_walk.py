@@ -6,9 +6,9 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_dire
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.transport import Field, Solver, walk
 from openswim.transport.march import march_rays
-from openswim.transport.volume import sphere_crossings
+from openswim.transport.volume import sphere_crossings, tidy
 
 SUN = toward(200.0, 40.0)
 EYE = np.array([120.0, -80.0, 2.0])
@@ -91,3 +91,24 @@ def test_sphere_crossings_lie_on_the_sphere(radius_m: float, mu: float) -> None:
             if abs(s) < 1e9:
                 there = square + s * (2 * rise + s)
                 assert there / (2 * radius_m + target) == pytest.approx(target, abs=0.5)
+
+
+def test_a_ray_that_meets_the_ground_before_the_grid_is_not_looked_up_in_it() -> None:
+    """Its step ends in the grid, and is taken back to the ground outside."""
+    scene = grid_scene(np.full((8, 20, 20), 1e-4), (8, 20, 20), (1000.0, 1000.0, 300.0), curved=True, air=True)
+    pack = Solver("swim").solve(scene, np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM]).packs[0]
+    # the box around a domain that lies askew is wider than it
+    shells, volume = tidy(pack.shells), tidy(pack.volume._replace(sides_m=1.2 * pack.volume.sides_m))
+    _, ny, nx = pack.medium.shape  # type: ignore[union-attr]
+    for away in (1.0, 30.0, 300.0, 900.0):
+        origin = np.array([-9500.0 - 2 * away, 0.0, 0.05 * away])
+        origin[2] -= (origin[0] ** 2) / (2 * shells.radius_m)
+        down = np.radians(-2.9)
+        state, places = np.zeros(walk.WALK), np.zeros(walk.BATCH * walk.PLACE)
+        walk.start_walk(state, *origin, np.cos(down), 0.0, np.sin(down), shells, volume)
+        while state[walk.STATE] == walk.GOING:
+            state[walk.COUNT] = 0
+            walk.walk_on(state, places, shells, volume, 10.0, 2.0)
+            level, ix, iy = places[walk.PLACE_LEVEL], places[walk.PLACE_X], places[walk.PLACE_Y]
+            assert level < 0 or (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1)
+        assert state[walk.STATE] == walk.HIT

@@ -185,6 +185,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             u = t - w[BEGIN]
             h = w[H0] + u * (w[H1] + u * w[H2])
             ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
+            inside = inside_grid(ix, iy, volume)  # the step may have passed the side
     else:
         h = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), shells.radius_m)
     place = count * PLACE
