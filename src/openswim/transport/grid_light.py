@@ -153,12 +153,16 @@ def sunlit_volume(
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
-    for k in range(nz):  # a level at a time stays in a cache
-        for s in range(ns):
-            fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
-        fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
-        for n, channel in forward_channel.items():
-            fields[k, ..., channel] = depth[k, ..., n]
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            for s in range(ns):
+                fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
+            fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
+            for n, channel in forward_channel.items():
+                fields[k, ..., channel] = depth[k, ..., n]
+
+    in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
