@@ -49,6 +49,7 @@ class Lighting:
     normal: F64 | None = None
     axes: F32 | None = None
     clear_sky: F32 | None = None  # (mu, azimuth, nw) above the centre of the domain
+    unshadowed: F32 | None = None  # ``direct`` without the terrain's own shadows, where a relief casts them
     forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
 
     @classmethod
@@ -240,20 +241,23 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     beam = beam_transmission(shells, mu_sun)
     diffuse = np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
     normal = up.copy()
-    medium = light_field.medium
+    # a pixel that looks along the ground covers more of it: the geometric mean of both sides
+    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
+    medium, relief = light_field.medium, light_field.relief
+    if relief is not None:
+        normal = relief.normals(place, up, footprint)
     if medium is not None:
         ix, iy = _indices(scene, medium, place, lat, lon)
         _, ny, nx = medium.shape
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
-        beam[inside] = bilinear(lighting.direct, ix[inside], iy[inside])
+        direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
+        beam[inside] = bilinear(direct, ix[inside], iy[inside])
         diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
-        if lighting.normal is not None:
+        if lighting.normal is not None and relief is None:
             normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] = light_field.beam(place[shaded])
-    # a pixel that looks along the ground covers more of it: the geometric mean of both sides
-    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
     sample = surface_properties(scene, lat, lon, wl, footprint)
     maps = height_maps(scene)
     if maps:
@@ -261,6 +265,9 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
+    if relief is not None:
+        lit = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
+        beam[lit] *= relief.lit(place[lit], sun)[:, None]
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
     horizontal_sun = sun - mu_sun[:, None] * up
     horizontal_view = -direction + (direction * up).sum(-1, keepdims=True) * up
