@@ -30,10 +30,11 @@ _NODES = (256, 2048)  # from the eye to the side of a field: as many as pixels t
 _WEDGE_DEG = 25.0  # rays that rise more steeply meet no mountains
 _ASIDE = 0.1  # of a field's half width, that it reaches beyond what rays see
 _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
-_EDGE_CELLS = 3.0  # of the model, over which its terrain fades into the default Earth's
+_BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
 _RIM = 0.2  # of the reach, over which the default Earth fades to the ground outside
 _FLAT_M = 100.0  # lower ground is level
 _KNOTS = 8  # nodes between places that maps and projections are asked for
+_BAND = 250_000  # nodes worked out at a time
 _WIDEST_EDGE_M = 3000.0  # over which elevation models fade into the coarser
 
 
@@ -115,21 +116,31 @@ class Landscape:
 
     def _field(self, axes: F64, low: NDArray, high: NDArray, step: float, reach: float) -> HeightField:
         """The field from nodes ``low`` to ``high`` (x, y), counted from the eye."""
+        (nx, ny), origin = (high - low + 1).tolist(), low * step
+        height, share, mapped = np.empty((3, ny, nx), np.float32)
+        rows = max(2, _BAND // nx)
+        for first in range(0, ny, rows):
+            part = slice(first, min(ny, first + rows))
+            lattice = Lattice(part.stop - first, nx)
+            x, y = (start + step * knots for start, knots in zip((origin[0], origin[1] + step * first), lattice.knots,
+                                                                 strict=True))  # fmt: skip
+            lat, lon = self._latlon(axes, x, y)
+            away = np.maximum(np.abs(x)[None, :], np.abs(y)[:, None]).ravel() / reach
+            found = self._parts(lat, lon, step, away, lattice)
+            height[part], share[part], mapped[part] = (v.reshape(-1, nx) for v in found)
+        if share.any():
+            assert self.scene.grid is not None
+            share *= _within_edges(share, min(max(self.scene.grid.spacing_m()), _WIDEST_EDGE_M) / step)
+            height += share * (mapped - height)
+        return HeightField((float(origin[0]), float(origin[1])), step, height)
+
+    def _latlon(self, axes: F64, x: F64, y: F64) -> tuple[F64, F64]:
+        """Latitude and longitude (ny nx,) of points of the plane."""
         frame = self.medium.frame
-        nx, ny = (high - low + 1).tolist()
-        lattice = Lattice(ny, nx)
-        x, y = ((first + knots) * step for first, knots in zip(low, lattice.knots, strict=True))
         local = np.stack([*np.meshgrid(x, y), np.full((y.size, x.size), frame.radius_m)], axis=-1).reshape(-1, 3)
         local *= frame.radius_m / np.linalg.norm(local, axis=-1, keepdims=True)
         lat, lon, _ = frame.latlon(local @ axes - np.array([0.0, 0.0, frame.radius_m]))
-        away = np.maximum(np.abs(x)[None, :], np.abs(y)[:, None]).ravel() / reach
-        height, share, mapped = self._parts(lat, lon, step, away, lattice)
-        if share.any():
-            assert self.scene.grid is not None
-            edge = min(max(self.scene.grid.spacing_m()), _WIDEST_EDGE_M) / step
-            share *= _within_edges(share.reshape(ny, nx), edge).ravel()
-            height += share * (mapped - height)
-        return HeightField((float(x[0]), float(y[0])), step, height.reshape(ny, nx).astype(np.float32))
+        return lat, lon
 
     def _parts(self, lat: F64, lon: F64, step_m: float, away: F64, lattice: Lattice) -> tuple[F64, F64, F64]:
         """Heights (n,) by the model and the default Earth, share and heights of the user's elevation models; places
@@ -143,11 +154,13 @@ class Landscape:
         height = lattice.between(height)
         ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in grid.index(lon, lat))
         ny, nx = medium.terrain_m.shape
-        depth = np.minimum.reduce([ix, nx - 1 - ix, iy, ny - 1 - iy])
-        inside = np.flatnonzero(depth > 0)
-        width = min(_EDGE_CELLS * medium.fineness, 0.25 * min(nx, ny))
-        share = np.clip(depth[inside] / width, 0.0, 1.0)
-        height[inside] += share * (bilinear(medium.terrain_m, ix[inside], iy[inside]) - height[inside])
+        dx, dy = medium.cell_m
+        away = np.hypot(np.maximum(np.maximum(-ix, ix - (nx - 1)), 0) * dx,
+                        np.maximum(np.maximum(-iy, iy - (ny - 1)), 0) * dy)  # fmt: skip
+        share = np.clip(1.0 - away / max(_BEYOND_M, _BEYOND_CELLS * max(grid.spacing_m())), 0.0, 1.0)
+        share *= share * (3.0 - 2.0 * share)
+        near = np.flatnonzero(share)
+        height[near] += share[near] * (bilinear(medium.terrain_m, ix[near], iy[near]) - height[near])
         maps = height_maps(self.scene)
         if not maps:
             return height, np.zeros(height.size), height
@@ -187,11 +200,9 @@ def landscape_of(scene: Scene, medium: Medium) -> Landscape | None:
     if not earth.has_relief() or "surface_altitude" not in scene.data:
         return None
     reach = float(np.abs(medium.place[..., :2]).max()) + _REACH_M
-    x, y = np.meshgrid(*2 * [np.linspace(-reach, reach, 100)])
-    up = np.stack([x, y, np.full(x.shape, medium.frame.radius_m)], axis=-1).reshape(-1, 3)
-    up *= medium.frame.radius_m / np.linalg.norm(up, axis=-1, keepdims=True)
-    lat, lon, _ = medium.frame.latlon(up - np.array([0.0, 0.0, medium.frame.radius_m]))
-    return Landscape(scene, medium) if float(earth.relief_m(lat, lon).max()) > _FLAT_M else None
+    side = np.linspace(-reach, reach, 100)
+    found = Landscape(scene, medium)
+    return found if float(earth.relief_m(*found._latlon(np.eye(3), side, side)).max()) > _FLAT_M else None
 
 
 def _serves(built: tuple[F64, float, F64, Relief], eye: F64, width_rad: float, box: F64) -> bool:
@@ -209,10 +220,10 @@ def _seen_box(local: F64) -> F64:
     return np.round(np.concatenate([ends.min(axis=0), ends.max(axis=0)]), 2)
 
 
-def _within_edges(share: F64, width: float) -> F64:
+def _within_edges(share: F32, width: float) -> F32:
     """1 where the known share (ny, nx) is 1 all around, falling to 0 over ``width`` nodes toward its edges."""
     half = max(1, round(0.5 * width))
-    mean = share
+    mean = share.astype(float)
     for axis in (0, 1):
         ends = [(0, 0), (0, 0)]
         ends[axis] = (half + 1, half)
@@ -220,4 +231,4 @@ def _within_edges(share: F64, width: float) -> F64:
         across = 2 * half + 1
         head, tail = np.moveaxis(total, axis, 0)[across:], np.moveaxis(total, axis, 0)[:-across]
         mean = np.moveaxis(head - tail, 0, axis) / across
-    return np.clip(2.0 * mean - 1.0, 0.0, 1.0)
+    return np.clip(2.0 * mean - 1.0, 0.0, 1.0).astype(np.float32)
