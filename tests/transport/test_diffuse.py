@@ -11,7 +11,7 @@ from openswim.transport import Solver
 from openswim.transport.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.optical_grid import coarsen
 from openswim.transport.ordinates import harmonic_matrix, lebedev
-from openswim.transport.products import BLOCK, mirrored, multiply
+from openswim.transport.products import BLOCK, in_groups, multiply
 
 SHAPE = (14, 52, 50)  # three grids, with an odd one among them
 CELL_M = (100.0, 100.0, 100.0)
@@ -33,18 +33,18 @@ def broken_cloud(seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
-    """Tolerance .02 is what a sweep may still mend; what remains is 2 % of fluxes and 5 % of images (RMSE)."""
+    """Tolerance .02 is what a sweep may still mend; what remains is 1 % of fluxes and 4 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
     assert len(quick.packs[0].sweeps[0]) == 3
     for name, flux in exact.fluxes().items():
-        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.02, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.01, atol=1e-6, err_msg=name)
     across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))
     for direction in UP_AND_DOWN:
         height = 2.0 if direction[2] > 0 else 1350.0
         look = Rays(np.column_stack([across, np.full(50, height)]), direction)
         a, b = (field.view(look).radiance[:, 0] for field in (quick, exact))
-        assert np.sqrt(((a - b) ** 2).mean()) < 0.05 * b.mean()
+        assert np.sqrt(((a - b) ** 2).mean()) < 0.04 * b.mean()
 
 
 def test_wavelengths_alike_are_lit_alike() -> None:
@@ -52,40 +52,42 @@ def test_wavelengths_alike_are_lit_alike() -> None:
     scene = grid_scene(broken_cloud(2), SHAPE, CELL_M, surface_albedo=0.2)
     field = Solver().solve(scene, SUN, [615.0, 546.0, 450.0])
     for flux in field.fluxes().values():
-        np.testing.assert_allclose(flux, flux[0], rtol=2e-3)
+        np.testing.assert_allclose(flux, flux[0], rtol=5e-4)
     for height in (2.0, 1350.0):
         radiance = field.view(Rays(np.array([330.0, -410.0, height]), UP_AND_DOWN)).radiance
         np.testing.assert_allclose(radiance, radiance[:, :1].repeat(3, 1), rtol=5e-3, atol=1e-4)
 
 
 def test_a_white_world_without_sides_keeps_its_light() -> None:
-    """Broken conservative cloud, periodic, black ground: what enters leaves by the top or is absorbed below.
-
-    Steps between nodes lose light at sharp edges, a per cent or two at cells of half an optical depth.
-    """
+    """Broken conservative cloud, periodic, black ground: what enters leaves by the top or is absorbed below."""
     scene = grid_scene(0.5 * broken_cloud(3), SHAPE, CELL_M, periodic=True)
     fluxes = Solver().solve(scene, SUN, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(SUN[2], rel=0.03)
+    assert total == pytest.approx(SUN[2], rel=0.002)
 
 
 def test_products_are_those_of_the_dense_matrices() -> None:
+    """Group by group, as a sweep takes them: emission along each ordinate, and their light summed over all groups."""
     ordinates = lebedev(50)
     down = ordinates.direction[:, 2] >= 0
-    q, weight = ordinates.direction[down], ordinates.weight[down].astype(np.float32)
+    order, there = in_groups(ordinates.direction[down], ordinates.weight[down].astype(np.float32), 5, 10)
+    q, weight = ordinates.direction[down][order], ordinates.weight[down][order].astype(np.float32)
+    assert sorted(order) == list(range(len(q)))
+    assert len(there.first) == 3
     matrix = harmonic_matrix(q, 5)
-    there = mirrored(q, weight, 5)
     rng = np.random.default_rng(0)
-    count = len(q)
-    sums = np.zeros((count, BLOCK), np.float32)
-    for (first, second), dense in (
-        ((there.parts, there.whole), matrix), ((there.gather, there.spread), (matrix * weight[:, None]).T)
-    ):  # fmt: skip
-        x = rng.standard_normal((dense.shape[1], BLOCK)).astype(np.float32)
-        y = np.ones((dense.shape[0], BLOCK), np.float32)
-        multiply(first, 0, len(first.start) - 1, x, 0, BLOCK, sums, 0, BLOCK, False)
-        multiply(second, 0, len(second.start) - 1, sums, 0, BLOCK, y, 0, BLOCK, True)
-        np.testing.assert_allclose(y, 1 + dense @ x, atol=2e-4)
+    moments = rng.standard_normal((25, BLOCK)).astype(np.float32)
+    light = rng.standard_normal((len(q), BLOCK)).astype(np.float32)
+    emission, gathered = np.zeros_like(light), np.ones_like(moments)
+    sums = np.zeros((int(np.diff(there.sum).max()), BLOCK), np.float32)
+    for g in range(len(there.first) - 1):
+        (a, b), (first, last) = there.first[g : g + 2], there.sum[g : g + 2]
+        multiply(there.parts, first, last, moments, 0, BLOCK, sums, 0, BLOCK, False)
+        multiply(there.whole, a, b, sums, 0, BLOCK, emission, a * BLOCK, BLOCK, False)
+        multiply(there.gather, first, last, light, a * BLOCK, BLOCK, sums, 0, BLOCK, False)
+        multiply(there.spread, g * 25, (g + 1) * 25, sums, 0, BLOCK, gathered, 0, BLOCK, True)
+    np.testing.assert_allclose(emission, matrix @ moments, atol=2e-4)
+    np.testing.assert_allclose(gathered, 1 + (matrix * weight[:, None]).T @ light, atol=2e-4)
 
 
 def blocks_of(field: np.ndarray) -> Moments:

@@ -31,8 +31,10 @@ from openswim.transport.optical_grid import (
     thick_blocks,
     total_extinction,
     unlit_grid,
+    with_ghosts,
 )
-from openswim.transport.ordinates import Ordinates, lebedev
+from openswim.transport.ordinates import Ordinates, double_gauss, lebedev
+from openswim.transport.pack import LANES
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
 from openswim.transport.sweep import Half, Room, half_sweep
@@ -47,7 +49,9 @@ _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
-_FOLLOWED = 5  # coarse sweeps between two fine ones
+_FOLLOWED = 8  # coarse sweeps between two fine ones
+_ANSWERED = 3  # degrees of the moments that they mend
+_ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3
 
 
 @dataclass
@@ -62,6 +66,7 @@ class Sweeper:
     halves: tuple[tuple[Half, Groups], tuple[Half, Groups]]
     coarser: Coarser
     place: NDArray[np.int32]
+    extinction: F32  # of grid and ghosts, 1/m
     pool: Pool
 
     @classmethod
@@ -85,7 +90,7 @@ class Sweeper:
         kept = blocks_of(grid.cloudy) | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
             grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept), pool,
+            places(kept), with_ghosts(total_extinction(grid), nx, grid.periodic), pool,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -95,15 +100,16 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def over(self, base: Sweeper, values: F32, kept: NDArray[np.bool_] | None = None) -> Sweeper:
-        """The same, keeping moments where it is thick, or what is told, over ``values`` of a coarser grid."""
-        if kept is None:
-            kept = thick_blocks(self.grid)
-        coarser = Coarser(
-            2, base.grid.ground_node.shape[1], base.place, values, base.grid.beam, base.grid.sun_harmonics,
-            base.grid.extinction,
+    def as_coarser(self, values: F32) -> Coarser:
+        """What these moments are to a grid of twice the columns each way."""
+        grid = self.grid
+        return Coarser(
+            2, grid.ground_node.shape[1], self.place, values, grid.beam, grid.sun_harmonics, grid.extinction
         )  # fmt: skip
-        return replace(self, coarser=coarser, place=places(kept))
+
+    def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
+        """The same, keeping moments where it is thick, or what is told, over a coarser field."""
+        return replace(self, coarser=coarser, place=places(thick_blocks(self.grid) if kept is None else kept))
 
     def coarsened(self) -> Sweeper:
         """The same on 2x2 columns."""
@@ -116,12 +122,13 @@ class Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
-        # half the ordinates answer as well, which tell four degrees apart; level ones are not for flat cells
-        few = self.ordinates
-        if (np.abs(few.direction[:, 2]) < 1e-6).any():
-            few = lebedev(26)
-            cut = cut._replace(scattering=cut.scattering.copy(), air_scattering=cut.air_scattering.copy())
-            cut.scattering[:, 4:] = cut.air_scattering[:, 4:] = 0
+        # a few ordinates answer as well, which tell three degrees apart; level ones are not for flat cells
+        level = (np.abs(self.ordinates.direction[:, 2]) < 1e-6).any()
+        few = lebedev(14) if level else double_gauss(3, 5)
+        cut = cut._replace(
+            scattering=np.ascontiguousarray(cut.scattering[:, :_ANSWERED]),
+            air_scattering=np.ascontiguousarray(cut.air_scattering[:, :_ANSWERED]),
+        )  # fmt: skip
         dark = Sweeper.of(
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,
@@ -151,7 +158,7 @@ class Sweeper:
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, is written over."""
-        new = self.pool.lend(values.shape) if out is None else out
+        new = np.empty_like(values) if out is None else out
         threads = get_num_threads()
         if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
@@ -192,8 +199,8 @@ class Sweeper:
         ends = columns + 2
         f32 = self.pool.take
         return Room(
-            f32("extinction", nz, ny + 2, ends), f32("emission", most, self.shape[0], BLOCK), row,
-            f32("thin", levels * rows, most, width + 2), thin_level.astype(np.int64),
+            self.extinction, f32("emission", most, self.shape[0], BLOCK), row,
+            f32("thin", levels * rows, most, width + LANES), thin_level.astype(np.int64),
             f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
             f32("front", threads, 2, nz, ends), f32("work", threads, 2, ends),
             f32("flux", threads, ny, grid.ground_node.shape[1]), f32("amounts", threads, 1 + len(grid.scaled), BLOCK),
@@ -224,12 +231,9 @@ class Sweeper:
             if change.sum() <= tolerance**2 * size.sum():
                 break
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
-            residual = self.pool.lend((len(image), 4, BLOCK))
+            residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
-        for other in [*recent.images, *recent.residuals]:
-            if other is not image:
-                self.pool.back(other)
         return image, values, n
 
 
@@ -281,7 +285,7 @@ class Trace(NamedTuple):
 
     kept: NDArray[np.bool_]  # (nz, ny, blocks)
     start: F32  # (blocks, 1, BLOCK), l = 0 only
-    defect: F32
+    defect: F32  # (blocks, _ALIKE, BLOCK), of the first moments; the others follow in one sweep
 
 
 class Solution(NamedTuple):
@@ -295,12 +299,13 @@ class Solution(NamedTuple):
 
 
 def coarse_to_fine(
-    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, everywhere: bool = False
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0
 ) -> Solution:
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
-    everywhere: keep the moments of all that scatters, else of what is thick, and leave the rest to the coarse field.
+    finer: grids that this one is but a start for. Below two of them the moments of all that scatters are kept; the two
+    keep those of what is thick, and leave the rest to the grid that keeps all.
     like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
     """
     if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
@@ -309,31 +314,34 @@ def coarse_to_fine(
         values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
         return Solution(Moments(fine.place, values), fine.coarser, [n], [])
     base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, True)
-    known = below.moments.values
+    below = coarse_to_fine(base, tolerance, most, like, finer + 1)
+    known, thin = below.moments.values, below.coarser
     trace = like[len(below.sweeps) - 1] if like else None
-    level = fine if everywhere else fine.over(base, known, trace.kept if trace else None)
+    if finer > 1:
+        level = fine
+    else:
+        thin = thin._replace(factor=2 * thin.factor) if thin.factor else base.as_coarser(known)
+        level = fine.over(thin, trace.kept if trace else None)
     begin = fine.pool.take("begin", *level.shape)
     in_threads(
-        prolong, Moments(base.place, known), base.grid.ground_node.shape[1], base.coarser, level.place,
+        prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
         level.grid.ground_node.shape[1], begin, False,
     )  # fmt: skip
-    start = begin if like else begin.copy()
+    begun = begin[:, :_ALIKE]
     if trace:
-        ratio = np.clip(begin[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        for at in range(0, len(begin), _FEW_BLOCKS):
+        ratio = np.clip(begun[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
+        for at in range(0, len(begun), _FEW_BLOCKS):
             some = slice(at, at + _FEW_BLOCKS)
-            begin[some] += trace.defect[some] * ratio[some]
+            begun[some] += trace.defect[some] * ratio[some]
+    elif not like:
+        begun = begun.copy()
     # the last sweep of that other wavelength, and what the guess adds
     enough = 2 * tolerance if trace else tolerance
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
-    if everywhere:  # nothing is left to the coarser field
-        fine.pool.back(known)
     traces = []
     if not like:
-        first = start[:, :1].copy()
-        traces = [*below.traces, Trace(level.place >= 0, first, np.subtract(before, start, out=start))]
+        traces = [*below.traces, Trace(level.place >= 0, begun[:, :1].copy(), before[:, :_ALIKE] - begun)]
     return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
 
 

@@ -8,14 +8,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.moments import Coarser, Moments, between
+from openswim.transport.moments import Coarser, Moments, between, interpolated
 from openswim.transport.pack import (
     LANES,
     PACK,
     flat,
-    interleave,
     put,
-    read_double,
     read_quadruple,
     root,
     spread_quadruple,
@@ -30,7 +28,6 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _ROOT_2 = np.float32(2.0**0.5)
 _FIRST = np.float32(0.28209479177387814)
 _MOMENTS = DEGREE * DEGREE
-_NEAR, _FAR = np.float32(0.75), np.float32(0.25)  # shares of a grid coarser by two in a node
 
 
 class FieldAt(NamedTuple):
@@ -142,12 +139,9 @@ def _moments(place, values, k, j, i, factor, columns, row, out):
         start = place[k, j, i // BLOCK] * _MOMENTS * BLOCK + i % BLOCK
         for c in range(_MOMENTS):
             write(out, c * LANES, read_quadruple(values, start + c * BLOCK))
-    elif i % LANES == 0 and factor == 2:
+    elif i % LANES == 0 and factor > 0:
         for c in range(_MOMENTS):
-            n = c * row.shape[1] + i // 2
-            middle = _NEAR * read_double(row, n + 1)
-            before, after = read_double(row, n), read_double(row, n + 2)
-            write(out, c * LANES, interleave(middle + _FAR * before, middle + _FAR * after))
+            write(out, c * LANES, interpolated(read_quadruple(row, c * row.shape[1] + i // factor), factor))
     else:
         for lane in range(LANES):
             at = place[k, j, min((i + lane) // BLOCK, place.shape[2] - 1)]

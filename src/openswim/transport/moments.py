@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.pack import four_times_as_fine, twice_as_fine
 from openswim.transport.products import BLOCK
 
 F32 = NDArray[np.float32]
@@ -27,7 +28,7 @@ class Moments(NamedTuple):
 
 
 class Coarser(NamedTuple):
-    """The solved field of a grid coarser by ``factor`` in x and y (0: none), with the beam that lights it."""
+    """The solved field of a grid coarser by ``factor`` in x and y (2, 4; 0: none), with the beam that lights it."""
 
     factor: int
     columns: int  # nx; the rows below are filled with zeros to whole blocks
@@ -61,6 +62,12 @@ def between(i, factor, count):
     m = min(max(math.floor(x), 0), count - 1)
     share = min(max(x - m, 0.0), 1.0) if m + 1 < count else 0.0
     return m, np.float32(share)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def interpolated(nodes, factor):
+    """LANES nodes of a grid from those of one coarser by 2 or 4, of which the second is the first one's own."""
+    return twice_as_fine(nodes) if factor == 2 else four_times_as_fine(nodes)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -116,9 +123,12 @@ def moment_row(place, values, coarser, k, j, scratch, out):
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
-    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added."""
+    """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added.
+
+    As many as there are of the coarser grid, the first ones.
+    """
     nz, ny, nb = place.shape
-    count = values.shape[1]
+    count = coarse.values.shape[1]
     rows = coarse.place.shape[1]
     scratch = np.empty((count, coarsest.columns), np.float32)
     one, two = np.empty((count, coarse_nx), np.float32), np.empty((count, coarse_nx), np.float32)
@@ -157,7 +167,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
     """Means over 2x2 columns of the change of moments kept in blocks, on a densely kept grid coarser by two.
 
     ``weight`` (nz, ny, nx or more): the extinction, since moments matter by what they scatter. What is not kept counts
-    as zero.
+    as zero. As many moments as ``out`` has, the first ones.
     """
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
@@ -184,7 +194,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
                     if total > np.float32(0.0):
                         part[0, i], part[1, i] = w00 / total, w01 / total
                         part[2, i], part[3, i] = w10 / total, w11 / total
-                for c in range(values.shape[1]):
+                for c in range(out.shape[1]):
                     for i in range(half):
                         beside = min(2 * i + 1, last)
                         mean = np.float32(0.0)

@@ -112,6 +112,14 @@ def total_extinction(grid: OpticalGrid) -> F32:
     return out
 
 
+def with_ghosts(extinction: F32, nx: int, periodic: bool) -> F32:
+    """Rows of whole blocks (nz, ny, columns), of which ``nx`` are nodes, with the nodes beyond every side: the other
+    side's where periodic, else the edge's own (nz, ny + 2, columns + 2)."""
+    out = np.pad(extinction, [(0, 0), (1, 1), (1, 1)], mode="wrap" if periodic else "edge")
+    out[..., 0], out[..., nx + 1] = out[..., nx if periodic else 1], out[..., 1 if periodic else nx]
+    return out
+
+
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) of cloud with cells of more than `_THIN` optical depth in or next to them."""
     extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]

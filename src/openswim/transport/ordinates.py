@@ -20,7 +20,7 @@ def _two_alike(a: float) -> tuple[float, float, float]:
 
 
 _LEBEDEV = {
-    26: [((1, 0, 0), 1 / 21), ((2**-0.5, 2**-0.5, 0), 4 / 105), ((3**-0.5,) * 3, 9 / 280)],
+    14: [((1, 0, 0), 1 / 15), ((3**-0.5,) * 3, 3 / 40)],
     50: [
         ((1, 0, 0), 4 / 315),
         ((2**-0.5, 2**-0.5, 0), 64 / 2835),
@@ -70,7 +70,7 @@ def double_gauss(mu_count: int, azimuth_count: int) -> Ordinates:
 
 
 def lebedev(count: int) -> Ordinates:
-    """The Lebedev rule of 26, 50 or 110 points."""
+    """The Lebedev rule of 14, 50 or 110 points."""
     points, weights = [], []
     for generator, weight in _LEBEDEV[count]:
         permutations = {

@@ -275,15 +275,30 @@ def join(typingctx, a, b):
     return _DOUBLE(_NARROW, _NARROW), lower
 
 
-@intrinsic
-def interleave(typingctx, a, b):
-    """Two double packs as one, their numbers in turn."""
+def _finer(factor: int):
+    """Of nodes 0, 1, ... the linear interpolation to ``factor`` places a node, centred on nodes 1, 2, ..."""
 
     def lower(context, builder, sig, args):
-        numbers = [n // 2 + (n % 2) * 2 * PACK for n in range(4 * PACK)]
-        return builder.shuffle_vector(args[0], args[1], _indices(numbers))
+        places = [1 + (n - (factor - 1) / 2) / factor for n in range(LANES)]
+        near = builder.shuffle_vector(args[0], args[0], _indices([int(x) for x in places]))
+        far = builder.shuffle_vector(args[0], args[0], _indices([int(x) + 1 for x in places]))
+        share = ir.Constant(_vector(_QUADRUPLE), [x % 1 for x in places])
+        change = builder.fmul(share, builder.fsub(far, near, flags=_FAST), flags=_FAST)
+        return builder.fadd(near, change, flags=_FAST)
 
-    return _QUADRUPLE(_DOUBLE, _DOUBLE), lower
+    return _QUADRUPLE(_QUADRUPLE), lower
+
+
+@intrinsic
+def twice_as_fine(typingctx, pack):
+    """LANES nodes of a grid, two for each from the second number of ``pack`` on."""
+    return _finer(2)
+
+
+@intrinsic
+def four_times_as_fine(typingctx, pack):
+    """The same, four for each."""
+    return _finer(4)
 
 
 def _half_of(pack, which: int):

@@ -11,11 +11,10 @@ F32 = NDArray[np.float32]
 
 
 class Pool:
-    """Named scratch arrays, one user of a name at a time; and arrays to be lent and given back."""
+    """Named scratch arrays, one user of a name at a time."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, F32] = {}
-        self._spare: dict[tuple[int, ...], list[F32]] = {}
 
     def take(self, name: str, *shape: int) -> F32:
         """An array of the shape with whatever (finite) its last user left in it."""
@@ -23,12 +22,3 @@ class Pool:
         if name not in self._buffers or self._buffers[name].size < size:
             self._buffers[name] = np.zeros(size, np.float32)
         return self._buffers[name][:size].reshape(shape)
-
-    def lend(self, shape: tuple[int, ...]) -> F32:
-        """An array of its own, with anything in it."""
-        spare = self._spare.get(shape)
-        return spare.pop() if spare else np.empty(shape, np.float32)
-
-    def back(self, array: F32) -> None:
-        """Whoever borrowed it has no more use for it."""
-        self._spare.setdefault(array.shape, []).append(array)

@@ -37,9 +37,8 @@ def solve_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Trace] |
     if fine.grid.periodic:
         return coarse_to_fine(fine, tolerance, most, like)
     base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, True)
-    values = below.moments.values.copy()  # what it stands in is used again
-    level = fine.over(base, values, np.zeros(fine.place.shape, bool))
+    below = coarse_to_fine(base, tolerance, most, like, 2)
+    level = fine.over(base.as_coarser(below.moments.values), np.zeros(fine.place.shape, bool))
     shape = fine.grid.ground_node.shape
     fine.down_flux, fine.up_flux = (_finer(flux, shape) for flux in (base.down_flux, base.up_flux))
     return below._replace(moments=Moments(level.place, level.nothing()), coarser=level.coarser)

@@ -24,7 +24,6 @@ from openswim.transport.sweep_row import carry_row, step_weights
 from openswim.transport.sweep_source import (
     collect_row,
     emission_row,
-    extinction_row,
     kept_row,
     row_of_emission,
     thin_row,
@@ -305,8 +304,6 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
         room.flux[t] = np.float32(0.0)
     for k in range(nz):
         for j in range(t, ny, threads):
-            if g == 0 and begins:
-                extinction_row(k, j, grid, room.extinction)
             if g > 0:
                 collect_row(
                     g - 1, k, j, threads, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],

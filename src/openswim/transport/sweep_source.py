@@ -7,14 +7,12 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.moments import between
+from openswim.transport.moments import between, interpolated
 from openswim.transport.pack import (
     LANES,
     expect,
     flat,
-    interleave,
     put,
-    read_double,
     read_quadruple,
     spread_quadruple,
     write,
@@ -23,7 +21,6 @@ from openswim.transport.products import BLOCK, multiply
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
-_NEAR, _FAR = np.float32(0.75), np.float32(0.25)
 _FOUR_PI = np.float32(4.0 * math.pi)
 
 
@@ -142,33 +139,10 @@ def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, sums
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def extinction_row(k, j, grid, out):
-    """Extinction of row j of level k, and of the ghosts that it is for, into ``out`` (nz, ny + 2, nodes and ghosts)."""
-    ns, nz, ny, nx = grid.extinction.shape
-    rows, stride = out.shape[1], out.shape[2]
-    start = (k * rows + j + 1) * stride
-    for i in range(0, nx, LANES):
-        total = spread_quadruple(flat(grid.air_extinction, k))
-        for s in range(ns):
-            total += flat(grid.scaled, s) * read_quadruple(grid.extinction, ((s * nz + k) * ny + j) * nx + i)
-        write(out, start + 1 + i, total)
-    row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
-    for end in range(2):
-        if j == (ny - 1) * end:
-            ghost = (k * rows + ((1 - end) if grid.periodic else end) * (ny + 1)) * stride
-            for i in range(stride):
-                put(out, ghost + i, flat(out, start + i))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _upsampled(thin, row, next_row, x, rest, share):
-    """LANES nodes from node x of a finer row on, between two rows of a grid coarser by two."""
-    at = row + 1 + x // 2
-    before = rest * read_double(thin, at - 1) + share * read_double(thin, at - 1 + next_row)
-    here = rest * read_double(thin, at) + share * read_double(thin, at + next_row)
-    after = rest * read_double(thin, at + 1) + share * read_double(thin, at + 1 + next_row)
-    here = _NEAR * here
-    return interleave(here + _FAR * before, here + _FAR * after)
+def _upsampled(thin, row, next_row, x, factor, rest, share):
+    """LANES nodes from node x of a finer row on, between two rows of a grid coarser by ``factor``."""
+    at = row + x // factor  # the node before that of x: rows begin with a ghost
+    return interpolated(rest * read_quadruple(thin, at) + share * read_quadruple(thin, at + next_row), factor)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -195,7 +169,8 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
     ny, blocks = place.shape[1], place.shape[2]
     packs = grid.cloudy.shape[2]
     rows, apart = coarser.beam.shape[1], thin.shape[1] * thin.shape[2]
-    m, share = between(j, max(coarser.factor, 1), rows)
+    factor = max(coarser.factor, 1)
+    m, share = between(j, factor, rows)
     next_row = (min(m + 1, rows - 1) - m) * apart
     rest = _ONE - share
     air_row = (air + m) * apart + n * thin.shape[2]
@@ -215,10 +190,10 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
                 total = read_quadruple(emission, at + i)
             else:
                 if air >= 0:
-                    total += _upsampled(thin, air_row, next_row, x, rest, share)
+                    total += _upsampled(thin, air_row, next_row, x, factor, rest, share)
                 if cloud >= 0 and flat(grid.cloudy, (k * ny + j) * packs + x // LANES):
                     amount = read_quadruple(extinction, here + x) - clear
-                    total += amount * _upsampled(thin, cloud_row, next_row, x, rest, share)
+                    total += amount * _upsampled(thin, cloud_row, next_row, x, factor, rest, share)
             write(out, start + 1 + x, total)
     row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
 
