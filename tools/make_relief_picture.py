@@ -24,6 +24,7 @@ TARGET = Path(__file__).parents[1] / "docs/images"
 LAT, LON = 46.5, 10.5
 PIXEL_M, NODES = 30.0, 2400
 EAST_M, NORTH_M = 615_134.0, 5_150_927.0  # of LAT, LON in UTM 32
+EYE = 46.4353, 10.5823
 GRASS, ROCK, SNOW = (0.06, 0.08, 0.04), (0.16, 0.15, 0.13), (0.85, 0.86, 0.88)
 
 
@@ -96,7 +97,7 @@ def main(folder: str = "") -> None:
         lit = light(scene, solver="fast", sun=(235.0, 24.0))
         print(f"light {time.process_time() - started:.1f} s")
         camera = openswim.Camera.perspective(
-            LAT, LON, 40.0, azimuth_deg=330.0, altitude_deg=5.0, fov_deg=60.0, size=(600, 1000)
+            *EYE, 60.0, azimuth_deg=297.0, altitude_deg=2.0, fov_deg=55.0, size=(500, 1000)
         )
         started = time.process_time()
         image = render(lit, camera)

@@ -273,6 +273,24 @@ def test_far_mountains_stand_beyond_the_domain() -> None:
     assert np.abs(np.diff(seen.height(rim))).max() < 60.0
 
 
+@pytest.mark.parametrize(("lat", "expected"), [(67.0, 550.0), (-30.0, 0.0)])
+def test_a_global_elevation_model_is_the_far_field_too(tmp_path, monkeypatch, lat: float, expected: float) -> None:
+    """Without the default Earth's: Chukotka, over the seam of the file at 180 degrees; at sea no sea bed."""
+    monkeypatch.setattr(earth, "_relief_path", lambda: None)
+    crs = CRS.from_proj4(f"+proj=lcc +lat_1={lat - 5} +lat_2={lat + 5} +lat_0={lat} +lon_0=179.9 +R=6371000")
+    x = 1000.0 * (np.arange(11) - 5)
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.zeros((11, 11)))
+    rows = 90.0 - (np.arange(1800) + 0.5) / 10
+    height = np.where(rows > 0, 500.0 + 100.0 * (rows - 67.0), -200.0)
+    image = np.broadcast_to(height[:, None], (1800, 3600)).astype(np.float32)
+    path = write(tmp_path / "earth.tif", image[None], bounds=(-180.0, -90.0, 180.0, 90.0))
+    land = landscape(replace(scene, ground=openswim.Ground(height=path)))
+    frame = land.medium.frame
+    seen = land.seen_from(Rays(frame.position(lat, 179.9, 50.0), fan(90.0, np.linspace(-0.3, 0.3, 50)), 1e-2))
+    place = frame.position(np.full(50, lat + 0.5), np.linspace(178.5, 181.5, 50), 0.0)
+    np.testing.assert_allclose(seen.height(place), expected, atol=1.0)
+
+
 def test_between_knots() -> None:
     """What is linear stays so, at any number of nodes."""
     for ny, nx in ((1, 1), (2, 9), (57, 24), (17, 33)):

@@ -108,6 +108,11 @@ def lake_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
     return (_cover_at_nearest(lat, lon) == 2).astype(float)
 
 
+def sea_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.bool_]:
+    """Whether there is sea, without interpolation; any shape."""
+    return _cover_at_nearest(lat, lon) == 0
+
+
 def _cover_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
     return _mask()[_nearest(lat, lon)]
 
@@ -186,7 +191,7 @@ def _relief() -> NDArray[np.float32]:
         code = np.asarray(file["Altitude"][:])
     rows, columns = (np.arange(n) + 0.5 for n in code.shape)
     lat, lon = 90.0 - rows * 180.0 / code.shape[0], columns * 360.0 / code.shape[1] - 180.0
-    land = (code != 255) & (_cover_at_nearest(lat[:, None], lon[None, :]) != 0)
+    land = (code != 255) & ~sea_at_nearest(lat[:, None], lon[None, :])
     return np.where(land, np.maximum(28.0 * code - 450.0, 0.0), 0.0).astype(np.float32)
 
 

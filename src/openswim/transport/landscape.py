@@ -147,7 +147,8 @@ class Landscape:
         are given at knots of the lattice."""
         medium, grid = self.medium, self.scene.grid
         assert grid is not None
-        height = np.full(lat.size, medium.ground_m)
+        sea = earth.sea_at_nearest(lat, lon)
+        height = np.where(sea, 0.0, medium.ground_m)
         if earth.has_relief():
             known = np.clip((1.0 - away) / _RIM, 0.0, 1.0)  # the edge of the known must not stand as a wall
             height += known * (earth.relief_m(lat, lon) - height)
@@ -165,7 +166,8 @@ class Landscape:
         if not maps:
             return height, np.zeros(height.size), height
         mapped, mapped_share = mapped_height(maps, lat, lon, np.full(height.size, step_m), lattice.between)
-        return height, mapped_share, mapped
+        # models of the whole Earth go on under the sea
+        return height, mapped_share, np.where(lattice.between(sea.astype(float)) > 0.5, np.maximum(mapped, 0.0), mapped)
 
 
 class Lattice:

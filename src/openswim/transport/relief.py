@@ -30,7 +30,7 @@ _HIGHEST_M = 1e4  # no ground is higher
 _LEAST_PACE = 0.02  # of a ray over the plane, that steps are made for
 _OVER = 1e-3  # of a cell, that a step goes over the cell's side
 _LIFT_M = 0.3  # that rays to the sun begin above the ground
-_DISC = (-0.75, -0.25, 0.25, 0.75)  # heights on the sun's disc that those rays go to, in its radius
+_DISC = (0.25, 0.75)  # how high and low on the sun's disc those rays go, in its radius
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
@@ -94,8 +94,16 @@ class Relief:
         across = up - (up @ sun)[:, None] * sun
         across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
         start = place + _LIFT_M * up
-        seen = [self.meet(start, sun + offset * SUN_RADIUS_RAD * across) == FAR_M for offset in _DISC]
-        return np.asarray(np.mean(seen, axis=0))
+
+        def seen(some: NDArray[np.int64], height: float) -> NDArray[np.bool_]:
+            return self.meet(start[some], sun + height * SUN_RADIUS_RAD * across[some]) == FAR_M
+
+        every = np.arange(len(place))
+        low, high = seen(every, -_DISC[1]), seen(every, _DISC[1])
+        lit = 0.5 * (low + 1.0 * high)
+        partly = np.flatnonzero(low != high)  # else what lies between is as its ends
+        lit[partly] = 0.25 * (1.0 + seen(partly, -_DISC[0]) + seen(partly, _DISC[0]))
+        return np.asarray(lit)
 
     def height(self, place: F64) -> F64:
         """Height (n,) above sea level of the ground over or under places (n, 3)."""

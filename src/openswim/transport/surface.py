@@ -260,7 +260,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
             beam[shaded] = light_field.beam(place[shaded])
     sample = surface_properties(scene, lat, lon, wl, footprint)
     maps = height_maps(scene)
-    if maps:
+    if maps and relief is None:
         own, known = mapped_normals(maps, frame, place, up, footprint)
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
