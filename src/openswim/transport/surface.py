@@ -16,7 +16,7 @@ from openswim.transport.medium import Medium
 from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
 from openswim.transport.ordinates import Ordinates, hemisphere_product
 from openswim.transport.pack import PACK
-from openswim.transport.shells import beam_transmission, clear_radiance, rows_between
+from openswim.transport.shells import beam_transmission, beam_transmission_at, clear_radiance, rows_between
 from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
@@ -234,7 +234,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     """What is there, and the light on it: see `shade`."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
-    lat, lon, _ = frame.latlon(place)
+    lat, lon, height_m = frame.latlon(place)
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     mu_sun = up @ sun
@@ -245,6 +245,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
     medium, relief = light_field.medium, light_field.relief
     if relief is not None:
+        beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
         normal = relief.normals(place, up, footprint)
     if medium is not None:
         ix, iy = _indices(scene, medium, place, lat, lon)
