@@ -291,10 +291,26 @@ def test_a_global_elevation_model_is_the_far_field_too(tmp_path, monkeypatch, la
     np.testing.assert_allclose(seen.height(place), expected, atol=1.0)
 
 
+def test_a_high_eye_sees_the_terrain_to_its_horizon() -> None:
+    """From 60 km up, 870 km away: a wide model's terrain is there too, and ends in no wall."""
+    x = 40e3 * (np.arange(61) - 30)
+    crs = CRS.from_proj4(f"+proj=laea +lat_0={LAT} +lon_0={LON} +R=6371000")
+    terrain = np.broadcast_to(2000.0 + 1500.0 * np.sin(x / 300e3), (61, 61))
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain)
+    land = Landscape(scene, build_medium(scene, np.array([WAVELENGTH_NM]), 0.5))
+    seen = land.seen_from(Rays(eye_at(land, 60e3), fan(90.0, np.linspace(-0.5, 0.1, 50)), 2e-3))
+    lon = LON + np.array([-8.0, -4.0, 3.0, 7.5])
+    place = land.medium.frame.position(np.full(4, LAT), lon, 0.0)
+    ix, _ = scene.grid.index(lon, np.full(4, LAT))
+    np.testing.assert_allclose(seen.height(place), np.interp(ix, np.arange(61), terrain[0]), atol=30.0)
+    along = land.medium.frame.position(np.full(4000, LAT), LON + np.linspace(0.0, 14.0, 4000), 0.0)
+    assert np.abs(np.diff(seen.height(along))).max() < 30.0
+
+
 def test_between_knots() -> None:
     """What is linear stays so, at any number of nodes."""
     for ny, nx in ((1, 1), (2, 9), (57, 24), (17, 33)):
-        lattice = Lattice(ny, nx)
+        lattice = Lattice(ny, nx, 8)
         x, y = np.meshgrid(*lattice.knots)
         j, i = np.mgrid[0:ny, 0:nx]
         np.testing.assert_allclose(lattice.between((3.0 * x - 2.0 * y).ravel())[: ny * nx],

@@ -24,16 +24,17 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 HIGHEST_EYE_M = 1e5
-_REACH_M = 400e3  # farther away haze hides everything
+_REACH_M = 400e3  # farther away haze hides what rises above the horizon
 _HIGHEST_M = 5000.0  # of mountains that may stand beyond the horizon
 _NODES = (256, 2048)  # from the eye to the side of a field: as many as pixels to a radian, within these
 _WEDGE_DEG = 25.0  # rays that rise more steeply meet no mountains
 _ASIDE = 0.1  # of a field's half width, that it reaches beyond what rays see
 _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
-_RIM = 0.2  # of the reach, over which the default Earth fades to the ground outside
+_RIM = 0.2  # of the reach, over which all fades to the level ground beyond
 _FLAT_M = 100.0  # lower ground is level
 _KNOTS = 8  # nodes between places that maps and projections are asked for
+_KNOT_M = 4000.0  # and how far those are apart, at most
 _BAND = 250_000  # nodes worked out at a time
 _WIDEST_EDGE_M = 3000.0  # over which elevation models fade into the coarser
 
@@ -49,7 +50,7 @@ class Landscape:
     def ground_m(self, lat: float, lon: float) -> float:
         """Height of the ground at a place, at the resolution of the finest elevation model."""
         pixel = min((m.pixel_m for m in height_maps(self.scene)), default=0.0)
-        height, share, mapped = self._parts(np.array([lat]), np.array([lon]), pixel, np.zeros(1), Lattice(1, 1))
+        height, share, mapped = self._parts(np.array([lat]), np.array([lon]), pixel, Lattice(1, 1, 1))
         return float((height + share * (mapped - height))[0])
 
     def seen_from(self, rays: Rays) -> Relief | None:
@@ -98,14 +99,22 @@ class Landscape:
     def _reach(self, axes: F64, eye_m: float) -> float:
         """How far mountains can be seen, or are known."""
         radius = self.medium.frame.radius_m
-        horizon = min(math.sqrt(2 * radius * eye_m) + math.sqrt(2 * radius * _HIGHEST_M), _REACH_M)
+        level = math.sqrt(2 * radius * eye_m)
+        horizon = max(min(level + math.sqrt(2 * radius * _HIGHEST_M), _REACH_M), 1.1 * level)
         if earth.has_relief():
             return horizon
         rim = np.concatenate([self.medium.place[0], self.medium.place[-1], self.medium.place[:, 0],
                               self.medium.place[:, -1]])  # fmt: skip
         lat, lon, _ = self.medium.frame.latlon(rim)
         outlines = [(lat, lon), *(m.raster.outline() for m in height_maps(self.scene))]
-        return min(horizon, max(float(np.abs(self._plane(axes, *o)).max()) for o in outlines))
+        known = max(float(np.abs(self._plane(axes, *o)).max()) for o in outlines)
+        return min(horizon, (known + self._beyond_m) / (1 - _RIM))
+
+    @property
+    def _beyond_m(self) -> float:
+        """How far beyond the domain's edge its terrain is felt."""
+        assert self.scene.grid is not None
+        return max(_BEYOND_M, _BEYOND_CELLS * max(self.scene.grid.spacing_m()))
 
     def _plane(self, axes: F64, lat: F64, lon: F64) -> tuple[F64, F64]:
         """Places on the plane that touches the sea under the eye."""
@@ -121,17 +130,20 @@ class Landscape:
         rows = max(2, _BAND // nx)
         for first in range(0, ny, rows):
             part = slice(first, min(ny, first + rows))
-            lattice = Lattice(part.stop - first, nx)
+            lattice = Lattice(part.stop - first, nx, int(np.clip(_KNOT_M / step, 1, _KNOTS)))
             x, y = (start + step * knots for start, knots in zip((origin[0], origin[1] + step * first), lattice.knots,
                                                                  strict=True))  # fmt: skip
             lat, lon = self._latlon(axes, x, y)
-            away = np.maximum(np.abs(x)[None, :], np.abs(y)[:, None]).ravel() / reach
-            found = self._parts(lat, lon, step, away, lattice)
+            found = self._parts(lat, lon, step, lattice)
             height[part], share[part], mapped[part] = (v.reshape(-1, nx) for v in found)
         if share.any():
             assert self.scene.grid is not None
             share *= _within_edges(share, min(max(self.scene.grid.spacing_m()), _WIDEST_EDGE_M) / step)
             height += share * (mapped - height)
+        # the edge of what is known must not stand as a wall
+        x, y = (np.abs(start + step * np.arange(n)) / reach for start, n in zip(origin, (nx, ny), strict=True))
+        known = np.clip((1.0 - np.maximum(x[None, :], y[:, None])) / _RIM, 0.0, 1.0).astype(np.float32)
+        height = np.float32(self.medium.ground_m) + known * (height - np.float32(self.medium.ground_m))
         return HeightField((float(origin[0]), float(origin[1])), step, height)
 
     def _latlon(self, axes: F64, x: F64, y: F64) -> tuple[F64, F64]:
@@ -142,7 +154,7 @@ class Landscape:
         lat, lon, _ = frame.latlon(local @ axes - np.array([0.0, 0.0, frame.radius_m]))
         return lat, lon
 
-    def _parts(self, lat: F64, lon: F64, step_m: float, away: F64, lattice: Lattice) -> tuple[F64, F64, F64]:
+    def _parts(self, lat: F64, lon: F64, step_m: float, lattice: Lattice) -> tuple[F64, F64, F64]:
         """Heights (n,) by the model and the default Earth, share and heights of the user's elevation models; places
         are given at knots of the lattice."""
         medium, grid = self.medium, self.scene.grid
@@ -150,15 +162,14 @@ class Landscape:
         sea = earth.sea_at_nearest(lat, lon)
         height = np.where(sea, 0.0, medium.ground_m)
         if earth.has_relief():
-            known = np.clip((1.0 - away) / _RIM, 0.0, 1.0)  # the edge of the known must not stand as a wall
-            height += known * (earth.relief_m(lat, lon) - height)
+            height = earth.relief_m(lat, lon)
         height = lattice.between(height)
         ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in grid.index(lon, lat))
         ny, nx = medium.terrain_m.shape
         dx, dy = medium.cell_m
         away = np.hypot(np.maximum(np.maximum(-ix, ix - (nx - 1)), 0) * dx,
                         np.maximum(np.maximum(-iy, iy - (ny - 1)), 0) * dy)  # fmt: skip
-        share = np.clip(1.0 - away / max(_BEYOND_M, _BEYOND_CELLS * max(grid.spacing_m())), 0.0, 1.0)
+        share = np.clip(1.0 - away / self._beyond_m, 0.0, 1.0)
         share *= share * (3.0 - 2.0 * share)
         near = np.flatnonzero(share)
         height[near] += share[near] * (bilinear(medium.terrain_m, ix[near], iy[near]) - height[near])
@@ -173,9 +184,9 @@ class Landscape:
 class Lattice:
     """Nodes (ny, nx) of a field, and the knots among them where maps and projections are asked: linear between."""
 
-    def __init__(self, ny: int, nx: int) -> None:
+    def __init__(self, ny: int, nx: int, every: int) -> None:
         self.shape = ny, nx
-        self.knots = tuple(np.linspace(0.0, n - 1.0, max(1, math.ceil((n - 1) / _KNOTS)) + 1) for n in (nx, ny))
+        self.knots = tuple(np.linspace(0.0, n - 1.0, max(1, math.ceil((n - 1) / every)) + 1) for n in (nx, ny))
 
     def between(self, values: F64) -> F64:
         """Values (ny nx,) at the nodes of those at the knots."""
