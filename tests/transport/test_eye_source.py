@@ -1,21 +1,41 @@
 """The source toward an eye, against its definition node by node."""
 
 import numpy as np
+import pytest
 from scipy.special import eval_legendre
 from tests.transport.scenes import toward
 
 from openswim.scene.procedural import demo_scene
 from openswim.transport import Solver
-from openswim.transport.moments import moment_row
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.volume import DEGREE
 
 
-def test_source_is_what_the_moments_and_the_beam_scatter_toward_the_eye() -> None:
+def moments_of_row(kept, coarser, k: int, j: int, nx: int) -> np.ndarray:
+    """Moments (M*M, nx) of the kept blocks, elsewhere linearly interpolated between those of the coarser grid."""
+
+    def dense(place, values, row: int) -> np.ndarray:
+        blocks = np.where(place[k, row][:, None, None] >= 0, values[place[k, row]], np.nan)
+        return blocks.transpose(1, 0, 2).reshape(values.shape[1], -1)
+
+    def places(count: int, most: int) -> np.ndarray:
+        return np.clip((np.arange(count) - 0.5 * (coarser.factor - 1)) / coarser.factor, 0, most - 1)
+
+    rows, y = coarser.place.shape[1], places(j + 1, coarser.place.shape[1])[j]
+    near, far = (dense(coarser.place, coarser.values, min(int(y) + n, rows - 1)) for n in (0, 1))
+    row = (near + (y - int(y)) * (far - near))[:, : coarser.columns]
+    x = places(nx, coarser.columns)
+    below = np.array([np.interp(x, np.arange(coarser.columns), r) for r in row])
+    own = dense(*kept, j)[:, :nx]
+    return np.where(np.isnan(own), below, own)
+
+
+@pytest.mark.parametrize(("columns", "factor"), [((70, 45), 2), ((100, 97), 4)])
+def test_source_is_what_the_moments_and_the_beam_scatter_toward_the_eye(columns, factor: int) -> None:
     """sum_l sigma_l (sum_m Y_lm(v) M_lm + (2l+1) P_l T), where moments are kept and where the coarser grid's are."""
     sun = toward(200.0, 40.0)
-    field = Solver(tolerance=0.5).solve(demo_scene(70, 45, 20), sun, [615.0, 450.0])._first
+    field = Solver(tolerance=0.5).solve(demo_scene(*columns, 20), sun, [615.0, 450.0])._first
     light, medium = field.light, field.medium
     nz, ny, nx = medium.shape
     eye = np.array([300.0, -200.0, 2500.0])
@@ -30,9 +50,8 @@ def test_source_is_what_the_moments_and_the_beam_scatter_toward_the_eye() -> Non
         local = np.einsum("iab,ib->ia", axes, view)
         for w in range(2):
             coarser, c = light.coarser[w], light.coefficients[w]
-            moments = np.empty((DEGREE**2, nx), np.float32)
-            scratch = np.empty((DEGREE**2, coarser.columns), np.float32)
-            moment_row(*light.moments[w], coarser, k, j, scratch, moments)
+            assert coarser.factor == factor
+            moments = moments_of_row(light.moments[w], coarser, k, j, nx)
             cloud = c.scattering.T @ medium.extinction[:, k, j]
             total = cloud + c.air_scattering[k][:, None]
             diffuse = np.einsum("li,il,li->i", total[orders], harmonic_matrix(local, DEGREE), moments)

@@ -62,8 +62,11 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
+    from openswim.transport import compiling
 
     solver = solver_of(request)
+    if solver.name == "fast":
+        compiling.begin()
     given = request.albedo_maps or request.height_maps
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(

@@ -146,9 +146,6 @@ def sunlit_volume(
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
     cloud_channel = 2 * PACK + ns + len(kept)
     fields = blank_fields((nz, ny, nx), cloud_channel + 1)
-    for s in range(ns):
-        fields[..., 2 * PACK + s] = medium.extinction[s]
-        fields[..., cloud_channel] += medium.extinction[s]
     spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
     height = medium.levels_m[:, None, None]
     occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
@@ -156,8 +153,16 @@ def sunlit_volume(
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
-    for n, channel in forward_channel.items():
-        fields[..., channel] = depth[..., n]
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            for s in range(ns):
+                fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
+            fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
+            for n, channel in forward_channel.items():
+                fields[k, ..., channel] = depth[k, ..., n]
+
+    in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,

@@ -12,12 +12,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.pack import four_times_as_fine, twice_as_fine
+from openswim.transport.pack import LANES, four_times_as_fine, put, read_quadruple, twice_as_fine, write
 from openswim.transport.products import BLOCK
 
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_ZERO = np.float32(0.0)
 
 
 class Moments(NamedTuple):
@@ -71,7 +72,7 @@ def interpolated(nodes, factor):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def coarser_row(place, values, k, j, factor, scratch):
+def _coarser_row(place, values, k, j, factor, scratch):
     """Moments at level k of a densely kept coarser grid, into scratch (M*M, nx of the coarser), at the fine row j."""
     count, nx = scratch.shape
     m, share = between(j, factor, place.shape[1])
@@ -82,7 +83,7 @@ def coarser_row(place, values, k, j, factor, scratch):
         lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
         for c in range(count):
             row = scratch[c, lo:hi]
-            row[:] = np.float32(0.0)
+            row[:] = _ZERO
             if at >= 0:
                 one = values[at, c]
                 for i in range(hi - lo):
@@ -94,31 +95,36 @@ def coarser_row(place, values, k, j, factor, scratch):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def moment_row(place, values, coarser, k, j, scratch, out):
-    """Moments (M*M, nx) along one row, kept or interpolated. ``scratch`` (M*M, nx of the coarser grid)."""
-    count, nx = out.shape
-    wanting = coarser.factor > 0
+def _moment_row(place, values, coarser, k, j, scratch, nx, out):
+    """Moments (M*M, ...) of the ``nx`` nodes of one row, kept or interpolated, between ghosts that repeat the ends.
+
+    ``scratch`` (M*M, nx of the coarser grid).
+    """
+    count = out.shape[0]
+    wanting = False
+    for b in range(place.shape[2] if coarser.factor > 0 else 0):
+        wanting |= place[k, j, b] < 0
     if wanting:
-        wanting = False
-        for b in range(place.shape[2]):
-            wanting |= place[k, j, b] < 0
-    if wanting:
-        coarser_row(coarser.place, coarser.values, k, j, coarser.factor, scratch)
+        _coarser_row(coarser.place, coarser.values, k, j, coarser.factor, scratch)
     for b in range(place.shape[2]):
         at = place[k, j, b]
         lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
         for c in range(count):
+            row = out[c]
             if at >= 0:
-                for i in range(lo, hi):
-                    out[c, i] = values[at, c, i - lo]
+                own = values[at, c]
+                for i in range(hi - lo):
+                    row[1 + lo + i] = own[i]
             elif wanting:
                 for i in range(lo, hi):
                     m, share = between(i, coarser.factor, scratch.shape[1])
                     last = min(m + 1, scratch.shape[1] - 1)
-                    out[c, i] = scratch[c, m] + share * (scratch[c, last] - scratch[c, m])
+                    row[1 + i] = scratch[c, m] + share * (scratch[c, last] - scratch[c, m])
             else:
                 for i in range(lo, hi):
-                    out[c, i] = np.float32(0.0)
+                    row[1 + i] = _ZERO
+    for c in range(count):
+        out[c, 0], out[c, nx + 1] = out[c, 1], out[c, nx]
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
@@ -128,11 +134,10 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     As many as there are of the coarser grid, the first ones.
     """
     nz, ny, nb = place.shape
-    count = coarse.values.shape[1]
-    rows = coarse.place.shape[1]
+    count, moments = coarse.values.shape[1], values.shape[1]
+    rows, width = coarse.place.shape[1], coarse_nx + 2 + LANES
     scratch = np.empty((count, coarsest.columns), np.float32)
-    one, two = np.empty((count, coarse_nx), np.float32), np.empty((count, coarse_nx), np.float32)
-    near, far = np.float32(0.75), np.float32(0.25)
+    one, two = np.zeros((count, width), np.float32), np.zeros((count, width), np.float32)
     for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
         k, j = row // ny, row % ny
         kept = False
@@ -141,25 +146,24 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
         if not kept:
             continue
         m, w = between(j, 2, rows)
-        moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, one)
+        _moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, coarse_nx, one)
         if w > 0:
-            moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, two)
+            _moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, coarse_nx, two)
             for c in range(count):
-                for i in range(coarse_nx):
-                    one[c, i] += w * (two[c, i] - one[c, i])
+                near, far = one[c], two[c]
+                for i in range(width):
+                    near[i] += w * (far[i] - near[i])
         for b in range(nb):
-            at = place[k, j, b]
-            if at < 0:
+            if place[k, j, b] < 0:
                 continue
-            first = b * BLOCK
             for c in range(count):
-                for i in range(min(nx - first, BLOCK)):
-                    n = (first + i) // 2
-                    aside = min(coarse_nx - 1, n + 1) if i % 2 else max(0, n - 1)
-                    found = values[at, c, i] if again else np.float32(0.0)
-                    values[at, c, i] = found + near * one[c, n] + far * one[c, aside]
-                for i in range(nx - first, 0 if again else BLOCK):
-                    values[at, c, i] = np.float32(0.0)
+                at = (place[k, j, b] * moments + c) * BLOCK
+                for i in range(0, BLOCK, LANES):
+                    x = min((b * BLOCK + i) // 2, coarse_nx)  # blocks may go on beyond the last node
+                    mean = interpolated(read_quadruple(one, c * width + x), 2)
+                    write(values, at + i, mean + read_quadruple(values, at + i) if again else mean)
+                for i in range(nx - b * BLOCK, BLOCK):
+                    put(values, at + i, _ZERO)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)

@@ -16,7 +16,7 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import scene_frame
 from openswim.scene.scene import Scene
-from openswim.transport import diffuse, swim
+from openswim.transport import compiling, diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.landscape import landscape_of
@@ -209,6 +209,7 @@ def _diffuse(
     solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int
 ) -> list[list[int]]:
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on."""
+    compiling.wait()
     medium = light.medium
     nz, ny, nx = medium.shape
     setting = solver.setting

@@ -1,0 +1,24 @@
+"""What another process compiles ahead is what a solve calls."""
+
+import subprocess
+import sys
+
+_COMPARE = """
+import numpy as np
+from openswim.scene.procedural import demo_scene
+from openswim.transport import Solver, compiling, moments, sweep
+names = [(sweep, "share_rows"), (sweep, "share_ordinates"), (moments, "prolong"), (moments, "restrict"),
+         (moments, "add_scaled"), (moments, "squares"), (moments, "weighted_change"), (moments, "inner_product")]
+kernels = [getattr(module, name) for module, name in names]
+compiling.compile_sweeps()
+ahead = [list(k.signatures) for k in kernels]
+assert all(len(a) == 1 for a in ahead), ahead
+Solver().solve(demo_scene(50, 50, 16), np.array([0.5, 0.0, 0.866]), [615.0, 450.0])
+for kernel, before in zip(kernels, ahead, strict=True):
+    assert list(kernel.signatures) == before, kernel
+"""
+
+
+def test_a_solve_calls_only_what_was_compiled_ahead() -> None:
+    done = subprocess.run([sys.executable, "-c", _COMPARE], capture_output=True, text=True, timeout=500, check=False)
+    assert done.returncode == 0, done.stderr
