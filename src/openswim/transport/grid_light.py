@@ -17,7 +17,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import depths_to_sun, direct_beam, shadow_rows
+from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
@@ -224,9 +224,10 @@ def _free_around(free: F32, periodic: bool) -> F32:
 
 def beams_and_shadows(
     medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
-    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int,
+    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int, relief: bool = False,
 ) -> GridLight:  # fmt: skip
-    """Direct beam at the nodes and at the ground, terrain shadows included."""
+    """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
+    its own, without them too."""
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     if not medium.periodic:
@@ -241,6 +242,12 @@ def beams_and_shadows(
         surface, volume.fields,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
+    if relief:
+        in_threads(
+            ground_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, np.full((ny, nx), -1e9), ridge, count,
+            shells, surface,
+        )  # fmt: skip
+        lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
     _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     harmonics = harmonic_matrix(local_sun.reshape(-1, 3), DEGREE).T.reshape(-1, ny, nx).astype(np.float32)

@@ -342,6 +342,15 @@ def direct_beam(
         _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def ground_beam(
+    t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
+):  # fmt: skip
+    """Direct transmission ``surface`` at the ground alone: see `direct_beam`."""
+    for j in range(t, depth.shape[1], threads):
+        _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
+
+
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
 def lit_fraction(height_m, shadow_m, distance_m, softness_m):
     """Share of the sun seen above a ridge: penumbra of the disc, at least ``softness_m`` wide."""
