@@ -15,6 +15,7 @@ from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
 from openswim.irradiance import broadband, quadrature_directions, spectral_irradiance
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
+from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Field, ReferenceField, Solver
@@ -116,6 +117,8 @@ def render(
         attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
     view = field.view(rays)
     relative = view.radiance.astype(np.float32)
+    if not isinstance(field, ReferenceField) and field.landscape is not None and rays.origin_m.ndim == 1:
+        soften(relative, view, field, rays, pixels)
     _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
     image = _dataset(lit, pixels, relative, view, attrs)
     if isinstance(view, ReferenceView):
@@ -169,6 +172,9 @@ def _ground_below(lit: LitScene, camera: Camera) -> float:
         raise UserError(f"the observer is outside the domain: {_extent(lit.scene)}")
     if grid.periodic:
         return 0.0
+    landscape = None if isinstance(field := lit.field, ReferenceField) else field.landscape
+    if landscape is not None:
+        return landscape.ground_m(y, x)
     return float(bilinear(medium.terrain_m, np.array([ix * medium.fineness]), np.array([iy * medium.fineness]))[0])
 
 

@@ -35,6 +35,20 @@ def test_moments_of_the_broadened_peak(column: int, ell: int) -> None:
     )
 
 
+@pytest.mark.parametrize("column", [1, 8, 16, 25])
+def test_peaks_narrower_than_their_moments_draw_no_rings(column: int) -> None:
+    """Ice: the series goes on far beyond the moments that are summed. Beyond a degree or two that must not show."""
+    g, phi = 0.998, depth_of(column)
+    ell = np.arange(9000)
+    p = np.where(ell < M, 1.0, g ** np.maximum(ell - M, 0.0))
+    wide = slice(90, 400, 7)  # 2.8 to 55 degrees
+    # less what is delta-like at any depth, whose sum is known: p exp(-phi), a Henyey-Greenstein peak
+    series = (2 * ell + 1) * p * (np.exp(-phi * (1 - p)) - np.exp(-phi))
+    single = peak_table(HenyeyGreenstein(g), M)[wide, 0].astype(float)
+    exact = legval(np.cos(ANGLE[wide]), series) + single * np.exp(-phi)
+    np.testing.assert_allclose(peak_table(HenyeyGreenstein(g), M)[wide, column], exact, rtol=0.03, atol=2e-3 * exact[0])
+
+
 def test_column_zero_restores_the_phase_function() -> None:
     phase = HenyeyGreenstein(G)
     f = G**M

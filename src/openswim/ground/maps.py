@@ -128,7 +128,13 @@ class HeightMap:
 
     def height(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
         """Metres above sea level (n,) and the known share (n,)."""
-        values, known = self.raster.sample(lat, lon, footprint_m)
+        return self.height_at(*self.raster.pixel(lat, lon), footprint_m)
+
+    def height_at(
+        self, row: FloatArray, column: FloatArray, footprint_m: ArrayLike = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """`height` at fractional rows and columns (n,) of the file."""
+        values, known = self.raster.sample_pixels(row, column, footprint_m)
         scale, offset = self.raster.scale_offset
         height = values[:, 0] * scale + offset
         # nodata that the file does not declare

@@ -70,14 +70,24 @@ class Raster:
         east, north = (lon[1:] - lon[0]) * np.cos(lat[0]), lat[1:] - lat[0]
         return float(_EARTH_M * np.sqrt(np.abs(east[0] * north[1] - east[1] * north[0])))
 
+    def outline(self) -> tuple[FloatArray, FloatArray]:
+        """Latitude and longitude (degrees) along the image's border."""
+        height, width = self.shape
+        s = np.linspace(0.0, 1.0, 17)
+        column = np.concatenate([s, s, 0 * s, 0 * s + 1]) * width
+        row = np.concatenate([0 * s, 0 * s + 1, s, s]) * height
+        lon, lat = self._to_map.transform(*_applied(self._transform, column, row), direction="INVERSE")
+        finite = np.isfinite(lon) & np.isfinite(lat)
+        return np.asarray(lat, float)[finite], np.asarray(lon, float)[finite]
+
     def pixel(self, lat: ArrayLike, lon: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Fractional row and column of places (n,), degrees; pixel centres are whole numbers; inf where there is
-        none."""
+        none. Columns of an image around the Earth go on beyond its seam."""
         x, y = self._to_map.transform(np.asarray(lon, float), np.asarray(lat, float))
         x, y = np.asarray(x, float), np.asarray(y, float)
         if self._around_the_earth:
-            left = self._transform[2]
-            x = np.where(np.isfinite(x), (x - left) % 360.0 + left, x)
+            first = x[np.isfinite(x)][:1]
+            x = np.where(np.isfinite(x), (x - first + 180.0) % 360.0 - 180.0 + first, x) if first.size else x
         with np.errstate(invalid="ignore"):
             column, row = _applied(_inverse(self._transform), x, y)
         return row - 0.5, column - 0.5
@@ -92,7 +102,14 @@ class Raster:
 
         Bilinear in the decimated image, linear between two decimations (a mip map); where nothing is known, zero.
         """
-        row, column = self.pixel(lat, lon)
+        return self.sample_pixels(*self.pixel(lat, lon), footprint_m)
+
+    def sample_pixels(
+        self, row: FloatArray, column: FloatArray, footprint_m: ArrayLike = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """`sample` at fractional rows and columns (n,)."""
+        if self._around_the_earth:
+            column = (column + 0.5) % self.shape[1] - 0.5
         footprint = np.broadcast_to(np.asarray(footprint_m, float), row.shape)
         last = max(0, int(np.log2(min(self.shape) / 4)))
         level = np.clip(np.log2(np.maximum(footprint, 1e-3) / self.pixel_m), 0, last)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,12 +36,22 @@ def refined_terrain(scene: Scene, terrain_m: NDArray[np.float32], fineness: int 
 
 
 def mapped_height(
-    maps: list[HeightMap], lat: FloatArray, lon: FloatArray, footprint_m: FloatArray
+    maps: list[HeightMap],
+    lat: FloatArray,
+    lon: FloatArray,
+    footprint_m: FloatArray,
+    between: Callable[[FloatArray], FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Height (n,) by the finest map that shows each place, and the share (n,) that is known."""
-    height, total = np.zeros(lat.size), np.zeros(lat.size)
+    """Height (n,) by the finest map that shows each place, and the share (n,) that is known.
+
+    between: gives the places (n,) where ``lat`` and ``lon`` are but knots among them.
+    """
+    height, total = np.zeros(footprint_m.size), np.zeros(footprint_m.size)
     for one in maps:
-        h, known = one.height(lat, lon, footprint_m)
+        row, column = one.raster.pixel(lat, lon)
+        if between is not None:
+            row, column = between(row), between(column)
+        h, known = one.height_at(row, column, footprint_m)
         total_after = known + (1 - known) * total
         height = np.where(
             total_after > 0, (known * h + (1 - known) * total * height) / np.maximum(total_after, 1e-9), 0.0

@@ -51,6 +51,8 @@ _FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
+_WHOLE = 2  # from the third grid on the moments of all that scatters are kept
+_LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
 _ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3
 
 
@@ -317,7 +319,7 @@ def coarse_to_fine(
     below = coarse_to_fine(base, tolerance, most, like, finer + 1)
     known, thin = below.moments.values, below.coarser
     trace = like[len(below.sweeps) - 1] if like else None
-    if finer > 1:
+    if finer >= _WHOLE:
         level = fine
     else:
         thin = thin._replace(factor=2 * thin.factor) if thin.factor else base.as_coarser(known)
@@ -336,7 +338,9 @@ def coarse_to_fine(
     elif not like:
         begun = begun.copy()
     # the last sweep of that other wavelength, and what the guess adds
-    enough = 2 * tolerance if trace else tolerance
+    enough = (2 if trace else 1) * tolerance
+    if finer not in (0, _WHOLE):
+        enough *= _LOOSE
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
     traces = []

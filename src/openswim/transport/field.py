@@ -22,9 +22,11 @@ from openswim.transport.medium import Medium, air_of
 from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
-from openswim.transport.volume import DEGREE, Shells, Volume
+from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
 
 if TYPE_CHECKING:
+    from openswim.transport.landscape import Landscape
+    from openswim.transport.relief import Relief
     from openswim.transport.solver import Solver
 
 F32 = NDArray[np.float32]
@@ -81,6 +83,11 @@ class Field:
         return self._first.lighting.ground_m
 
     @property
+    def landscape(self) -> Landscape | None:
+        """The shape of the ground around the grid's nodes and beyond them, where it is known."""
+        return self._first.landscape
+
+    @property
     def wavelengths_nm(self) -> F64:
         return np.concatenate([p.wavelengths_nm[: p.count] for p in self.packs])
 
@@ -130,6 +137,8 @@ class PackField:
     light: GridLight | None = None
     reach_deg: float = CLEAR_REACH_DEG  # how far round the Earth the shells' diffuse field is solved
     space_shells: Shells | None = None
+    landscape: Landscape | None = None
+    relief: Relief | None = None  # what the landscape is from the last eye
 
     @property
     def quality(self) -> str:
@@ -140,6 +149,7 @@ class PackField:
         """See `Field.view`."""
         started = time.perf_counter()
         shells = self._shells_for(rays)
+        self.relief = None if self.landscape is None else self.landscape.seen_from(rays)
         n = len(rays)
         out = View(
             np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),
@@ -183,11 +193,12 @@ class PackField:
     def _march(self, origin: F64, direction: F64, shells: Shells) -> tuple[F32, F32, F32, F64, F32, int]:
         """Radiance without the ground's (n, PACK), what is left of the ground's light and of the sun's, distance (n,)
         to the ground or -1, depth of each species (n, ns), samples."""
+        ends = None if self.relief is None else self.relief.meet(origin, direction)
         if self.solver.name == "swim" and self.medium is not None:
-            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells)
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells, ends)
             return radiance, full, full, distance, depth, int(samples.sum())
         step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
-        seen = march_rays(origin, direction, self.sun, self.table, shells, self.volume, step)
+        seen = march_rays(origin, direction, self.sun, self.table, shells, self.volume, step, ends=ends)
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
 
@@ -211,7 +222,11 @@ class PackField:
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
         lifted = place + np.array([0.0, 0.0, 1.0])
-        seen = march_rays(lifted, self.sun, self.sun, np.zeros_like(self.table), self.shells, self.volume, 2.0)
+        # a relief casts its own shadow
+        ends = None if self.relief is None else np.full(len(place), FAR_M)
+        seen = march_rays(
+            lifted, self.sun, self.sun, np.zeros_like(self.table), self.shells, self.volume, 2.0, ends=ends
+        )
         return seen.scaled * (seen.distance_m < 0)[:, None]
 
     def _shells_for(self, rays: Rays) -> Shells:

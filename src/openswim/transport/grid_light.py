@@ -18,7 +18,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import depths_to_sun, direct_beam, shadow_rows
+from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
@@ -164,12 +164,16 @@ def sunlit_volume(
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
     depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
-    for k in range(nz):  # a level at a time stays in a cache
-        for s in range(ns):
-            fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
-        fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
-        for n, channel in forward_channel.items():
-            fields[k, ..., channel] = depth[k, ..., n]
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            for s in range(ns):
+                fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
+            fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
+            for n, channel in forward_channel.items():
+                fields[k, ..., channel] = depth[k, ..., n]
+
+    in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
@@ -231,9 +235,10 @@ def _free_around(free: F32, periodic: bool) -> F32:
 
 def beams_and_shadows(
     medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
-    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int,
+    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int, relief: bool = False,
 ) -> GridLight:  # fmt: skip
-    """Direct beam at the nodes and at the ground, terrain shadows included."""
+    """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
+    its own, without them too."""
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     if not medium.periodic:
@@ -248,6 +253,12 @@ def beams_and_shadows(
         surface, volume.fields,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
+    if relief:
+        in_threads(
+            ground_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, np.full((ny, nx), -1e9), ridge, count,
+            shells, surface,
+        )  # fmt: skip
+        lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
     _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     return GridLight(

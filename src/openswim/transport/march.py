@@ -175,7 +175,7 @@ def _finish(n, w, got, out):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _march_tile(
-    first, last, order, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out, walks,
+    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, walks,
     places, got, nodes, rays, peaks, which, angles, shares,
 ):  # fmt: skip
     """March rays ``first`` to ``last`` of ``order``: see `march_rays`. LANES of them walk in turn."""
@@ -194,7 +194,8 @@ def _march_tile(
                 shares[lane] = prepare_ray(
                     angles[lane], table, shells.phase, volume.peak_inner, volume.peak_outer, rays[lane], peaks[lane]
                 )
-                start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, shells, volume)
+                end = ends[n] if ends.size > 0 else -1.0
+                start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
             going = going or which[lane] >= 0
         if not going:
@@ -223,7 +224,7 @@ def _march_tile(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def _march_share(
-    t, threads, order, scratch, origin, direction, sun, table, shells, volume, highest_m, depth_limit, scale, out
+    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out
 ):  # fmt: skip
     """Thread t's tiles, see `march_rays`: every so-manieth, for sky and ground do not cost the same."""
     count = direction.shape[0]
@@ -233,7 +234,7 @@ def _march_share(
     which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
     for tile in range(t, (count + TILE - 1) // TILE, threads):
         _march_tile(
-            tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, sun, table, shells, volume,
+            tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, ends, sun, table, shells, volume,
             highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
         )  # fmt: skip
 
@@ -256,10 +257,11 @@ def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
 
 def march_rays(
     origin: F64, direction: F64, sun: F64, table: F32, shells: Shells, volume: Volume, scale: float,
-    depth_limit: float = NO_LIMIT,
+    depth_limit: float = NO_LIMIT, ends: F64 | None = None,
 ) -> Marched:  # fmt: skip
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
-    PACK), steps ``scale`` times the usual."""
+    PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
+    shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it."""
     if shells.phase.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
     n = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))
@@ -272,9 +274,10 @@ def march_rays(
     )  # fmt: skip
     scratch = blank_fields((3, get_num_threads(), LANES), max(volume.fields.shape[3], GATHERED, RAY))
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
+    own = np.zeros(0) if ends is None else np.array(ends, float, order="C")
     in_threads(
-        _march_share, order, scratch, o, d, np.array(sun, float), np.array(table, np.float32, order="C"), tidy(shells),
-        tidy(volume), highest_m, float(depth_limit), float(scale), out,
+        _march_share, order, scratch, o, d, own, np.array(sun, float), np.array(table, np.float32, order="C"),
+        tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale), out,
     )  # fmt: skip
     return out
 

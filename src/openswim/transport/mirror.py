@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.ground import water
 from openswim.transport.march import PACK, Shells
+from openswim.transport.volume import FAR_M
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField
@@ -21,6 +22,7 @@ HIGHEST_EYE_M = 30_000.0  # from above, water mirrors 2 % of the sky: the clear 
 _ROWS, _COLUMNS = 50, 90  # of the mirrored picture, at most
 _LEAST_STEP_RAD = np.radians(0.4)  # waves smear over several degrees
 _FACETS = 16
+_LIFT_M = 0.5  # above the ground, that mirrored rays begin
 _LOWEST = 0.01  # sine of the altitude: what would be mirrored from below the horizon is seen by way of a second wave
 
 
@@ -43,6 +45,10 @@ def mirrored_sky(field: PackField, shells: Shells, eye: F64, place: F64, directi
     toward = np.cos(alt)[:, None] * (np.sin(az)[:, None] * axes[0] + np.cos(az)[:, None] * axes[1])
     toward += np.sin(alt)[:, None] * up
     node = _on_sphere(eye, toward, level, radius)
+    if field.relief is not None:  # where no water lies level, it is as high as the ground
+        distance = field.relief.meet(eye[None], toward)
+        met = distance < FAR_M
+        node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
     shape = (grid_alt.size, grid_az.size)
     seen, known = _marched(field, shells, eye, node, toward, float(np.mean(wind_speed)))
     x = np.interp(azimuth, grid_az, np.arange(grid_az.size))

@@ -241,6 +241,18 @@ def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
     return np.asarray(np.exp(-rows_between(shells.sun_depth[level], t)) * lit[:, None])
 
 
+def beam_transmission_at(shells: Shells, mu_sun: Array, above_m: Array) -> Array:
+    """`beam_transmission` (n, nw) at heights (n,) above the shells' ground, linear between their levels."""
+    level = np.interp(above_m, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
+    lower = np.minimum(level.astype(int), len(shells.sun_depth) - 2)
+    out = np.zeros((len(level), shells.sun_depth.shape[2]))
+    for k in np.unique(lower):
+        some = np.flatnonzero(lower == k)
+        low, high = (beam_transmission(shells, mu_sun[some], int(n)) for n in (k, k + 1))
+        out[some] = low + (level[some] - k)[:, None] * (high - low)
+    return out
+
+
 def rows_between(table: NDArray[np.float32], index: Array) -> Array:
     """Rows (..., nw) of a table (n, nw) at fractional indices within it."""
     i = np.minimum(index.astype(int), len(table) - 2)

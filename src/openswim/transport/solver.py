@@ -19,6 +19,7 @@ from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+from openswim.transport.landscape import landscape_of
 from openswim.transport.large import is_large, solve_large
 from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
@@ -106,9 +107,10 @@ class Solver:
             return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else solve_large if is_large(scene) else _grid_field
-        return Field(
-            [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
-        )
+        packs = [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
+        for pack in packs[1:]:
+            pack.landscape = packs[0].landscape  # which keeps what it has built
+        return Field(packs)
 
 
 def _sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:
@@ -143,6 +145,7 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     if fast and setting.halved:
         medium = halved_medium(scene, medium)
     frame = medium.frame
+    landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + medium.place[..., 2].min() / frame.radius_m)))
@@ -158,8 +161,12 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
-    light = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
+    light = beams_and_shadows(
+        medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count,
+        landscape is not None,
+    )  # fmt: skip
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
+    result.landscape = landscape
     result.light = light
     result.reach_deg = float(reach)
     if fast and medium.layered:

@@ -184,11 +184,18 @@ def sun_sweep(
 
 def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
     """`sun_sweep` of a medium (nz, ny, nx, n or more), for each row of ``weights`` (n, ns) of its species."""
-    padded = np.pad(np.asarray(weights, np.float32), [(0, -len(weights) % PACK), (0, 0)])
-    extinction = medium.extinction.reshape(len(medium.species), math.prod(medium.shape)).T @ padded.T
+    extinction = np.zeros((*medium.shape, -(-len(weights) // PACK) * PACK), np.float32)
+
+    def weigh(t: int, threads: int) -> None:
+        for k in range(t, len(extinction), threads):
+            for n, row in enumerate(weights):
+                for weight, species in zip(row, medium.extinction, strict=True):
+                    extinction[k, ..., n] += weight * species[k]
+
+    in_threads(weigh)
     return sun_sweep(
-        np.ascontiguousarray(extinction.reshape(*medium.shape, len(padded))), exact, local_sun, medium.levels_m,
-        medium.level_lookup, np.array(medium.cell_m, float), medium.frame.radius_m, medium.periodic,
+        extinction, exact, local_sun, medium.levels_m, medium.level_lookup, np.array(medium.cell_m, float),
+        medium.frame.radius_m, medium.periodic,
     )  # fmt: skip
 
 
@@ -332,6 +339,15 @@ def direct_beam(
     for j in range(t, ny, threads):
         for k in range(nz):
             _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields)
+        _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def ground_beam(
+    t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
+):  # fmt: skip
+    """Direct transmission ``surface`` at the ground alone: see `direct_beam`."""
+    for j in range(t, depth.shape[1], threads):
         _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 

@@ -16,7 +16,7 @@ from openswim.transport.medium import Medium
 from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
 from openswim.transport.ordinates import Ordinates, hemisphere_product
 from openswim.transport.pack import PACK
-from openswim.transport.shells import beam_transmission, clear_radiance, rows_between
+from openswim.transport.shells import beam_transmission, beam_transmission_at, clear_radiance, rows_between
 from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ class Lighting:
     normal: F64 | None = None
     axes: F32 | None = None
     clear_sky: F32 | None = None  # (mu, azimuth, nw) above the centre of the domain
+    unshadowed: F32 | None = None  # ``direct`` without the terrain's own shadows, where a relief casts them
     forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
 
     @classmethod
@@ -233,34 +234,41 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     """What is there, and the light on it: see `shade`."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
-    lat, lon, _ = frame.latlon(place)
+    lat, lon, height_m = frame.latlon(place)
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     mu_sun = up @ sun
     beam = beam_transmission(shells, mu_sun)
     diffuse = np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
     normal = up.copy()
-    medium = light_field.medium
+    # a pixel that looks along the ground covers more of it: the geometric mean of both sides
+    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
+    medium, relief = light_field.medium, light_field.relief
+    if relief is not None:
+        beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
+        normal = relief.normals(place, up, footprint)
     if medium is not None:
         ix, iy = _indices(scene, medium, place, lat, lon)
         _, ny, nx = medium.shape
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
-        beam[inside] = bilinear(lighting.direct, ix[inside], iy[inside])
+        direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
+        beam[inside] = bilinear(direct, ix[inside], iy[inside])
         diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
-        if lighting.normal is not None:
+        if lighting.normal is not None and relief is None:
             normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] = light_field.beam(place[shaded])
-    # a pixel that looks along the ground covers more of it: the geometric mean of both sides
-    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
     sample = surface_properties(scene, lat, lon, wl, footprint)
     maps = height_maps(scene)
-    if maps:
+    if maps and relief is None:
         own, known = mapped_normals(maps, frame, place, up, footprint)
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
+    if relief is not None:
+        lit = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
+        beam[lit] *= relief.lit(place[lit], sun)[:, None]
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
     horizontal_sun = sun - mu_sun[:, None] * up
     horizontal_view = -direction + (direction * up).sum(-1, keepdims=True) * up

@@ -57,18 +57,19 @@ class Sight(NamedTuple):
 
 
 def view(
-    field: PackField, origin: F64, direction: F64, shells: Shells
+    field: PackField, origin: F64, direction: F64, shells: Shells, ends: F64 | None = None
 ) -> tuple[F32, F32, F32, F64, NDArray[np.int64]]:
-    """Radiance and e^-tau (n, PACK), depth of the species (n, ns), distance of the ground or -1, samples of rays."""
+    """Radiance and e^-tau (n, PACK), depth of the species (n, ns), distance of the ground or -1, samples of rays, which
+    end at distances ``ends`` (n,) where these are given."""
     species = field.volume.species
     # air that dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)
     seen = march_rays(
         origin, direction, field.sun, field.table, without_light(shells), field.volume, field.solver.step,
-        DEPTH_OF_VIEW,
+        DEPTH_OF_VIEW, ends,
     )  # fmt: skip
     radiance, full, front, depth = seen.radiance, seen.full, seen.front, seen.species_depth
     distance = seen.distance_m
-    clear, air_depth = _clear_view(field, origin, direction, distance, shells)
+    clear, air_depth = _clear_view(field, origin, direction, distance, shells, ends)
     out = clear.copy()
     cloudy = np.flatnonzero(depth[:, :species].sum(axis=1) > _CLOUDY)
     if cloudy.size:
@@ -83,17 +84,22 @@ def view(
     return np.maximum(out, 0), full, depth, distance, seen.samples
 
 
-def _clear_view(field: PackField, origin: F64, direction: F64, distance: F64, shells: Shells) -> tuple[F32, F32]:
+def _clear_view(
+    field: PackField, origin: F64, direction: F64, distance: F64, shells: Shells, ends: F64 | None = None
+) -> tuple[F32, F32]:
     """L'_clear of the air alone along rays that end where the terrain does, and its depth (Eq. 3, all orders)."""
     volume = field.volume._replace(fields=blank_fields((1, 1, 1), 1))
 
     def march(start: F64, along: F64) -> tuple[F32, F32]:
-        seen = march_rays(start, along, field.sun, field.table, shells, volume, field.solver.step)
+        seen = march_rays(start, along, field.sun, field.table, shells, volume, field.solver.step, ends=ends)
         return np.maximum(seen.radiance, 0), seen.scaled
 
     def height(place: F64) -> F64:
         return np.linalg.norm(place + np.array([0, 0, shells.radius_m]), axis=-1) - shells.radius_m - shells.ground_m
 
+    if ends is not None:
+        radiance, through = march(origin, direction)
+        return radiance, -np.log(np.clip(through, 1e-12, 1))
     # the shells know of no valleys: rays that begin in one are lifted out of it
     start = origin + np.maximum(2.0 - height(origin), 0)[:, None] * _up(origin, shells)
     radiance, through = march(start, direction)

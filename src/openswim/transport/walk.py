@@ -36,13 +36,14 @@ PLACE_S, PLACE_STEP, PLACE_LEVEL, PLACE_X, PLACE_Y, PLACE = 0, 1, 2, 3, 4, 5
 # The state of a walk, a row of float64
 STATE, COUNT, SAMPLES, START = 0, 1, 2, 3  # where it stands; places of this batch, of all; way to the shells' top
 OX, OY, OZ, DX, DY, DZ, SQUARE, RISE, GROUND, ENTER, LEAVE, S, STEP, SAFE, HEIGHT, GRIDDED, TURNING = range(4, 21)
-BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, WALK = range(21, 35)
+BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, ENDED, WALK = range(21, 36)
 GOING, GONE, HIT = 0.0, 1.0, 2.0
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def start_walk(w, ox, oy, oz, dx, dy, dz, shells, volume):
-    """Begin a walk at an eye, or where its ray meets the top of the shells."""
+def start_walk(w, ox, oy, oz, dx, dy, dz, end, shells, volume):
+    """Begin a walk at an eye, or where its ray meets the top of the shells. The ground is at distance ``end``, or,
+    where that is negative, is yet to be met."""
     radius = shells.radius_m
     w[STATE], w[COUNT], w[SAMPLES], w[START], w[S], w[STEP], w[SAFE] = GOING, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0
     h = height_m(ox, oy, oz, radius)
@@ -58,8 +59,12 @@ def start_walk(w, ox, oy, oz, dx, dy, dz, shells, volume):
     # along the ray (R + h)^2 - R^2 = square + s (2 rise + s); r mu = rise + s
     square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
     rise = ox * dx + oy * dy + (radius + oz) * dz
-    ground, _ = sphere_crossings(square, rise, shells.ground_m, radius)
-    w[GROUND] = ground if ground >= 0.0 else FAR_M
+    w[ENDED] = 1.0 if end >= 0.0 else 0.0
+    if end >= 0.0:
+        w[GROUND] = max(end - w[START], 0.0)
+    else:
+        ground, _ = sphere_crossings(square, rise, shells.ground_m, radius)
+        w[GROUND] = ground if ground >= 0.0 else FAR_M
     w[ENTER], w[LEAVE] = way_through(ox, oy, oz, dx, dy, dz, square, rise, radius, volume)
     w[OX], w[OY], w[OZ], w[DX], w[DY], w[DZ], w[SQUARE], w[RISE], w[HEIGHT] = ox, oy, oz, dx, dy, dz, square, rise, h
     w[GRIDDED] = 1.0 if w[ENTER] <= 0.0 else 0.0
@@ -74,11 +79,11 @@ def _next_leg(w, shells, volume):
         w[TURNING] = 0.0
         w[GRIDDED] = 1.0 - w[GRIDDED]
         step = 0.0
-        if w[GRIDDED] == 0.0 and w[HEIGHT] < shells.ground_m - 0.01:
+        if w[GRIDDED] == 0.0 and w[ENDED] == 0.0 and w[HEIGHT] < shells.ground_m - 0.01:
             w[STATE] = HIT
     bound = w[GROUND]
     if w[GRIDDED] > 0.0:
-        bound = w[LEAVE]
+        bound = min(bound, w[LEAVE]) if w[ENDED] > 0.0 else w[LEAVE]
     elif s < w[ENTER]:
         bound = min(bound, w[ENTER])
     if step >= FAR_M and bound >= FAR_M:  # nothing between here and space
@@ -87,7 +92,7 @@ def _next_leg(w, shells, volume):
     t = s + step
     if w[SAMPLES] > 0.0 and step > 0.0 and t >= bound:
         t = max(bound, s)
-        if w[GRIDDED] == 0.0 and bound == w[GROUND]:
+        if bound == w[GROUND] and (w[GRIDDED] == 0.0 or w[ENDED] > 0.0):
             w[STATE] = HIT
         else:
             w[TURNING] = 1.0
@@ -170,7 +175,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             return
     step = w[STEP]
     count = int(w[COUNT])
-    inside = False
+    inside, filled = False, False
     level, ix, iy = -1.0, 0.0, 0.0
     h = 0.0
     if w[GRIDDED] > 0.0:
@@ -178,7 +183,12 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         h = w[H0] + u * (w[H1] + u * w[H2])
         ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
         inside = inside_grid(ix, iy, volume)
-        if h < highest_m and w[SAMPLES] > 0.0 and h < terrain_height_m(ix, iy, shells.ground_m, volume):
+        if w[ENDED] > 0.0:
+            # a valley that the grid does not have is filled with its lowest air
+            ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else h
+            filled = h < ground
+            h = max(h, ground)
+        elif h < highest_m and w[SAMPLES] > 0.0 and h < terrain_height_m(ix, iy, shells.ground_m, volume):
             w[STATE] = HIT
             step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
             t = s + step
@@ -213,7 +223,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         else:
             # within cloud a step ends on a level, where the fields have their kinks
             to_level = (ahead + 1 - level) if rising else (level - ahead)
-            if to_level < 2e-3:
+            if to_level < 2e-3 or filled:
                 to_level += 1.0
             next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), cell)
     else:

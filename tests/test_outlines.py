@@ -1,0 +1,54 @@
+"""Outlines: where they are, and that a pixel across one is the mean of both sides by their shares."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from openswim.cameras import Rays
+from openswim.outlines import outlines, soften
+from openswim.scene.frame import Frame
+
+FRAME = Frame(6_371_000.0, 40.0, 10.0)
+
+
+def test_outlines_are_where_the_ground_leaps() -> None:
+    distance = np.array([[-1.0, -1.0, -1.0], [900.0, 5000.0, -1.0], [890.0, 900.0, 4800.0], [100.0, 101.0, 102.0]])
+    inside = np.ones((4, 3), bool)
+    expected = np.array([[1, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]], bool)
+    np.testing.assert_array_equal(outlines(distance.ravel(), inside).reshape(4, 3), expected)
+    smooth = np.tile(np.geomspace(100.0, 300.0, 12), (5, 1))
+    assert not outlines(smooth.ravel(), np.ones((5, 12), bool)).any()
+
+
+def test_pixels_outside_the_picture_have_no_outline() -> None:
+    """In a round picture the corners are no pixels."""
+    inside = np.array([[False, True, False], [True, True, True]])
+    assert not outlines(np.full(4, 700.0), inside).any()
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3, -2.0])
+def test_a_pixel_across_a_ridge_is_the_mean_of_both_sides(slope: float) -> None:
+    """Sky of 1 over ground of 0 along a slanting line, pixels of 2 mrad: right to an eighth of a pixel."""
+    width, n = 2e-3, 40
+    x, z = np.meshgrid((np.arange(n) - 0.5 * n) * width, -(np.arange(n) - 0.5 * n) * width)
+
+    def look(directions: np.ndarray) -> np.ndarray:
+        return directions[:, 2] > slope * directions[:, 0] + 0.3e-3
+
+    direction = np.stack([x, np.ones_like(x), z], axis=-1).reshape(-1, 3)
+    rays = Rays(np.array([0.0, 0.0, 100.0]), direction / np.linalg.norm(direction, axis=-1, keepdims=True), width)
+    sky = look(rays.directions())
+    field = SimpleNamespace(
+        frame=FRAME, view=lambda r: SimpleNamespace(radiance=look(r.directions())[:, None].astype(np.float32))
+    )
+    view = SimpleNamespace(distance_m=np.where(sky, -1.0, 500.0))
+    radiance = sky[:, None].astype(np.float32)
+    soften(radiance, view, field, rays, SimpleNamespace(inside=np.ones((n, n), bool)))
+    u, v = np.meshgrid(np.linspace(-0.5, 0.5, 41) * width, np.linspace(-0.5, 0.5, 41) * width)
+    above = z.ravel() - slope * x.ravel() - 0.3e-3
+    share = np.mean([above + dv - slope * du > 0 for du, dv in zip(u.ravel(), v.ravel(), strict=True)], axis=0)
+    edge = outlines(view.distance_m, np.ones((n, n), bool))
+    assert np.abs(radiance[edge, 0] - share[edge]).max() <= 0.25
+    assert np.abs(radiance[edge, 0] - share[edge]).mean() < 0.07
+    assert np.abs(sky[edge] - share[edge]).mean() > 0.1
