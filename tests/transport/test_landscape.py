@@ -11,7 +11,7 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, toward
 
 import openswim
 from openswim.cameras import Rays
-from openswim.ground import earth
+from openswim.ground import Ground, earth
 from openswim.scene import Scene
 from openswim.transport import Solver
 from openswim.transport.landscape import Landscape, Lattice, landscape_of
@@ -253,6 +253,7 @@ def test_far_mountains_stand_beyond_the_domain() -> None:
     x = 2000.0 * (np.arange(21) - 10)
     scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0))
     land = landscape(scene)
+    assert landscape_of(replace(scene, ground=Ground(mountains=False)), land.medium) is None
     frame = land.medium.frame
     eye = frame.position(45.1, 8.5, 122.0)
     altitude = np.radians(np.arange(-0.5, 4.0, 0.01))

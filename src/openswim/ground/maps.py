@@ -38,6 +38,7 @@ class Ground:
         Of pictures whose names carry a month, those of the month nearest to the scene's time are used.
     height : one or more digital elevation models, metres above sea level.
     chlorophyll_mg_m3 : of all water; by default .2 in the sea and 2 in lakes.
+    mountains : whether those of the default Earth stand beyond the domain, where they are known (docs/ground.md).
 
     Model latitudes are taken as geodetic ones of WGS 84, as models' own ground data are.
     """
@@ -45,6 +46,7 @@ class Ground:
     albedo: PathLike | Sequence[PathLike] = ()
     height: PathLike | Sequence[PathLike] = ()
     chlorophyll_mg_m3: float | None = None
+    mountains: bool = True
 
     def __post_init__(self) -> None:
         if self.chlorophyll_mg_m3 is not None and not 0.0 < self.chlorophyll_mg_m3 <= 100.0:

@@ -132,6 +132,7 @@ def _scene(
 ) -> Scene:
     from pyproj import CRS
 
+    from openswim.ground import Ground
     from openswim.scene.atmosphere import Atmosphere
 
     centre = f"+lat_1={latitude} +lat_0={latitude} +lon_0={longitude}"
@@ -142,5 +143,6 @@ def _scene(
         atmosphere=Atmosphere.us_standard(),
         time=np.datetime64(time),
         source="procedural demo scene: summer cumulus and cirrus over foothills and a lake",
+        ground=Ground(mountains=False),  # real ones have no place around made-up hills
         notes=["all fields are invented (openswim.scene.procedural), none is measured or forecast"],
     )

@@ -210,7 +210,8 @@ def landscape_of(scene: Scene, medium: Medium) -> Landscape | None:
         return None
     if height_maps(scene):
         return Landscape(scene, medium)
-    if not earth.has_relief() or "surface_altitude" not in scene.data:
+    wanted = scene.ground is None or scene.ground.mountains
+    if not (wanted and earth.has_relief() and "surface_altitude" in scene.data):
         return None
     reach = float(np.abs(medium.place[..., :2]).max()) + _REACH_M
     side = np.linspace(-reach, reach, 100)
