@@ -7,6 +7,8 @@ import pytest
 from tests.transport.scenes import grid_scene, sky_directions, toward
 
 from openswim.cameras import Rays
+from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene import Scene
 from openswim.transport import Solver
 from openswim.transport.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.optical_grid import coarsen
@@ -132,3 +134,28 @@ def test_prolongation_keeps_planes_and_constants(size: tuple[int, int]) -> None:
     y, x = np.mgrid[0:ny, 0:nx]
     inner = (slice(1, 2 * rows - 1 - ny % 2), slice(1, 2 * columns - 1 - nx % 2))
     np.testing.assert_allclose(seen[1, 0][inner], (3.0 * y - 2.0 * x)[inner], rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("zenith_deg", [20.0, 60.0])
+@pytest.mark.parametrize(("first_m", "ratio", "tau"), [(400.0, 1.0, 4.0), (50.0, 1.3, 10.0), (60.0, 1.12, 30.0)])
+def test_even_decks_on_uneven_levels_keep_their_light(
+    first_m: float, ratio: float, tau: float, zenith_deg: float
+) -> None:
+    """What comes in goes out at the top or into the ground, also where levels are divided for their optical depth.
+
+    Where spacing changed within cloud, up to a quarter of the light was made or lost before layers beside those that
+    are divided were divided too.
+    """
+    levels = np.concatenate([[0.0], np.cumsum(np.minimum(first_m * ratio ** np.arange(40), 500.0))])
+    levels = levels[levels < 5000.0]
+    shape = np.interp(levels, [400.0, 800.0, 1200.0, 1600.0], [0.0, 1.0, 1.0, 0.0])
+    extinction = np.tile((shape * tau / np.trapezoid(shape, levels))[:, None, None], (1, 48, 48))
+    x = 1500.0 * (np.arange(48) - 23.5)
+    scene = Scene.from_arrays(
+        extinction.astype(np.float32), x, x, levels, phase=HenyeyGreenstein(0.85), surface_albedo=0.2
+    )
+    sun = toward(90.0, 90.0 - zenith_deg)
+    lighting = Solver().solve(scene, sun, [546.0]).packs[0].lighting
+    middle = (0, slice(21, 27), slice(21, 27))
+    down = lighting.diffuse[middle] + lighting.direct_horizontal(0)[middle[1:]]
+    assert float((lighting.up_top[middle] + 0.8 * down).mean()) == pytest.approx(sun[2], rel=0.035)

@@ -36,6 +36,7 @@ _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken 
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
 _MOST_DEGREES = 200.0  # of longitude
+_CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
 
 
@@ -240,6 +241,10 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
     depth = 0.4 / fineness * np.interp(0.5 * (levels[1:] + levels[:-1]), own, cloudy) * dz  # 1 - f is .3 to .55
     parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
+    # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
+    beside = np.pad(dz / parts, 1, mode="edge")
+    beside = np.minimum(beside[:-2], beside[2:])
+    parts = np.where(depth > _CLOUDY_DEPTH, np.maximum(parts, np.ceil(dz / beside - 0.3)), parts)
     while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
     pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]
