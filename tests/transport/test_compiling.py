@@ -6,14 +6,18 @@ import sys
 _COMPARE = """
 import numpy as np
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver, compiling, moments, sweep
+from openswim.cameras import Rays
+from openswim.transport import Solver, compiling, eye_source, moments, sweep
 names = [(sweep, "share_rows"), (sweep, "share_ordinates"), (moments, "prolong"), (moments, "restrict"),
-         (moments, "add_scaled"), (moments, "squares"), (moments, "weighted_change"), (moments, "inner_product")]
+         (moments, "add_scaled"), (moments, "squares"), (moments, "weighted_change"), (moments, "inner_product"),
+         (eye_source, "view_source")]
 kernels = [getattr(module, name) for module, name in names]
 compiling.compile_sweeps()
+compiling.compile_view()
 ahead = [list(k.signatures) for k in kernels]
 assert all(len(a) == 1 for a in ahead), ahead
-Solver().solve(demo_scene(50, 50, 16), np.array([0.5, 0.0, 0.866]), [615.0, 450.0])
+field = Solver().solve(demo_scene(50, 50, 16), np.array([0.5, 0.0, 0.866]), [615.0, 450.0])
+field.view(Rays(np.array([0.0, 0.0, 1e3]), np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8]])))
 for kernel, before in zip(kernels, ahead, strict=True):
     assert list(kernel.signatures) == before, kernel
 """

@@ -1,4 +1,4 @@
-"""The first start: another process compiles the sweeps while this one compiles the march.
+"""The first start: another process compiles the sweeps while this one compiles the march and the view.
 
 Numba compiles in one thread. What the other has compiled is found in the cache on disk; where it fails, or there is no
 cache, everything is compiled here as always.
@@ -15,11 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from openswim.transport.diffuse import Sweeper, Trace, coarse_to_fine
+from openswim.transport.eye_source import columns_of, field_at, view_source
+from openswim.transport.moments import Moments, nothing_coarser, places
 from openswim.transport.optical_grid import Coefficients, at_another_wavelength, optical_grid
 from openswim.transport.ordinates import lebedev
+from openswim.transport.pack import LANES, PACK
 from openswim.transport.pool import Pool
+from openswim.transport.products import BLOCK
 from openswim.transport.sweep import share_ordinates
-from openswim.transport.volume import DEGREE
+from openswim.transport.threads import in_threads
+from openswim.transport.volume import DEGREE, blank_fields
 
 _LONGEST_S = 300.0
 _other: subprocess.Popen | None = None
@@ -40,8 +45,10 @@ def begin() -> None:
 
 
 def wait() -> None:
-    """Until the other process has ended, if there is one."""
+    """Until the other process has ended, if there is one; meanwhile what a view will need is compiled."""
     if _other is not None:
+        if _other.poll() is None:
+            compile_view()
         try:
             _other.wait(_LONGEST_S)
         except subprocess.TimeoutExpired:
@@ -51,6 +58,21 @@ def wait() -> None:
 def _compiled() -> bool:
     cache = share_ordinates.stats.cache_path
     return cache is not None and any(Path(cache).glob("sweep.share_ordinates*.nbi"))
+
+
+def compile_view() -> None:
+    """The source of a few nodes toward an eye."""
+    shape, f32 = (2, LANES, LANES), np.float32
+    nz, ny, nx = shape
+    moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), f32))
+    axes = np.tile(np.eye(3, dtype=f32), (ny, nx, 1, 1))
+    eye = np.array([0.0, 0.0, 5e3])
+    in_threads(
+        view_source, np.zeros((1, *shape), f32), np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz, DEGREE), f32),
+        (np.zeros(shape, f32),) * PACK, *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
+        columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, eye, 1,
+        blank_fields(shape, 2 * PACK),
+    )  # fmt: skip
 
 
 def compile_sweeps() -> None:
