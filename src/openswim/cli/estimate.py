@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from openswim.progress import PATIENCE_S
-from openswim.transport.large import LIGHT_OF_COLUMNS, is_large
+from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
 from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def estimate(
     quality: str = "standard",
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores."""
-    if scene.grid is not None and solver != "reference" and is_large(scene):
+    if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
         return _estimate_large(scene, camera, wavelengths)
     nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
@@ -85,7 +85,7 @@ def announce(
     scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard"
 ) -> None:
     """Print the estimate of a large job to stderr."""
-    if solver == "fast" and scene.grid is not None and is_large(scene):
+    if solver == "fast" and scene.grid is not None and lit_in_parts(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
     expected = estimate(scene, camera, solver, paths=paths, quality=quality)
     if expected.large:

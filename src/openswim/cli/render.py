@@ -63,15 +63,16 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
     from openswim.transport import compiling
+    from openswim.transport.large import lit_in_parts
 
     solver = solver_of(request)
-    if solver.name == "fast":
-        compiling.begin()
     given = request.albedo_maps or request.height_maps
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
     )
+    if solver.name == "fast" and scene.grid is not None and not lit_in_parts(scene):
+        compiling.begin()
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:

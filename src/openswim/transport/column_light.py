@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.column_solve import MODES, ORDERS, back, direction, eliminate, ground_start
+from openswim.transport.eye_source import way_to_eye, write_legendre
 from openswim.transport.pack import (
     LANES,
     PACK,
@@ -14,7 +15,6 @@ from openswim.transport.pack import (
     largest,
     put,
     read_quadruple,
-    root,
     spread_quadruple,
     write,
 )
@@ -37,31 +37,10 @@ def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
     c = j * 12 * nx + i
     s = j * 3 * nx + i
     sx, sy, sz = read_quadruple(sun, s), read_quadruple(sun, s + nx), read_quadruple(sun, s + 2 * nx)
-    ax, ay, az = read_quadruple(columns, c + 9 * nx), read_quadruple(columns, c + 10 * nx), read_quadruple(
-        columns, c + 11 * nx
-    )
     for k in range(levels_m.shape[0]):
-        height = np.float32(levels_m[k])
-        if parallel:
-            vx, vy, vz = spread_quadruple(eye[0]), spread_quadruple(eye[1]), spread_quadruple(eye[2])
-        else:
-            vx = read_quadruple(columns, c) + height * ax
-            vy = read_quadruple(columns, c + nx) + height * ay
-            vz = read_quadruple(columns, c + 2 * nx) + height * az
-            r = _ONE / (root(vx * vx + vy * vy + vz * vz) + np.float32(1e-6))
-            vx, vy, vz = vx * r, vy * r, vz * r
-        x = read_quadruple(columns, c + 3 * nx) * vx + read_quadruple(columns, c + 4 * nx) * vy
-        x += read_quadruple(columns, c + 5 * nx) * vz
-        y = read_quadruple(columns, c + 6 * nx) * vx + read_quadruple(columns, c + 7 * nx) * vy
-        y += read_quadruple(columns, c + 8 * nx) * vz
-        z = ax * vx + ay * vy + az * vz
+        _, _, _, x, y, z = way_to_eye(c, nx, columns, np.float32(levels_m[k]), eye, parallel)
         along = x * sx + y * sy  # sines of both zenith angles, times the cosine between azimuths
-        angle = along + z * sz
-        p0, p1 = spread_quadruple(_ONE), angle
-        for ell in range(DEGREE):
-            write(phases, (k * DEGREE + ell) * LANES, np.float32(2 * ell + 1) * p0)
-            up = (np.float32((2 * ell + 3) / (ell + 2)) * angle) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
-            p0, p1 = p1, up
+        write_legendre(along + z * sz, phases, k * DEGREE * LANES)
         write(slopes, k * LANES, _ZERO - z)
         for m in range(MODES):
             n = (k * MODES + m) * ORDERS * LANES

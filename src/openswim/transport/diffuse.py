@@ -51,7 +51,7 @@ _FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
-_WHOLE = 2  # from the third grid on the moments of all that scatters are kept
+WHOLE = 2  # from the third grid on the moments of all that scatters are kept
 _LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
 _ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3
 
@@ -317,13 +317,13 @@ def coarse_to_fine(
         return Solution(Moments(fine.place, values), fine.coarser, [n], [])
     base = fine.coarsened()
     below = coarse_to_fine(base, tolerance, most, like, finer + 1)
-    known, thin = below.moments.values, below.coarser
     trace = like[len(below.sweeps) - 1] if like else None
-    if finer >= _WHOLE:
+    if finer >= WHOLE:
         level = fine
     else:
-        thin = thin._replace(factor=2 * thin.factor) if thin.factor else base.as_coarser(known)
-        level = fine.over(thin, trace.kept if trace else None)
+        whole = below.coarser  # the base's own, or the base itself
+        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below.moments.values)
+        level = fine.over(whole, trace.kept if trace else None)
     begin = fine.pool.take("begin", *level.shape)
     in_threads(
         prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
@@ -335,11 +335,11 @@ def coarse_to_fine(
         for at in range(0, len(begun), _FEW_BLOCKS):
             some = slice(at, at + _FEW_BLOCKS)
             begun[some] += trace.defect[some] * ratio[some]
-    elif not like:
+    else:
         begun = begun.copy()
     # the last sweep of that other wavelength, and what the guess adds
     enough = (2 if trace else 1) * tolerance
-    if finer not in (0, _WHOLE):
+    if finer not in (0, WHOLE):
         enough *= _LOOSE
     values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
     fine.down_flux, fine.up_flux = level.down_flux, level.up_flux

@@ -63,10 +63,12 @@ def wide(array: NDArray[Any]) -> NDArray[np.float32]:
     return np.require(padded, np.float32, "CW")
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _geometry(k, j, i, nx, columns, height, eye, parallel, sun, harmonics, legendre):
-    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes, and (2l+1) P_l of its angle to the sun."""
-    c = j * 12 * nx + i
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def way_to_eye(c, nx, columns, height, eye, parallel):
+    """Unit vectors to the eye from LANES nodes at a height, in the scene's axes, then in the columns' own.
+
+    ``columns``: see `columns_of`; from flat element ``c`` on.
+    """
     ax, ay, az = read_quadruple(columns, c + 9 * nx), read_quadruple(columns, c + 10 * nx), read_quadruple(
         columns, c + 11 * nx
     )
@@ -82,13 +84,24 @@ def _geometry(k, j, i, nx, columns, height, eye, parallel, sun, harmonics, legen
     x += read_quadruple(columns, c + 5 * nx) * vz
     y = read_quadruple(columns, c + 6 * nx) * vx + read_quadruple(columns, c + 7 * nx) * vy
     y += read_quadruple(columns, c + 8 * nx) * vz
-    z = ax * vx + ay * vy + az * vz
-    angle = vx * sun[0] + vy * sun[1] + vz * sun[2]
-    p0, p1 = spread_quadruple(_ONE), angle
+    return vx, vy, vz, x, y, ax * vx + ay * vy + az * vz
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def write_legendre(cosine, out, at):
+    """(2l+1) P_l (DEGREE, LANES) of cosines, from flat element ``at`` of ``out`` on."""
+    p0, p1 = spread_quadruple(_ONE), cosine
     for ell in range(DEGREE):
-        write(legendre, ell * LANES, np.float32(2 * ell + 1) * p0)
-        up = (np.float32((2 * ell + 3) / (ell + 2)) * angle) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
+        write(out, at + ell * LANES, np.float32(2 * ell + 1) * p0)
+        up = (np.float32((2 * ell + 3) / (ell + 2)) * cosine) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
         p0, p1 = p1, up
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _geometry(j, i, nx, columns, height, eye, parallel, sun, harmonics, legendre):
+    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes, and (2l+1) P_l of its angle to the sun."""
+    vx, vy, vz, x, y, z = way_to_eye(j * 12 * nx + i, nx, columns, height, eye, parallel)
+    write_legendre(vx * sun[0] + vy * sun[1] + vz * sun[2], legendre, 0)
     # as `scalar.harmonics`
     cosine, sine, corner = spread_quadruple(_ONE), spread_quadruple(_ZERO), spread_quadruple(_FIRST)
     for m in range(DEGREE):
@@ -194,7 +207,7 @@ def _rows(
                 )
         for block in range((nx + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
-            _geometry(k, j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, sun, harmonics, legendre)
+            _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, sun, harmonics, legendre)
             for w in range(count):
                 _moments(
                     kept[w], values[w], k, j, i, factor[w], coarse_columns[w], row[w], moments

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-LARGE_COLUMNS = 320_000
+LARGE_COLUMNS = 320_000  # a little more than what readers cut from larger domains
 LIGHT_OF_COLUMNS = (
     f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
     "the picture made part by part"
@@ -53,8 +53,8 @@ _LEAST_HEIGHT_M = 1e5  # of the eye
 _SEEN_AT_M = 4000.0  # height at which rays are given to parts
 
 
-def is_large(scene: Scene) -> bool:
-    """Whether a scene has too many columns to be solved at once."""
+def lit_in_parts(scene: Scene) -> bool:
+    """Whether a scene has too many columns to be lit at once."""
     grid = scene.grid
     if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
         return False

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.diffuse import Solution, Sweeper, Trace, coarse_to_fine
+from openswim.transport.diffuse import WHOLE, Solution, Sweeper, Trace, coarse_to_fine
 from openswim.transport.moments import Moments
 
 F32 = NDArray[np.float32]
@@ -37,7 +37,7 @@ def solve_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Trace] |
     if fine.grid.periodic:
         return coarse_to_fine(fine, tolerance, most, like)
     base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, 2)
+    below = coarse_to_fine(base, tolerance, most, like, WHOLE)
     level = fine.over(base.as_coarser(below.moments.values), np.zeros(fine.place.shape, bool))
     shape = fine.grid.ground_node.shape
     fine.down_flux, fine.up_flux = (_finer(flux, shape) for flux in (base.down_flux, base.up_flux))

@@ -20,7 +20,7 @@ from openswim.transport import compiling, diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.landscape import landscape_of
-from openswim.transport.large import is_large, solve_large
+from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
@@ -106,7 +106,7 @@ class Solver:
         if self.name == "reference":
             return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
-        solve = _clear_field if scene.grid is None else solve_large if is_large(scene) else _grid_field
+        solve = _clear_field if scene.grid is None else solve_large if lit_in_parts(scene) else _grid_field
         packs = [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
         for pack in packs[1:]:
             pack.landscape = packs[0].landscape  # which keeps what it has built
