@@ -54,7 +54,7 @@ def sky(field, place, direction):
 
 def mirrored(field, eye, place, direction, wind):
     pack = field.packs[0]
-    return mirrored_sky(pack, pack.shells, eye, place, direction, np.full(len(place), wind))[:, :3]
+    return mirrored_sky(pack, eye, place, direction, np.full(len(place), wind))[:, :3]
 
 
 def test_calm_water_is_a_mirror(lake) -> None:

@@ -8,7 +8,7 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.transport import Field, Solver, walk
 from openswim.transport.march import march_rays
-from openswim.transport.volume import sphere_crossings, tidy
+from openswim.transport.volume import FAR_M, sphere_crossings, tidy
 
 SUN = toward(200.0, 40.0)
 EYE = np.array([120.0, -80.0, 2.0])
@@ -105,7 +105,7 @@ def test_a_ray_that_meets_the_ground_before_the_grid_is_not_looked_up_in_it() ->
         origin[2] -= (origin[0] ** 2) / (2 * shells.radius_m)
         down = np.radians(-2.9)
         state, places = np.zeros(walk.WALK), np.zeros(walk.BATCH * walk.PLACE)
-        walk.start_walk(state, *origin, np.cos(down), 0.0, np.sin(down), -1.0, shells, volume)
+        walk.start_walk(state, *origin, np.cos(down), 0.0, np.sin(down), -FAR_M, shells, volume)
         while state[walk.STATE] == walk.GOING:
             state[walk.COUNT] = 0
             walk.walk_on(state, places, shells, volume, 10.0, 2.0)

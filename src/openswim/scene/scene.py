@@ -66,6 +66,7 @@ class Scene:
     time : valid time, UTC, to the millisecond; None where unknown.
     source : where the fields come from; notes : what was assumed or repaired.
     ground : the user's own maps of albedo and height, which come before the scene's fields.
+    wider : a scene on a wider, coarser grid, seen where this one's ends (not by solver "reference"; not saved with it).
     """
 
     grid: Grid | None
@@ -76,8 +77,11 @@ class Scene:
     source: str = ""
     notes: list[str] = field(default_factory=list)
     ground: Ground | None = None
+    wider: Scene | None = None
 
     def __post_init__(self) -> None:
+        if self.wider is not None:
+            _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
         self.notes = [" ".join(note.split()) for note in [*self.notes, *repairs]]
         self.source = " ".join(self.source.split())
@@ -96,6 +100,11 @@ class Scene:
                 raise UserError(
                     f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}"
                 )
+
+    @property
+    def levels(self) -> list[Scene]:
+        """This scene and the wider ones around it."""
+        return [self] if self.wider is None else [self, *self.wider.levels]
 
     @property
     def species(self) -> list[str]:
@@ -218,6 +227,17 @@ class Scene:
         from openswim.scene.cf import save_zarr
 
         save_zarr(self, path)
+
+
+def _check_wider(grid: Grid | None, wider: Grid | None) -> None:
+    """Grids on the same Earth, or none lies in the other."""
+    if grid is None or wider is None or not (grid.curved and wider.curved):
+        raise UserError("scene: only a grid with a place on Earth (crs) can lie in a wider one with a place on Earth")
+    if abs(grid.earth_radius_m - wider.earth_radius_m) > 1.0:
+        raise UserError(
+            f"scene: its Earth has a radius of {grid.earth_radius_m:.0f} m, that of the wider scene "
+            f"{wider.earth_radius_m:.0f} m: give both the same"
+        )
 
 
 def _for_species(value: Any, name: str) -> Any:

@@ -15,10 +15,11 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport import swim_view
+from openswim.transport import nested, swim_view
 from openswim.transport.grid_light import GridLight
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
+from openswim.transport.nested import Core, Seen
 from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
@@ -93,9 +94,9 @@ class Field:
 
     @property
     def timings(self) -> dict[str, float]:
-        """Seconds of each stage, summed over packs: air, sun, diffuse, view (the last one)."""
+        """Seconds of each stage, summed over packs and nested grids: air, sun, diffuse, view (the last one)."""
         out: dict[str, float] = {}
-        for pack in self.packs:
+        for pack in (level for each in self.packs for level in each.levels):
             for name, seconds in pack.timings.items():
                 out[name] = out.get(name, 0.0) + seconds
         return out
@@ -139,17 +140,31 @@ class PackField:
     space_shells: Shells | None = None
     landscape: Landscape | None = None
     relief: Relief | None = None  # what the landscape is from the last eye
+    own_sky: Shells | None = None  # and the shells that its rays go through
+    wider: PackField | None = None  # the field of a wider grid, seen beyond the core of this
+    core: Core | None = None
 
     @property
     def quality(self) -> str:
         """How finely the diffuse light is solved."""
         return self.solver.quality
 
+    @property
+    def levels(self) -> list[PackField]:
+        """This field and the wider ones around it."""
+        return [self] if self.wider is None else [self, *self.wider.levels]
+
+    @property
+    def sky(self) -> Shells:
+        """The shells that the last eye's rays go through."""
+        return self.shells if self.own_sky is None else self.own_sky
+
     def view(self, rays: Rays) -> View:
         """See `Field.view`."""
         started = time.perf_counter()
-        shells = self._shells_for(rays)
-        self.relief = None if self.landscape is None else self.landscape.seen_from(rays)
+        relief = None if self.landscape is None else self.landscape.seen_from(rays)
+        for level in self.levels:
+            level.relief, level.own_sky = relief, level._shells_for(rays)
         n = len(rays)
         out = View(
             np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),
@@ -160,8 +175,8 @@ class PackField:
                 tile = rays[part]
                 if self.light is not None:
                     layered = self.light.layers is not None
-                    self.light.aim(self.volume, *((tile.directions()[0], True) if layered else _eye_of(tile)))
-                out.samples += self._view_tile(tile, part, shells, out)
+                    self._aim(*((tile.directions()[0], True) if layered else _eye_of(tile)))
+                out.samples += self._view_tile(tile, part, out)
                 meter.advance(len(tile))
         self.timings["view"] = time.perf_counter() - started
         return replace(out, radiance=out.radiance[:, : self.count], transmittance=out.transmittance[:, : self.count])
@@ -175,49 +190,71 @@ class PackField:
         else:
             yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
 
-    def _view_tile(self, rays: Rays, part: Any, shells: Shells, out: View) -> int:
+    def _aim(self, eye: F64, parallel: bool) -> None:
+        """Have all grids shine toward an eye, or along a direction."""
+        for level in self.levels:
+            assert level.light is not None
+            level.light.aim(level.volume, eye, parallel)
+
+    def _view_tile(self, rays: Rays, part: Any, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()
         n = len(rays)
-        radiance, through, full, distance, depth, samples = self._march(origin, direction, shells)
-        hit = np.flatnonzero(distance >= 0)
+        seen = self._seen(origin, direction)
+        hit = seen.distance >= 0
         position = np.full((n, 3), np.nan)
-        if hit.size:
-            position[hit] = origin[hit] + direction[hit] * distance[hit, None]
-            width = np.broadcast_to(rays.width_rad, n)[hit] * distance[hit]
-            eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
-            radiance[hit] += through[hit] * shade(self, shells, position[hit], direction[hit], width, eye)
-        out.radiance[part], out.transmittance[part], out.distance_m[part] = radiance, full, distance
-        out.species_depth[part], out.hit[part], out.position[part] = depth, distance >= 0, position
-        return samples
+        position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
+        width = np.broadcast_to(rays.width_rad, n) * seen.distance
+        eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
+        self._add_ground(seen, position, direction, width, eye)
+        out.radiance[part], out.transmittance[part], out.distance_m[part] = seen.radiance, seen.full, seen.distance
+        out.species_depth[part], out.hit[part], out.position[part] = seen.depth, hit, position
+        return seen.samples
 
-    def _march(self, origin: F64, direction: F64, shells: Shells) -> tuple[F32, F32, F32, F64, F32, int]:
-        """Radiance without the ground's (n, PACK), what is left of the ground's light and of the sun's, distance (n,)
-        to the ground or -1, depth of each species (n, ns), samples."""
-        ends = None if self.relief is None else self.relief.meet(origin, direction)
+    def _add_ground(self, seen: Seen, place: F64, direction: F64, width_m: F64, eye: F64 | None = None) -> None:
+        """Add the light of the ground where rays end on it, as the grid has it in which they do."""
+        for number, level in enumerate(self.levels):
+            hit = np.flatnonzero((seen.distance >= 0) & (seen.level == number))
+            if hit.size:
+                ground = shade(level, level.sky, place[hit], direction[hit], width_m[hit], eye)
+                seen.radiance[hit] += seen.through[hit] * ground
+
+    def _seen(self, origin: F64, direction: F64) -> Seen:
+        """What rays see, but for the ground's own light."""
+        return self.march(origin, direction, None if self.relief is None else self.relief.meet(origin, direction))
+
+    def march(self, origin: F64, direction: F64, ends: F64 | None) -> Seen:
+        """`_seen` by rays that end as `march_rays` has it."""
+        if self.wider is not None:
+            return nested.march(self, origin, direction, ends)
+        return self.march_alone(origin, direction, ends)
+
+    def march_alone(self, origin: F64, direction: F64, ends: F64 | None) -> Seen:
+        """`march` in this grid and the air beside it."""
+        level = np.zeros(len(direction), np.int8)
         if self.solver.name == "swim" and self.medium is not None:
-            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, shells, ends)
-            return radiance, full, full, distance, depth, int(samples.sum())
+            radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, self.sky, ends)
+            return Seen(radiance, full, full, distance, depth, int(samples.sum()), level)
         step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
-        seen = march_rays(origin, direction, self.sun, self.table, shells, self.volume, step, ends=ends)
+        seen = march_rays(origin, direction, self.sun, self.table, self.sky, self.volume, step, ends=ends)
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
-        return radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum())
+        return Seen(
+            radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level
+        )
 
-    def look(self, origin: F64, direction: F64, eye: F64, shells: Shells) -> tuple[F32, F64]:
+    def look(self, origin: F64, direction: F64, eye: F64) -> tuple[F32, F64]:
         """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
         the ground or -1; what water mirrors."""
         if self.light is not None and self.light.layers is not None:
             if len(direction) > 1:
-                each = [self.look(o[None], d[None], eye, shells) for o, d in zip(origin, direction, strict=True)]
+                each = [self.look(o[None], d[None], eye) for o, d in zip(origin, direction, strict=True)]
                 return np.concatenate([e[0] for e in each]), np.concatenate([e[1] for e in each])
-            self.light.aim(self.volume, direction[0], True)
+            self._aim(direction[0], True)
         elif self.light is not None:
-            self.light.aim(self.volume, eye, False)
-        radiance, through, _, distance, _, _ = self._march(origin, direction, shells)
-        hit = np.flatnonzero(distance > 0)
-        if hit.size:
-            place = origin[hit] + direction[hit] * distance[hit, None]
-            radiance[hit] += through[hit] * shade(self, shells, place, direction[hit], 0.01 * distance[hit])
-        return radiance, distance
+            self._aim(eye, False)
+        seen = self._seen(origin, direction)
+        place = origin + direction * seen.distance[:, None]
+        self._add_ground(seen, place, direction, 0.01 * seen.distance)
+        return seen.radiance, seen.distance
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
@@ -231,7 +268,7 @@ class PackField:
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""
-        if self.scene.atmosphere is None or _reach_deg(rays, self.shells) < self.reach_deg:
+        if self.wider is not None or self.scene.atmosphere is None or _reach_deg(rays, self.shells) < self.reach_deg:
             return self.shells
         if self.space_shells is None:
             s = self.shells

@@ -31,6 +31,7 @@ _WEDGE_DEG = 25.0  # rays that rise more steeply meet no mountains
 _ASIDE = 0.1  # of a field's half width, that it reaches beyond what rays see
 _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
+_RIM_CELLS = 3.0  # of a wider grid, over which its terrain becomes that of a finer one in it
 _RIM = 0.2  # of the reach, over which all fades to the level ground beyond
 _FLAT_M = 100.0  # lower ground is level
 _KNOTS = 8  # nodes between places that maps and projections are asked for
@@ -45,6 +46,7 @@ class Landscape:
 
     scene: Scene
     medium: Medium
+    wider: Landscape | None = None  # of the grid around it
     _built: tuple[F64, float, F64, Relief] | None = field(default=None, repr=False)
 
     def ground_m(self, lat: float, lon: float) -> float:
@@ -103,12 +105,17 @@ class Landscape:
         horizon = max(min(level + math.sqrt(2 * radius * _HIGHEST_M), _REACH_M), 1.1 * level)
         if earth.has_relief():
             return horizon
-        rim = np.concatenate([self.medium.place[0], self.medium.place[-1], self.medium.place[:, 0],
-                              self.medium.place[:, -1]])  # fmt: skip
+        place = self.widest.medium.place
+        rim = np.concatenate([place[0], place[-1], place[:, 0], place[:, -1]])
         lat, lon, _ = self.medium.frame.latlon(rim)
         outlines = [(lat, lon), *(m.raster.outline() for m in height_maps(self.scene))]
         known = max(float(np.abs(self._plane(axes, *o)).max()) for o in outlines)
         return min(horizon, (known + self._beyond_m) / (1 - _RIM))
+
+    @property
+    def widest(self) -> Landscape:
+        """The landscape of the outermost grid."""
+        return self if self.wider is None else self.wider.widest
 
     @property
     def _beyond_m(self) -> float:
@@ -157,28 +164,38 @@ class Landscape:
     def _parts(self, lat: F64, lon: F64, step_m: float, lattice: Lattice) -> tuple[F64, F64, F64]:
         """Heights (n,) by the model and the default Earth, share and heights of the user's elevation models; places
         are given at knots of the lattice."""
-        medium, grid = self.medium, self.scene.grid
-        assert grid is not None
         sea = earth.sea_at_nearest(lat, lon)
-        height = np.where(sea, 0.0, medium.ground_m)
-        if earth.has_relief():
-            height = earth.relief_m(lat, lon)
-        height = lattice.between(height)
-        ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in grid.index(lon, lat))
-        ny, nx = medium.terrain_m.shape
-        dx, dy = medium.cell_m
-        away = np.hypot(np.maximum(np.maximum(-ix, ix - (nx - 1)), 0) * dx,
-                        np.maximum(np.maximum(-iy, iy - (ny - 1)), 0) * dy)  # fmt: skip
-        share = np.clip(1.0 - away / self._beyond_m, 0.0, 1.0)
-        share *= share * (3.0 - 2.0 * share)
-        near = np.flatnonzero(share)
-        height[near] += share[near] * (bilinear(medium.terrain_m, ix[near], iy[near]) - height[near])
+        height = self._height(lat, lon, sea, lattice)
         maps = height_maps(self.scene)
         if not maps:
             return height, np.zeros(height.size), height
         mapped, mapped_share = mapped_height(maps, lat, lon, np.full(height.size, step_m), lattice.between)
         # models of the whole Earth go on under the sea
         return height, mapped_share, np.where(lattice.between(sea.astype(float)) > 0.5, np.maximum(mapped, 0.0), mapped)
+
+    def _height(self, lat: F64, lon: F64, sea: NDArray[np.bool_], lattice: Lattice) -> F64:
+        """Heights (n,) by the model, the wider ones around it and the default Earth."""
+        medium, grid = self.medium, self.scene.grid
+        assert grid is not None
+        if self.wider is not None:
+            height = self.wider._height(lat, lon, sea, lattice)
+        else:
+            height = earth.relief_m(lat, lon) if earth.has_relief() else np.where(sea, 0.0, medium.ground_m)
+            height = lattice.between(height)
+        ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in grid.index(lon, lat))
+        ny, nx = medium.terrain_m.shape
+        dx, dy = medium.cell_m
+        if self.wider is not None:  # which knows what is beyond
+            within = np.minimum(np.minimum(ix, nx - 1 - ix) * dx, np.minimum(iy, ny - 1 - iy) * dy)
+            share = np.clip(within / (_RIM_CELLS * max(self.wider.medium.cell_m)), 0.0, 1.0)
+        else:
+            away = np.hypot(np.maximum(np.maximum(-ix, ix - (nx - 1)), 0) * dx,
+                            np.maximum(np.maximum(-iy, iy - (ny - 1)), 0) * dy)  # fmt: skip
+            share = np.clip(1.0 - away / self._beyond_m, 0.0, 1.0)
+        share *= share * (3.0 - 2.0 * share)
+        near = np.flatnonzero(share)
+        height[near] += share[near] * (bilinear(medium.terrain_m, ix[near], iy[near]) - height[near])
+        return height
 
 
 class Lattice:

@@ -18,7 +18,7 @@ from openswim.transport.pack import PACK, flat, largest, low, put, read, read_do
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
-from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields, tidy
+from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume, blank_fields, tidy
 from openswim.transport.walk import (
     BATCH,
     COUNT,
@@ -194,7 +194,7 @@ def _march_tile(
                 shares[lane] = prepare_ray(
                     angles[lane], table, shells.phase, volume.peak_inner, volume.peak_outer, rays[lane], peaks[lane]
                 )
-                end = ends[n] if ends.size > 0 else -1.0
+                end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
             going = going or which[lane] >= 0
@@ -261,7 +261,8 @@ def march_rays(
 ) -> Marched:  # fmt: skip
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
     PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
-    shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it."""
+    shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it. Negative ones stop
+    rays there that have not met the grid's ground or the shells' before."""
     if shells.phase.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
     n = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))

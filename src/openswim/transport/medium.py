@@ -93,17 +93,19 @@ def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | N
 
 
 def build_medium(
-    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, coarseness: int = 1
-) -> Medium:
+    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, coarseness: int = 1,
+    frame: Frame | None = None,
+) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
-    coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall.
+    coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall. frame: another
+    scene's, around which this one lies.
     """
     grid = scene.grid
     if grid is None:
         raise UserError("this scene has no grid")
     check_span(grid)
-    frame = scene_frame(scene)
+    frame = frame or scene_frame(scene)
     species = scene_optics(scene, wavelengths_nm)
     _, ny, nx = grid.shape
     terrain = np.zeros((ny, nx), np.float32)

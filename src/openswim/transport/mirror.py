@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground import water
-from openswim.transport.march import PACK, Shells
+from openswim.transport.pack import PACK
 from openswim.transport.volume import FAR_M
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _LIFT_M = 0.5  # above the ground, that mirrored rays begin
 _LOWEST = 0.01  # sine of the altitude: what would be mirrored from below the horizon is seen by way of a second wave
 
 
-def mirrored_sky(field: PackField, shells: Shells, eye: F64, place: F64, direction: F64, wind_speed: F64) -> F32:
+def mirrored_sky(field: PackField, eye: F64, place: F64, direction: F64, wind_speed: F64) -> F32:
     """Mean radiance L' (n, PACK) of the sky that waves at ``place`` (n, 3) mirror to an eye (3,); NaN where unknown.
 
     The mirrored picture is smooth, so it is marched on its own coarse grid of azimuth and altitude at the eye, sixteen
@@ -50,14 +50,14 @@ def mirrored_sky(field: PackField, shells: Shells, eye: F64, place: F64, directi
         met = distance < FAR_M
         node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
     shape = (grid_alt.size, grid_az.size)
-    seen, known = _marched(field, shells, eye, node, toward, float(np.mean(wind_speed)))
+    seen, known = _marched(field, eye, node, toward, float(np.mean(wind_speed)))
     x = np.interp(azimuth, grid_az, np.arange(grid_az.size))
     y = np.interp(altitude, grid_alt, np.arange(grid_alt.size))
     return _among(seen.reshape(*shape, PACK), known.reshape(shape), x, y)
 
 
 def _marched(
-    field: PackField, shells: Shells, eye: F64, place: F64, direction: F64, wind_speed: float
+    field: PackField, eye: F64, place: F64, direction: F64, wind_speed: float
 ) -> tuple[F64, NDArray[np.bool_]]:
     """Mirrored radiance (n, PACK) at places, and whether the way up is free there."""
     n, radius = len(place), field.frame.radius_m
@@ -78,7 +78,7 @@ def _marched(
     # all that a level mirror shows is seen from the eye's image under the water
     middle = place[n // 2]
     image = eye - 2 * ((eye - middle) @ up[n // 2]) * up[n // 2]
-    radiance, distance = field.look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image, shells)
+    radiance, distance = field.look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image)
     free = (distance.reshape(n, -1) < 0) | (distance.reshape(n, -1) > 30.0)
     weight = weight * free
     total = weight.sum(axis=1)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.progress import job
-from openswim.scene.frame import scene_frame
+from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, swim
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
@@ -25,6 +25,7 @@ from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
+from openswim.transport.nested import Core
 from openswim.transport.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
@@ -106,7 +107,7 @@ class Solver:
         if self.name == "reference":
             return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
-        solve = _clear_field if scene.grid is None else solve_large if lit_in_parts(scene) else _grid_field
+        solve = _clear_field if scene.grid is None else solve_large if lit_in_parts(scene) else _nested_field
         packs = [solve(self, scene, sun, np.pad(part, (0, PACK - part.size), "edge"), part.size) for part in parts]
         for pack in packs[1:]:
             pack.landscape = packs[0].landscape  # which keeps what it has built
@@ -136,15 +137,26 @@ def _clear_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) ->
     )  # fmt: skip
 
 
-def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> PackField:
-    """Field of a scene with a grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
+def _nested_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> PackField:
+    """Field of a scene with a grid, and of the wider scenes around it, the widest first."""
+    frame = scene_frame(scene)
+    found = None
+    for level in reversed(scene.levels):
+        found = _grid_field(solver, level, frame, sun, wl, count, found)
+    assert found is not None
+    return found
+
+
+def _grid_field(
+    solver: Solver, scene: Scene, frame: Frame, sun: F64, wl: F64, count: int, wider: PackField | None
+) -> PackField:
+    """Field of one grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
     started = time.perf_counter()
     fast = solver.name == "fast"
     setting = solver.setting
-    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1)
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1, frame=frame)
     if fast and setting.halved:
         medium = halved_medium(scene, medium)
-    frame = medium.frame
     landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
@@ -169,6 +181,10 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     result.landscape = landscape
     result.light = light
     result.reach_deg = float(reach)
+    if wider is not None:
+        result.wider, result.core = wider, Core.of(medium)
+        if landscape is not None:
+            landscape.wider = wider.landscape
     if fast and medium.layered:
         _light_layers(light, lighting, sun, count)
     elif fast:

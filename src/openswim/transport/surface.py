@@ -222,7 +222,7 @@ def shade(
     if waters and eye is not None:
         which = np.concatenate([w for w, _ in waters])
         wind = np.concatenate([ground.sample.wind_speed for _, ground in waters])
-        mirrored = mirrored_sky(light_field, shells, eye, place[which], direction[which], wind)
+        mirrored = mirrored_sky(light_field, eye, place[which], direction[which], wind)
         first = 0
         for wet, ground in waters:
             out[wet] = _reflected(light_field, shells, ground, mirrored[first : first + wet.size])

@@ -23,7 +23,7 @@ from openswim.transport.swim_layer import (
     multiple_scattering_albedo,
 )
 from openswim.transport.swim_phase import anisotropy, shaded_phase, sunlit_phase, thin_phases
-from openswim.transport.volume import Shells, blank_fields
+from openswim.transport.volume import FAR_M, Shells, blank_fields
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField
@@ -98,6 +98,7 @@ def _clear_view(
         return np.linalg.norm(place + np.array([0, 0, shells.radius_m]), axis=-1) - shells.radius_m - shells.ground_m
 
     if ends is not None:
+        ends = np.where(distance >= 0, distance, FAR_M)
         radiance, through = march(origin, direction)
         return radiance, -np.log(np.clip(through, 1e-12, 1))
     # the shells know of no valleys: rays that begin in one are lifted out of it

@@ -36,21 +36,21 @@ PLACE_S, PLACE_STEP, PLACE_LEVEL, PLACE_X, PLACE_Y, PLACE = 0, 1, 2, 3, 4, 5
 # The state of a walk, a row of float64
 STATE, COUNT, SAMPLES, START = 0, 1, 2, 3  # where it stands; places of this batch, of all; way to the shells' top
 OX, OY, OZ, DX, DY, DZ, SQUARE, RISE, GROUND, ENTER, LEAVE, S, STEP, SAFE, HEIGHT, GRIDDED, TURNING = range(4, 21)
-BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, ENDED, WALK = range(21, 36)
+BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, ENDED, STOP, WALK = range(21, 37)
 GOING, GONE, HIT = 0.0, 1.0, 2.0
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def start_walk(w, ox, oy, oz, dx, dy, dz, end, shells, volume):
     """Begin a walk at an eye, or where its ray meets the top of the shells. The ground is at distance ``end``, or,
-    where that is negative, is yet to be met."""
+    where that is negative, is yet to be met, and the ray stops at -``end`` if it is not."""
     radius = shells.radius_m
     w[STATE], w[COUNT], w[SAMPLES], w[START], w[S], w[STEP], w[SAFE] = GOING, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0
     h = height_m(ox, oy, oz, radius)
     if h > shells.top_m:
         square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
         first, _ = sphere_crossings(square, ox * dx + oy * dy + (radius + oz) * dz, shells.top_m, radius)
-        if first <= 0.0 or first >= FAR_M:
+        if first <= 0.0 or first >= FAR_M or (end < 0.0 and first >= -end):
             w[STATE] = GONE
             return
         w[START] = first
@@ -60,6 +60,7 @@ def start_walk(w, ox, oy, oz, dx, dy, dz, end, shells, volume):
     square = ox * ox + oy * oy + oz * (2.0 * radius + oz)
     rise = ox * dx + oy * dy + (radius + oz) * dz
     w[ENDED] = 1.0 if end >= 0.0 else 0.0
+    w[STOP] = FAR_M if end >= 0.0 else -end - w[START]
     if end >= 0.0:
         w[GROUND] = max(end - w[START], 0.0)
     else:
@@ -86,13 +87,14 @@ def _next_leg(w, shells, volume):
         bound = min(bound, w[LEAVE]) if w[ENDED] > 0.0 else w[LEAVE]
     elif s < w[ENTER]:
         bound = min(bound, w[ENTER])
+    bound = min(bound, w[STOP])
     if step >= FAR_M and bound >= FAR_M:  # nothing between here and space
         w[STATE] = GONE
         return s
     t = s + step
     if w[SAMPLES] > 0.0 and step > 0.0 and t >= bound:
         t = max(bound, s)
-        if bound == w[GROUND] and (w[GRIDDED] == 0.0 or w[ENDED] > 0.0):
+        if bound == w[STOP] or (bound == w[GROUND] and (w[GRIDDED] == 0.0 or w[ENDED] > 0.0)):
             w[STATE] = HIT
         else:
             w[TURNING] = 1.0
