@@ -10,7 +10,7 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 import openswim
 from openswim import Camera, Scene, UserError
 from openswim.lights import solar_irradiance, sun_position
-from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
+from openswim.readers.neighbourhood import Neighbourhood, far_m, part_of, reach_m
 from openswim.rendering import daylight, light
 
 TIME = np.datetime64("2024-05-04T09:30")
@@ -204,11 +204,17 @@ def test_of_a_large_domain_opened_whole_a_view_takes_what_it_needs() -> None:
     cloud = box(shape, (slice(1, 2), slice(280, 330), slice(290, 296)), 5e-4)
     whole = grid_scene(cloud, shape, (3000.0, 3000.0, 900.0), curved=True, air=True)
     sky = Camera.allsky(LAT, LON, size=12)
-    part = part_of(whole, Neighbourhood(LAT, LON, reach_m(sky.height_m)))
+    around = Neighbourhood(LAT, LON, reach_m(sky.height_m), far_m=far_m(sky.height_m))
+    part = part_of(whole, around)
     assert part.data["extinction_cloud"].shape[1] < 150
+    alone = openswim.render(part, sky, solver="swim", sun=SUN)
+    part.wider = part_of(whole, around.beyond)
+    assert part.wider.data["extinction_cloud"].shape[1] > 290
     seen = openswim.render(whole, sky, solver="swim", sun=SUN)
     expected = openswim.render(part, sky, solver="swim", sun=SUN)
     np.testing.assert_array_equal(seen.radiance, expected.radiance)
+    np.testing.assert_allclose(seen.radiance, alone.radiance, rtol=0.05)  # there is nothing far away
+    assert whole.wider is None
     from_space = openswim.render(whole, Camera.satellite(LAT, LON, 3.6e7, size=(8, 8), fov_deg=2.5), sun=SUN)
     assert from_space.quality == "columns"  # all of them
     assert np.isfinite(from_space.radiance).all()

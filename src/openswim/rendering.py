@@ -19,6 +19,7 @@ from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Field, ReferenceField, Solver
+from openswim.transport.medium import Medium
 from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.surface import bilinear
 
@@ -105,7 +106,10 @@ def render(
     the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
     ``radiance_standard_error``, the paths per pixel and the mean error.
     """
-    lit = scene if isinstance(scene, LitScene) else light(_needed(scene, camera), solver, wavelengths_nm, time, sun)
+    if isinstance(scene, Scene):
+        name = solver if isinstance(solver, str) else solver.name
+        scene = light(_needed(scene, camera, name), solver, wavelengths_nm, time, sun)
+    lit = scene
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
@@ -126,16 +130,18 @@ def render(
     return image
 
 
-def _needed(scene: Scene, camera: Camera) -> Scene:
+def _needed(scene: Scene, camera: Camera, solver: str) -> Scene:
     """The part of a scene of very many columns, or of a large part of the Earth, that a view needs."""
-    from openswim.readers.neighbourhood import Mesh, Neighbourhood, is_large, part_of, reach_m
+    from openswim.readers.neighbourhood import Mesh, Neighbourhood, far_m, is_large, part_of, reach_m, with_beyond
 
     grid = scene.grid
-    if grid is None or grid.crs is None or camera.lat is None or camera.lon is None:
+    if scene.wider is not None or grid is None or grid.crs is None or camera.lat is None or camera.lon is None:
         return scene
     if not is_large(Mesh(grid.x, grid.y, grid.crs, grid.earth_radius_m)):
         return scene
-    return part_of(scene, Neighbourhood(camera.lat, camera.lon, reach_m(camera.height_m), if_large=True))
+    far = 0.0 if solver == "reference" else far_m(camera.height_m)
+    around = Neighbourhood(camera.lat, camera.lon, reach_m(camera.height_m), if_large=True, far_m=far)
+    return with_beyond(part_of(scene, around), around, lambda beyond: part_of(scene, beyond))
 
 
 def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) -> None:
@@ -154,28 +160,42 @@ def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) 
 
 def _ground_below(lit: LitScene, camera: Camera) -> float:
     """Height of the ground under the camera (m); complains where the observer is outside the domain or buried."""
-    grid, medium, frame = lit.scene.grid, lit.field.medium, lit.field.frame
     height = camera.height_m
     if not np.isfinite(height) or height < 0:
         raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
-    if grid is None or medium is None:
+    if lit.scene.grid is None or lit.field.medium is None:
         return lit.field.ground_m
     if height >= _SPACE_M or camera.above == "sea level":
         return 0.0
     x, y = _place(camera)
-    if frame.curved:
-        ix, iy = (float(v) for v in grid.index(x, y))
-    else:
-        ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
-    _, ny, nx = grid.shape
-    if not grid.periodic and not (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1):
-        raise UserError(f"the observer is outside the domain: {_extent(lit.scene)}")
-    if grid.periodic:
+    if lit.scene.grid.periodic:
         return 0.0
+    found = _index(lit, x, y)
+    if found is None:
+        raise UserError(f"the observer is outside the domain: {_extent(lit.scene.levels[-1])}")
+    medium, ix, iy = found
     landscape = None if isinstance(field := lit.field, ReferenceField) else field.landscape
     if landscape is not None:
         return landscape.ground_m(y, x)
-    return float(bilinear(medium.terrain_m, np.array([ix * medium.fineness]), np.array([iy * medium.fineness]))[0])
+    return float(bilinear(medium.terrain_m, np.array([ix]), np.array([iy]))[0])
+
+
+def _index(lit: LitScene, x: float, y: float) -> tuple[Medium, float, float] | None:
+    """The finest grid's medium that covers a place, and the place's fractional indices in it."""
+    field = lit.field
+    media = [field.medium] if isinstance(field, ReferenceField) else field.media
+    for scene, medium in zip(lit.scene.levels, media, strict=False):
+        grid = scene.grid
+        assert grid is not None
+        assert medium is not None
+        if grid.curved:
+            ix, iy = (float(v) for v in grid.index(x, y))
+        else:
+            ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
+        _, ny, nx = grid.shape
+        if 0 <= ix <= nx - 1 and 0 <= iy <= ny - 1:
+            return medium, ix * medium.fineness, iy * medium.fineness
+    return None
 
 
 def _place(camera: Camera) -> tuple[float, float]:

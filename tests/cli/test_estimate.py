@@ -5,11 +5,11 @@ from types import SimpleNamespace
 from openswim.cameras import Camera
 from openswim.cli.estimate import estimate
 
-CLEAR = SimpleNamespace(grid=None)
+CLEAR = SimpleNamespace(grid=None, wider=None)
 
 
 def _scene(nz: int, ny: int, nx: int) -> SimpleNamespace:
-    return SimpleNamespace(grid=SimpleNamespace(shape=(nz, ny, nx)))
+    return SimpleNamespace(grid=SimpleNamespace(shape=(nz, ny, nx)), wider=None)
 
 
 def test_more_of_anything_takes_longer() -> None:
@@ -32,10 +32,21 @@ def test_domains_lit_in_parts_take_less() -> None:
     names = ("liquid_content", "ice_content", "rain_content", "snow_content", "air_pressure", "air_temperature")
     field = SimpleNamespace(nbytes=4 * 50 * 1059 * 1799)
     shape = SimpleNamespace(shape=(50, 1059, 1799), periodic=False, curved=True, height_m=field)
-    scene = SimpleNamespace(grid=shape, data=_Fields(dict.fromkeys(names, field)), species=[*"abcd"])
+    scene = SimpleNamespace(grid=shape, data=_Fields(dict.fromkeys(names, field)), species=[*"abcd"],
+                            wider=None)  # fmt: skip
     expected = estimate(scene, Camera.satellite(0, 0, size=(1059, 1799)))
     assert 20 < expected.seconds < 90
     assert 4e9 < expected.memory_bytes < 8e9
+
+
+def test_nested_grids_take_the_time_and_memory_of_each() -> None:
+    small = Camera.allsky(47, 11, size=100)
+    inner, wider = _scene(32, 128, 128), _scene(32, 256, 256)
+    nested = SimpleNamespace(grid=inner.grid, wider=wider, alone=lambda: inner)
+    both, one, other = (estimate(scene, small) for scene in (nested, inner, wider))
+    assert max(one.seconds, other.seconds) < both.seconds < one.seconds + other.seconds
+    assert max(one.memory_bytes, other.memory_bytes) < both.memory_bytes < one.memory_bytes + other.memory_bytes
+    assert estimate(nested, small, "reference").seconds == estimate(inner, small, "reference").seconds
 
 
 class _Fields(dict):  # type: ignore[type-arg]

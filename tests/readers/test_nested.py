@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -50,9 +52,12 @@ def test_each_place_is_from_the_finest_grid():
     content = scene.data.liquid_content.values[8]
     i, j = at(scene, LAT, LON)
     assert content[j, i] == pytest.approx(3e-4, rel=1e-4)
-    assert content[j, i - 60] == pytest.approx(1e-4, rel=1e-4)  # 36 km off
     assert content[j, 0] == pytest.approx(1e-4, rel=1e-4)
     assert "finest at each place" in " ".join(scene.notes)
+    wider = scene.wider
+    assert wider.wider is None
+    assert wider.grid.spacing_m() == pytest.approx((3000.0, 3000.0), rel=0.01)
+    assert wider.data.liquid_content.values[8, 0, 0] == pytest.approx(1e-4, rel=1e-4)
 
 
 def test_the_rim_is_no_step():
@@ -133,8 +138,13 @@ def test_three_domains_and_their_terrain():
     i, j = at(scene, LAT, LON)
     terrain = scene.data.surface_altitude.values
     assert terrain[j, i] == pytest.approx(600.0, abs=0.1)
-    assert terrain[j, i + 80] == pytest.approx(400.0, abs=0.1)
-    assert terrain[j, 2] == pytest.approx(200.0, abs=1.0)
+    assert terrain[j, 0] == pytest.approx(400.0, abs=0.1)
+    wider = scene.wider
+    i, j = at(wider, LAT, LON)
+    terrain = wider.data.surface_altitude.values
+    assert terrain[j, i] == pytest.approx(600.0, abs=0.1)
+    assert terrain[j, i + 15] == pytest.approx(400.0, abs=0.1)
+    assert terrain[j, 0] == pytest.approx(200.0, abs=1.0)
 
 
 def test_only_one_domain_in_reach_stays_as_it_is():
@@ -148,11 +158,67 @@ def test_only_one_domain_in_reach_stays_as_it_is():
         merged([outer, inner], Neighbourhood(30.0, 60.0))
 
 
-def test_seen_from_space_cells_are_wider():
+def test_seen_from_space_each_domain_has_its_cells():
     outer, inner = domain(9000.0, 201, smooth), domain(500.0, 61, smooth)
-    scene = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=8e6))
-    assert max(scene.grid.shape[1:]) <= 421
-    assert scene.grid.spacing_m()[0] > 4000
+    lon, lat = outer.grid.lonlat(40, 60)  # the eye is elsewhere
+    scene = merged([outer, inner], Neighbourhood(float(lat), float(lon), radius_m=8e6))
+    assert scene.grid.spacing_m()[0] == pytest.approx(500.0, rel=0.02)
+    i, j = scene.grid.index(LON, LAT)
+    assert (2 * i + 1, 2 * j + 1) == pytest.approx(scene.grid.shape[:0:-1], abs=1.1)
+    widest = scene.levels[-1]
+    assert widest.grid.spacing_m()[0] == pytest.approx(9000.0, rel=0.02)
+    assert all(max(level.grid.shape[1:]) <= 421 for level in scene.levels)
+    i, j = widest.grid.index(*outer.grid.lonlat([5, 195], [5, 195]))
+    assert (i > 0).all()
+    assert (j < widest.grid.shape[1] - 1).all()
+
+
+def test_an_eye_aside_of_all_domains_sees_them_from_space():
+    outer, inner = domain(9000.0, 101, smooth), domain(500.0, 61, smooth)
+    scene = merged([outer, inner], Neighbourhood(30.0, 20.0, radius_m=8e6))
+    assert scene.grid.spacing_m()[0] == pytest.approx(500.0, rel=0.02)
+    assert scene.wider is not None
+
+
+def test_levels_reach_as_far_as_clouds_are_seen_and_no_farther_than_the_domains():
+    globe, outer = domain(30_000.0, 81, lambda x, y, z: 1e-5), domain(3000.0, 61, smooth)
+    inner = domain(100.0, 61, smooth)
+    scene = merged([globe, outer, inner], Neighbourhood(LAT, LON, radius_m=2e5, far_m=4.5e5))
+    halves = [0.5 * np.ptp(level.grid.x) for level in scene.levels]
+    assert halves[-1] == pytest.approx(4.5e5, rel=0.1)
+    assert len(halves) == 3
+    assert all(1.25 < b / a < 12 for a, b in pairwise(halves))
+    cells = [level.grid.spacing_m()[0] for level in scene.levels]
+    assert cells[0] == pytest.approx(100.0, rel=0.01)
+    assert cells[1] == pytest.approx(3000.0, rel=0.01)
+    assert max(max(level.grid.shape[1:]) for level in scene.levels[1:]) <= 241
+    only = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=2e5, far_m=4.5e5))
+    assert 0.5 * np.ptp(only.levels[-1].grid.x) <= 9.1e4
+
+
+def test_an_eye_beside_the_finest_domain_is_in_the_next():
+    """The nest lies 60 km to the east."""
+    outer, inner = domain(3000.0, 101, smooth), domain(500.0, 61, smooth)
+    lon, lat = outer.grid.lonlat(30, 50)
+    scene = merged([outer, inner], Neighbourhood(float(lat), float(lon), radius_m=2e5))
+    assert scene.grid.spacing_m()[0] == pytest.approx(500.0, rel=0.02)
+    i, _ = scene.grid.index(float(lon), float(lat))
+    assert i < 0
+    i, _ = at(scene.wider, float(lat), float(lon))
+    assert 0 < i < scene.wider.grid.shape[2]
+
+
+def test_earths_of_two_sizes():
+    """The scenes lie on the coarser one's, or they could not lie in each other."""
+    axis = (np.arange(61) - 30) * 500.0
+    crs = CRS.from_proj4(f"+proj=laea +lat_0={LAT} +lon_0={LON} +R=6370000")
+    inner = Scene.from_arrays({}, axis, axis, LEVELS, crs=crs, earth_radius_m=6.37e6,
+                              fields={"liquid_content": np.full((25, 61, 61), 1e-4, np.float32)})  # fmt: skip
+    outer = domain(3000.0, 101, smooth)
+    scene = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=1e4, far_m=1e5))
+    assert {level.grid.earth_radius_m for level in scene.levels} == {6371000.0}
+    with pytest.raises(UserError, match="radius"):
+        Scene(inner.grid, inner.data, wider=outer)
 
 
 def test_a_flat_domain_needs_a_place():

@@ -51,7 +51,16 @@ def estimate(
     scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None,
     quality: str = "standard",
 ) -> Estimate:
-    """What solving the scene and viewing it once will take on two cores."""
+    """What solving the scene and viewing it once will take on two cores; nested grids are solved one after the other
+    and kept."""
+    if scene.wider is not None and solver != "reference":
+        inner, wider = (
+            estimate(one, camera, solver, wavelengths, paths, quality) for one in (scene.alone(), scene.wider)
+        )
+        pixels_bytes = camera.shape[0] * camera.shape[1] * wavelengths * _PIXEL_BYTES
+        return Estimate(
+            inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - 2e8 - pixels_bytes
+        )
     if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
         return _estimate_large(scene, camera, wavelengths)
     nodes = 0 if scene.grid is None else scene.grid.shape[0] * scene.grid.shape[1] * scene.grid.shape[2]
@@ -85,6 +94,8 @@ def announce(
     scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard"
 ) -> None:
     """Print the estimate of a large job to stderr."""
+    if solver == "reference" and scene.wider is not None:
+        click.echo("note: solver reference sees the innermost grid alone", err=True)
     if solver == "fast" and scene.grid is not None and lit_in_parts(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
     expected = estimate(scene, camera, solver, paths=paths, quality=quality)

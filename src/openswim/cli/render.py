@@ -76,7 +76,7 @@ def run(request: RenderRequest) -> None:
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
-        camera = framed(camera, scene)
+        camera = framed(camera, scene.levels[-1])
     announce(scene, camera, solver.name, request.paths, solver.quality)
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver)
@@ -87,11 +87,14 @@ def run(request: RenderRequest) -> None:
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
     """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
-    from openswim.readers.neighbourhood import Neighbourhood, reach_m
+    from openswim.readers.neighbourhood import Neighbourhood, far_m, reach_m
 
     if request.lat is None or request.lon is None:
         return None
-    return Neighbourhood(request.lat, request.lon, reach_m(camera.height_m), True, request.solver != "reference")
+    swept = request.solver != "reference"
+    return Neighbourhood(
+        request.lat, request.lon, reach_m(camera.height_m), True, swept, far_m(camera.height_m) if swept else 0.0
+    )
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
-from openswim.readers.neighbourhood import Neighbourhood, part_of
+from openswim.readers.neighbourhood import Neighbourhood, part_of, with_beyond
 
 if TYPE_CHECKING:
     from openswim.ground import Ground
@@ -48,7 +48,8 @@ def open_scene(
     groups, place = _by_reader(paths), _neighbourhood(around, radius_km)
     scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if ground is not None:
-        scene.ground = ground
+        for level in scene.levels:
+            level.ground = ground
     return scene
 
 
@@ -110,8 +111,8 @@ def readers() -> tuple[Reader, ...]:
 def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> Scene:
     """The scene of one model's files."""
     if hasattr(reader, "read_parts"):
-        parts: Scene = reader.read_parts(paths, time, place)
-        return parts
+        return with_beyond(reader.read_parts(paths, time, place), place,
+                           lambda beyond: reader.read_parts(paths, time, beyond))  # fmt: skip
     if len(paths) == 1:
         return _read(reader, paths[0], time, place)
     from openswim.readers.series import files_at
@@ -138,10 +139,18 @@ def _open_several(groups: dict[Reader, list[Path]], time: Time, place: Neighbour
 
 def _wider(place: Neighbourhood | None) -> Neighbourhood | None:
     """What to read of a domain that may be large, so that it reaches beyond the part that is wanted."""
-    return None if place is None else replace(place, radius_m=1.2 * place.radius_m + 1e4, if_large=True)
+    if place is None:
+        return None
+    return replace(place, radius_m=1.2 * place.radius_m + 1e4, far_m=1.2 * place.far_m, if_large=True)
 
 
 def _read(reader: Any, path: Path, time: Time, place: Neighbourhood | None) -> Scene:
+    """A file's scene around a place, in what is seen beyond."""
+    return with_beyond(_read_part(reader, path, time, place), place,
+                       lambda beyond: _read_part(reader, path, time, beyond))  # fmt: skip
+
+
+def _read_part(reader: Any, path: Path, time: Time, place: Neighbourhood | None) -> Scene:
     scene: Scene
     if place is None:
         scene = reader.read(path, time)

@@ -29,6 +29,10 @@ F64 = NDArray[np.float64]
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
 MOST_RADIUS_M = 10_000_000.0  # a hemisphere
+WIDER_SIDE = 240  # columns along a side of what is seen beyond
+_HIGHEST_CLOUD_M = 16_000.0
+_FARTHER = 1.25  # times a radius that is worth a wider grid
+_END = "nothing beyond is seen"
 _SEEN_FROM_SPACE_M = 3_000_000.0
 _SPACE_M = 1e5
 _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
@@ -39,20 +43,22 @@ _MOST_COLUMNS = 300_000  # cut as they are; more are averaged
 _MOST_SEEN_COLUMNS = 6_000_000  # for an eye in space, which sees them part by part
 _LEAST_CELLS = 3  # on each side of the observer
 _NARROWING = 1.2  # width of cells at one edge of the part against its middle
-_MOST_SIDE = 420  # columns along a side of a resampled part
 _EVEN = 0.02  # of a cell, as Grid asks
 
 
 @dataclass(frozen=True)
 class Neighbourhood:
     """A place (degrees) and how far around it matters; `if_large`: leave small domains whole; `in_parts`: as many
-    columns as an eye in space may see part by part (`transport.large`)."""
+    columns as an eye in space may see part by part (`transport.large`); `far_m`: how far around it clouds may still be
+    seen, in wider cells; `most_side`: columns along a side of what is not as the model has it."""
 
     lat: float
     lon: float
     radius_m: float = GROUND_RADIUS_M
     if_large: bool = False
     in_parts: bool = True
+    far_m: float = 0.0
+    most_side: int = 420
 
     def __post_init__(self) -> None:
         if not (-90.0 <= self.lat <= 90.0 and -360.0 <= self.lon <= 360.0):
@@ -60,11 +66,24 @@ class Neighbourhood:
         if not self.radius_m > 0:
             raise UserError(f"radius_km must be positive, got {self.radius_m / 1e3:g}")
 
+    @property
+    def beyond(self) -> Neighbourhood | None:
+        """What is seen beyond it, if that is farther."""
+        if self.far_m < _FARTHER * self.radius_m:
+            return None
+        return replace(self, radius_m=self.far_m, far_m=0.0, most_side=WIDER_SIDE, in_parts=False)
+
 
 def reach_m(height_m: float) -> float:
     """How far the clouds may be that an eye `height_m` up still shows well [m]."""
     horizon = EARTH_RADIUS_M * math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(height_m, 0.0)))
     return min(GROUND_RADIUS_M + horizon, MOST_RADIUS_M)
+
+
+def far_m(height_m: float) -> float:
+    """How far the highest clouds may be that stand above the horizon of an eye `height_m` up [m]."""
+    dip = sum(math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(h, 0.0))) for h in (height_m, _HIGHEST_CLOUD_M))
+    return min(EARTH_RADIUS_M * dip, MOST_RADIUS_M)
 
 
 @dataclass(frozen=True)
@@ -227,6 +246,27 @@ def part_of(scene: Scene, around: Neighbourhood) -> Scene:
     )
 
 
+def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
+    """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
+    far = None if around is None else around.beyond
+    if far is None or scene.grid is None or not any(note.endswith(_END) for note in scene.notes):
+        return scene
+    wider = read(far)
+    assert wider.grid is not None
+    if _area(wider.grid) < _FARTHER**2 * _area(scene.grid):
+        return scene
+    scene.wider = wider
+    step = max(wider.grid.spacing_m())
+    scene.notes = [n.removesuffix(_END) + f"beyond, cells of {step / 1e3:.3g} km" for n in scene.notes]
+    return scene
+
+
+def _area(grid: Grid) -> float:
+    _, ny, nx = grid.shape
+    dx, dy = grid.spacing_m()
+    return nx * dx * ny * dy
+
+
 def extent_text(mesh: Mesh) -> str:
     """ "it covers about latitude ... to ..., longitude ... to ..."."""
     ny, nx = mesh.shape
@@ -282,7 +322,8 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
     if (east - west) * wide > _MOST_WINDOW_M or (north - south) * tall > _MOST_WINDOW_M:
         return None
     in_parts = around.in_parts and around.radius_m >= reach_m(_SPACE_M) and max(wide, tall) <= _WIDE_CELL_M
-    if (east - west) * (north - south) > (_MOST_SEEN_COLUMNS if in_parts else _MOST_COLUMNS):
+    most = _MOST_SEEN_COLUMNS if in_parts else min(_MOST_COLUMNS, 2 * around.most_side**2)
+    if (east - west) * (north - south) > most:
         return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
     note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")
@@ -290,7 +331,7 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
 
 
 def _note(around: Neighbourhood, how: str) -> str:
-    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain: nothing beyond is seen"
+    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain: {_END}"
 
 
 def _cell_m(grid: Grid, i: float, j: float) -> tuple[float, float]:
@@ -311,7 +352,7 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     _, tall = _cell_m(grid, 0.5 * (nx - 1), 0.5 * (ny - 1))
     wanted = min(max(around.radius_m, _LEAST_CELLS * tall), MOST_RADIUS_M, _farthest_m(mesh, around) + tall)
     half = 2.0 * radius * math.sin(0.5 * wanted / radius)
-    step = max(tall, 2.0 * half / (_MOST_SIDE - 1))
+    step = max(tall, 2.0 * half / (around.most_side - 1))
     count = 2 * math.floor(half / step + 1e-6) + 1  # never beyond the farthest radius
     crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
     axis: F64 = step * (np.arange(count, dtype=np.float64) - count // 2)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.optics.hydrometeors import effective_radius_m
-from openswim.readers.neighbourhood import Mesh, Neighbourhood, Selection, extent_text, onto, part_of
+from openswim.readers.neighbourhood import WIDER_SIDE, Mesh, Neighbourhood, Selection, extent_text, onto, part_of
 from openswim.scene import Grid, Scene
 from openswim.scene.levels import on_levels
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
@@ -20,10 +23,11 @@ from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SU
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_MOST_SIDE = 420  # columns
 _MOST_LEVELS = 80
-_LEAST_RADIUS_M = 30_000.0  # of what is shown around an eye, however fine the finest grid
-_NEAR_RADIUS_M = 600_000.0  # a view that reaches no farther is shown in the finest grid's cells
+_SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up one looks at domains, not around oneself
+_MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
+_FARTHER = 1.25  # times its reach that makes another grid worth while
+_ASIDE, _LEAST_ASIDE = 0.08, 4.0  # of a domain, and columns, that its own grid reaches beyond it
 _RIM_CELLS = 3.0  # of the next coarser grid, over which a finer one fades in
 _RIM_SHARE, _TOP_SHARE = 0.15, 0.15  # of its width and height, at most
 
@@ -45,7 +49,8 @@ class _Laid:
 
 
 def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
-    """One scene of several whose domains overlap.
+    """One scene of several whose domains overlap, in cells of the finest around the eye (of the finest domain, seen
+    from space), which lies in up to three wider ones of the same domains in coarser cells, as far as the eye sees.
 
     Contents, extinctions and cover are blended linearly across the rims and the top of each finer domain; effective
     radii so that extinction is. What a finer file lacks altogether comes from the coarser.
@@ -53,16 +58,64 @@ def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
     if any(scene.grid is None or scene.grid.crs is None for scene in scenes):
         raise UserError("nested domains need a place on Earth: give around=(latitude, longitude)")
     order = sorted(scenes, key=_cell_m)
-    lat, lon = order[0].place if around is None else (around.lat, around.lon)
-    over = [n for n, scene in enumerate(order) if _mesh(scene).covers(*_mesh(scene).index(lon, lat))]
-    if not over:
+    around = around or Neighbourhood(*order[0].place)
+    over = [n for n, scene in enumerate(order) if _mesh(scene).covers(*_mesh(scene).index(around.lon, around.lat))]
+    if over:
+        order = order[: over[-1] + 1]
+    elif not _from_space(around):
         raise UserError(f"the observer is outside all the domains: {extent_text(_mesh(order[-1]))}")
-    order = order[: over[-1] + 1]
-    target = _target(order, around)
+    beyond = [scene.levels[-1] for scene in order]
+    reach = min(0.5 * _diagonal_m(beyond[-1]), max(around.radius_m, around.far_m))
+    found = [_innermost([scene.alone() for scene in order], around, reach)]
+    first = _half_m(found[0])
+    count = min(_MOST_WIDER, math.ceil(math.log(reach / first) / math.log(_RATIO))) if reach > _FARTHER * first else 0
+    lat, lon = order[0].place if _from_space(around) else (around.lat, around.lon)
+    whole = 0.5 * _diagonal_m(beyond[-1]) < around.radius_m
+    for n in range(1, count + 1):
+        place = Neighbourhood(lat, lon, first * (reach / first) ** (n / count), most_side=WIDER_SIDE)
+        if n == count and _from_space(around):
+            place = Neighbourhood(*beyond[-1].place, (1 + 2 * _ASIDE) * _half_m(beyond[-1])) if whole else around
+        found.append(_wider(beyond, found[-1], place))
+    found[0].notes += [f"beyond them, {_size(scene)}" for scene in found[1:]]
+    for inner, wider in pairwise(found):
+        inner.wider = wider
+    return found[0]
+
+
+def _innermost(order: Sequence[Scene], around: Neighbourhood, reach: float) -> Scene:
+    """The finest domain near an eye, or that an eye in space sees, and what lies around it."""
+    for scene in order:
+        cell = _cell_m(scene)
+        if _from_space(around):
+            place = replace(around, lat=scene.place[0], lon=scene.place[1])
+            radius = (1 + 2 * _ASIDE) * _half_m(scene)
+        else:
+            place = around
+            radius = min(around.radius_m, 0.5 * (around.most_side - 1) * cell)
+        place = replace(place, radius_m=min(reach, radius))
+        target = _target(order[-1], place, cell, scene)
+        if _meets(scene, target):
+            break
     there = [scene for scene in order if _meets(scene, target)]
-    if len(there) == 1 or _covers(there[0], target):
-        return part_of(there[0], around) if around is not None else there[0]
-    levels = _levels(there)
+    own = there[0]
+    assert own.grid is not None
+    alike = reach <= _FARTHER * place.radius_m or own.grid.earth_radius_m == target.earth_radius_m
+    if alike and (len(there) == 1 or _covers(own, target)):
+        part = part_of(own, place)
+        return copy(part) if part is own else part
+    return _on_one_grid(there, target, _levels(there))
+
+
+def _wider(order: Sequence[Scene], inner: Scene, place: Neighbourhood) -> Scene:
+    """The domains around a scene, with cells and layers of those that reach beyond it."""
+    assert inner.grid is not None
+    beyond = [scene for scene in order if not _mesh_covers(_mesh(inner), scene)] or order[-1:]
+    target = _target(order[-1], place, _cell_m(beyond[0]))
+    return _on_one_grid([scene for scene in order if _meets(scene, target)], target, _levels(beyond))
+
+
+def _on_one_grid(there: Sequence[Scene], target: Grid, levels: F64) -> Scene:
+    """Domains, the finest first, on a common grid."""
     laid = []
     for finer, scene in enumerate(there):
         coarser = there[finer + 1] if finer + 1 < len(there) else None
@@ -80,11 +133,27 @@ def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
     grid = Grid(target.x, target.y, levels, target.crs, target.earth_radius_m)
     names = " in ".join(scene.source or "a scene" for scene in there)
     notes = [note for scene in there for note in scene.notes]
-    notes.append(
-        f"nested domains on one grid of {target.step[0]:.4g} m, {target.x.size} x {target.y.size} x {levels.size}: "
-        "the finest at each place, blended over its rim"
-    )
-    return Scene(grid, xr.Dataset(data), coarsest.atmosphere, optics, finest.time, names, list(dict.fromkeys(notes)))
+    out = Scene(grid, xr.Dataset(data), coarsest.atmosphere, optics, finest.time, names, list(dict.fromkeys(notes)))
+    out.notes.append(f"nested domains on {_size(out)}: the finest at each place, blended over its rim")
+    return out
+
+
+def _size(scene: Scene) -> str:
+    assert scene.grid is not None
+    nz, ny, nx = scene.grid.shape
+    return f"one grid of {_cell_m(scene):.4g} m, {nx} x {ny} x {nz}"
+
+
+def _from_space(around: Neighbourhood) -> bool:
+    return around.radius_m > _SPACE_RADIUS_M
+
+
+def _half_m(scene: Scene) -> float:
+    """Half of a scene's longer side."""
+    assert scene.grid is not None
+    _, ny, nx = scene.grid.shape
+    dx, dy = scene.grid.spacing_m()
+    return 0.5 * max(nx * dx, ny * dy)
 
 
 def _cell_m(scene: Scene) -> float:
@@ -104,31 +173,54 @@ def _mesh(scene: Scene) -> Mesh:
     return Mesh(grid.x, grid.y, grid.crs, grid.earth_radius_m)
 
 
-def _target(order: Sequence[Scene], around: Neighbourhood | None) -> Grid:
-    """An equal-area map around the place in the finest grid's cells, within the coarsest domain."""
+def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Scene | None = None) -> Grid:
+    """An equal-area map around a place in cells of so many metres or wider ones, within the coarsest domain; of the
+    domain ``only``, and some of what lies around it, where one is given."""
     from pyproj import CRS
 
-    finest, coarsest = order[0], order[-1]
     assert coarsest.grid is not None
-    around = around or Neighbourhood(*finest.place)
-    radius = min(0.5 * _diagonal_m(coarsest), around.radius_m)
-    step = _cell_m(finest)
-    if radius <= _NEAR_RADIUS_M:
-        radius = min(radius, max(0.5 * (_MOST_SIDE - 1) * step, _LEAST_RADIUS_M))
-    step = max(step, 2 * radius / (_MOST_SIDE - 1))
-    count = 2 * max(2, int(np.ceil(radius / step - 1e-6))) + 1
+    step = max(cell_m, 2 * place.radius_m / (place.most_side - 1))
+    count = 2 * max(2, int(np.ceil(place.radius_m / step - 1e-6))) + 1
     axis = step * (np.arange(count, dtype=np.float64) - count // 2)
     earth = coarsest.grid.earth_radius_m
-    crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={earth} +no_defs")
-    inside = _inside(coarsest, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
-    low, high = [0, 0], [count, count]
+    crs = CRS.from_proj4(f"+proj=laea +lat_0={place.lat} +lon_0={place.lon} +R={earth} +no_defs")
+    x, y = (axis, axis) if only is None else _beside(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
+    inside = _inside(coarsest, Grid(x, y, np.array([0.0, 1.0]), crs, earth))
+    low, high = [0, 0], [y.size, x.size]
     while not (kept := inside[low[0] : high[0], low[1] : high[1]]).all():  # drop the side that sticks out most
         missing = [1 - kept[0].mean(), 1 - kept[-1].mean(), 1 - kept[:, 0].mean(), 1 - kept[:, -1].mean()]
         side = int(np.argmax(missing))
         (low if side % 2 == 0 else high)[side // 2] += 1 - 2 * (side % 2)
         if min(high[0] - low[0], high[1] - low[1]) < 2:
             raise UserError("the observer is at the edge of all the domains: choose a place farther inside")
-    return Grid(axis[low[1] : high[1]], axis[low[0] : high[0]], np.array([0.0, 1.0]), crs, earth)
+    return Grid(x[low[1] : high[1]], y[low[0] : high[0]], np.array([0.0, 1.0]), crs, earth)
+
+
+def _beside(scene: Scene, target: Grid) -> tuple[F64, F64]:
+    """The columns' x and y of a target that lie in a scene's domain or somewhat aside."""
+    lon, lat = _outline(scene)
+    kept = []
+    for at, axis in zip(target.index(lon, lat), (target.x, target.y), strict=True):
+        at = at[np.isfinite(at)]
+        margin = _ASIDE * (at.max() - at.min()) + _LEAST_ASIDE
+        first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (at.min() - margin, at.max() + margin))
+        kept.append(axis[first : max(last, first + 2) + 1] if first < axis.size - 3 else axis)
+    return kept[0], kept[1]
+
+
+def _outline(scene: Scene) -> tuple[F64, F64]:
+    """Longitudes and latitudes along the edge of a domain."""
+    assert scene.grid is not None
+    _, ny, nx = scene.grid.shape
+    i, j = np.linspace(0, nx - 1, 50), np.linspace(0, ny - 1, 50)
+    return scene.grid.lonlat(
+        np.concatenate([i, i, 0 * j, 0 * j + nx - 1]), np.concatenate([0 * i, 0 * i + ny - 1, j, j])
+    )
+
+
+def _mesh_covers(mesh: Mesh, scene: Scene) -> bool:
+    """Whether a mesh covers a whole domain."""
+    return bool(mesh.covers(*mesh.index(*_outline(scene))).all())
 
 
 def _indices(scene: Scene, target: Grid) -> tuple[F64, F64]:

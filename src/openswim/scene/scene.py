@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -105,6 +106,14 @@ class Scene:
     def levels(self) -> list[Scene]:
         """This scene and the wider ones around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def alone(self) -> Scene:
+        """This scene without the wider ones around it."""
+        if self.wider is None:
+            return self
+        out = copy(self)
+        out.wider = None
+        return out
 
     @property
     def species(self) -> list[str]:

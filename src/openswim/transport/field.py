@@ -79,6 +79,11 @@ class Field:
         return self._first.medium
 
     @property
+    def media(self) -> list[Medium]:
+        """The media of the grid and of the wider ones around it."""
+        return [level.medium for level in self._first.levels if level.medium is not None]
+
+    @property
     def ground_m(self) -> float:
         """Height of the ground outside the grid."""
         return self._first.lighting.ground_m
