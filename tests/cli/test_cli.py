@@ -33,7 +33,8 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
 def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
     calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[])
-    scene = SimpleNamespace(grid=None, notes=["no ice species in the file: none assumed"])
+    scene = SimpleNamespace(grid=None, wider=None, notes=["no ice species in the file: none assumed"])
+    scene.levels = [scene]
 
     def open_scene(path, time=None, around=None, ground=None):
         calls.times.append(time)
@@ -60,6 +61,7 @@ def test_of_large_domains_the_part_that_the_view_needs_is_read(world) -> None:
     assert (ground.lat, ground.lon) == (world.cameras[0].lat, world.cameras[0].lon)
     assert ground.if_large
     assert ground.radius_m < aloft.radius_m < 1e6
+    assert ground.radius_m < ground.far_m < aloft.far_m < 1e6
     assert flat is None
 
 
