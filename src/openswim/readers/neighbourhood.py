@@ -256,8 +256,8 @@ def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neig
     if _area(wider.grid) < _FARTHER**2 * _area(scene.grid):
         return scene
     scene.wider = wider
-    step = max(wider.grid.spacing_m())
-    scene.notes = [n.removesuffix(_END) + f"beyond, cells of {step / 1e3:.3g} km" for n in scene.notes]
+    there = f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"
+    scene.notes = [note.replace(_END, there) if note.endswith(_END) else note for note in scene.notes]
     return scene
 
 

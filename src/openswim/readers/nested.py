@@ -27,7 +27,7 @@ _MOST_LEVELS = 80
 _SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up one looks at domains, not around oneself
 _MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
 _FARTHER = 1.25  # times its reach that makes another grid worth while
-_ASIDE, _LEAST_ASIDE = 0.08, 4.0  # of a domain, and columns, that its own grid reaches beyond it
+_ASIDE, _LEAST_ASIDE = 0.12, 4.0  # of a domain, and columns, that its own grid reaches beyond it
 _RIM_CELLS = 3.0  # of the next coarser grid, over which a finer one fades in
 _RIM_SHARE, _TOP_SHARE = 0.15, 0.15  # of its width and height, at most
 

@@ -16,7 +16,7 @@ from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport import nested, swim_view
-from openswim.transport.grid_light import GridLight
+from openswim.transport.grid_light import GridLight, SunDepth
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.nested import Core, Seen
@@ -41,7 +41,7 @@ _TILE_RAYS = 1_200_000
 @dataclass
 class View:
     """What rays see: solar-relative ``radiance`` (n, nw); ``transmittance`` e^-tau along the ray (n, nw); where they
-    ``hit`` the ground (n,) and at which ``position`` (n, 3); optical depth of each species (n, ns)."""
+    ``hit`` the ground (n,) and at which ``position`` (n, 3); optical depth (n, ns) of the finest grid's species."""
 
     radiance: F32
     transmittance: F32
@@ -148,6 +148,7 @@ class PackField:
     own_sky: Shells | None = None  # and the shells that its rays go through
     wider: PackField | None = None  # the field of a wider grid, seen beyond the core of this
     core: Core | None = None
+    depths: SunDepth | None = None  # until the grids within it are solved
 
     @property
     def quality(self) -> str:

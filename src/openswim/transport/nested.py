@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from openswim.transport.march import DARK
 from openswim.transport.pack import PACK
-from openswim.transport.volume import FAR_M
+from openswim.transport.surface import bilinear
+from openswim.transport.volume import FAR_M, Volume
 
 if TYPE_CHECKING:
     from openswim.transport.field import PackField
+    from openswim.transport.grid_light import SunDepth
     from openswim.transport.medium import Medium
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_RIM, _LEAST_RIM = 0.05, 2  # share of a grid's columns at each side that its core does without, and how many at least
+_RIM, _LEAST_RIM = 0.08, 2  # share of a grid's columns at each side that its core does without, and how many at least
 _SHORTEST_M = 1.0  # way through a grid that is worth a look
 _SAME_M = 0.01  # distances that differ by less are the same
 
@@ -140,3 +142,66 @@ def _add_depth(depth: F32, rays: NDArray[np.int64], part: F32, field: PackField,
     for n, species in enumerate(field.medium.species):
         if species.name in names:
             depth[rays, n] += part[:, names.index(species.name)]
+
+
+def shade_from(wider: PackField, medium: Medium, volume: Volume, depths: SunDepth, local_sun: F64) -> None:
+    """Add to a grid's depths to the sun what sunbeams pass in a wider grid before they enter at its sides."""
+    columns, lookup = _Sides.of(medium, wider, local_sun), wider.medium
+    assert wider.depths is not None
+    assert lookup is not None
+    inner, outer = [], []
+    for own, theirs, first, second in (
+        (depths.lanes, wider.depths.lanes, depths.depth, wider.depths.depth),
+        (volume.forward_channel, wider.volume.forward_channel, volume.fields, wider.volume.fields),
+    ):
+        for channel in np.unique(own):
+            w = int(np.flatnonzero(own == channel)[0])
+            inner.append(first[..., channel])
+            outer.append(second[..., theirs[w]])
+    tables = [np.stack([np.moveaxis(bilinear(o, ix, iy), 0, -1) for o in outer]) for ix, iy in columns.places]
+    filled = np.flatnonzero(np.any([t.any(axis=(0, 2)) for t in tables], axis=0))
+    if not filled.size:
+        return
+    levels = lookup.levels_m
+    top = levels[min(int(filled[-1]) + 1, len(levels) - 1)]
+    mu = local_sun[..., 2]
+    rise, bend = mu * columns.way_m, (1 - mu**2) / (2 * medium.frame.radius_m) * columns.way_m**2
+    for k, z in enumerate(medium.levels_m):
+        height = z + rise + bend
+        for side, table in enumerate(tables):
+            here = np.nonzero((columns.side == side) & (height < top))
+            if here[0].size:
+                at = np.interp(height[here], levels, np.arange(len(levels)))
+                for values, extra in zip(inner, bilinear(table, columns.along[here], at).T, strict=True):
+                    values[k][here] += extra.astype(np.float32)
+
+
+class _Sides(NamedTuple):
+    """Where the sunbeams of a grid's columns come in: ``side`` (ny, nx), 0 to 3, how far ``along`` it in nodes, and the
+    ``way_m`` from there; fractional indices in the wider grid of the ``places`` along each side."""
+
+    side: NDArray[np.int64]
+    along: F64
+    way_m: F64
+    places: list[tuple[F64, F64]]
+
+    @classmethod
+    def of(cls, medium: Medium, wider: PackField, local_sun: F64) -> _Sides:
+        _, ny, nx = medium.shape
+        j, i = np.mgrid[0:ny, 0:nx].astype(float)
+        vx, vy = (local_sun[..., n] / medium.cell_m[n] for n in (0, 1))  # cells per metre
+        to_x = np.where(vx > 0, nx - 1 - i, i) / np.maximum(np.abs(vx), 1e-12)
+        to_y = np.where(vy > 0, ny - 1 - j, j) / np.maximum(np.abs(vy), 1e-12)
+        way = np.minimum(to_x, to_y)
+        side = np.where(to_x < to_y, np.where(vx > 0, 1, 0), np.where(vy > 0, 3, 2))
+        along = np.where(to_x < to_y, j + vy * way, i + vx * way)
+        grid, theirs = wider.scene.grid, wider.medium
+        assert grid is not None
+        assert theirs is not None
+        p = medium.place
+        places = []
+        for edge in (p[:, 0], p[:, -1], p[0], p[-1]):
+            lat, lon, _ = medium.frame.latlon(edge)
+            ix, iy = grid.index(lon, lat)
+            places.append((ix * theirs.fineness, iy * theirs.fineness))
+        return cls(side, along, way, places)

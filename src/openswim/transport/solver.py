@@ -25,7 +25,7 @@ from openswim.transport.layers import solve_layers
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
-from openswim.transport.nested import Core
+from openswim.transport.nested import Core, shade_from
 from openswim.transport.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
@@ -144,6 +144,8 @@ def _nested_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -
     for level in reversed(scene.levels):
         found = _grid_field(solver, level, frame, sun, wl, count, found)
     assert found is not None
+    for field in found.levels:
+        field.depths = None
     return found
 
 
@@ -170,6 +172,8 @@ def _grid_field(
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
     volume, depths = sunlit_volume(medium, coefficients, local_sun, fast)
+    if wider is not None:
+        shade_from(wider, medium, volume, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
@@ -181,6 +185,7 @@ def _grid_field(
     result.landscape = landscape
     result.light = light
     result.reach_deg = float(reach)
+    result.depths = depths
     if wider is not None:
         result.wider, result.core = wider, Core.of(medium)
         if landscape is not None:
