@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -27,7 +26,9 @@ _MOST_LEVELS = 80
 _SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up one looks at domains, not around oneself
 _MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
 _FARTHER = 1.25  # times its reach that makes another grid worth while
-_ASIDE, _LEAST_ASIDE = 0.12, 4.0  # of a domain, and columns, that its own grid reaches beyond it
+_ASIDE = 0.12  # of a domain, that its grid may reach beyond it
+_HIGH = 0.8  # of the widest domain's top: a domain that needs none of its clouds above
+_CORE_RIM = 0.08  # of a grid, at each side, in which a wider one is seen instead
 _RIM_CELLS = 3.0  # of the next coarser grid, over which a finer one fades in
 _RIM_SHARE, _TOP_SHARE = 0.15, 0.15  # of its width and height, at most
 
@@ -67,16 +68,10 @@ def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
     beyond = [scene.levels[-1] for scene in order]
     reach = min(0.5 * _diagonal_m(beyond[-1]), max(around.radius_m, around.far_m))
     found = [_innermost([scene.alone() for scene in order], around, reach)]
-    first = _half_m(found[0])
-    count = min(_MOST_WIDER, math.ceil(math.log(reach / first) / math.log(_RATIO))) if reach > _FARTHER * first else 0
-    lat, lon = order[0].place if _from_space(around) else (around.lat, around.lon)
-    whole = 0.5 * _diagonal_m(beyond[-1]) < around.radius_m
-    for n in range(1, count + 1):
-        place = Neighbourhood(lat, lon, first * (reach / first) ** (n / count), most_side=WIDER_SIDE)
-        if n == count and _from_space(around):
-            place = Neighbourhood(*beyond[-1].place, (1 + 2 * _ASIDE) * _half_m(beyond[-1])) if whole else around
-        found.append(_wider(beyond, found[-1], place))
-    found[0].notes += [f"beyond them, {_size(scene)}" for scene in found[1:]]
+    for scene in beyond:
+        while (wider := _wider(beyond, scene, found, around, reach)) is not None:
+            found.append(wider)
+    found[0].notes += [f"beyond, {_size(scene)}" for scene in found[1:]]
     for inner, wider in pairwise(found):
         inner.wider = wider
     return found[0]
@@ -93,25 +88,44 @@ def _innermost(order: Sequence[Scene], around: Neighbourhood, reach: float) -> S
             place = around
             radius = min(around.radius_m, 0.5 * (around.most_side - 1) * cell)
         place = replace(place, radius_m=min(reach, radius))
-        target = _target(order[-1], place, cell, scene)
-        if _meets(scene, target):
+        around_it = _target(order[-1], place, cell)
+        if _meets(scene, around_it):
             break
-    there = [scene for scene in order if _meets(scene, target)]
-    own = there[0]
-    assert own.grid is not None
-    alike = reach <= _FARTHER * place.radius_m or own.grid.earth_radius_m == target.earth_radius_m
-    if alike and (len(there) == 1 or _covers(own, target)):
-        part = part_of(own, place)
-        return copy(part) if part is own else part
-    return _on_one_grid(there, target, _levels(there))
+    assert scene.grid is not None
+    there = [one for one in order if _meets(one, around_it)]
+    alike = reach <= _FARTHER * place.radius_m or scene.grid.earth_radius_m == around_it.earth_radius_m
+    if alike and (len(there) == 1 or (_covers(scene, around_it) and _top_m(scene) > _HIGH * _top_m(order[-1]))):
+        part = part_of(scene, place)
+        return copy(part) if part is scene else part
+    target = _target(order[-1], place, cell, order[order.index(scene) :])
+    return _on_one_grid([one for one in order if _meets(one, target)], target, _levels(there))
 
 
-def _wider(order: Sequence[Scene], inner: Scene, place: Neighbourhood) -> Scene:
-    """The domains around a scene, with cells and layers of those that reach beyond it."""
-    assert inner.grid is not None
-    beyond = [scene for scene in order if not _mesh_covers(_mesh(inner), scene)] or order[-1:]
-    target = _target(order[-1], place, _cell_m(beyond[0]))
-    return _on_one_grid([scene for scene in order if _meets(scene, target)], target, _levels(beyond))
+def _wider(
+    order: Sequence[Scene], scene: Scene, found: Sequence[Scene], around: Neighbourhood, reach: float
+) -> Scene | None:
+    """What of a domain reaches beyond the grids that there are, in its cells; at most `_RATIO` times as far as those
+    where wider cells or broken clouds ask for it, unless it is the last grid."""
+    last, before, cell = scene is order[-1], _half_m(found[-1]), _cell_m(scene)
+    left = _MOST_WIDER - len(found)  # grids, after this one
+    if reach < _FARTHER * before or left < (0 if last else 1):
+        return None
+    far = _RATIO * before
+    if "cloud_area_fraction" not in scene.data or not last:
+        far = max(far, 0.5 * (WIDER_SIDE - 1) * cell)
+    far = reach if last and (left == 0 or _from_space(around)) else min(reach, far)
+    place = replace(around, radius_m=far, most_side=WIDER_SIDE)
+    if _from_space(around):
+        lat, lon = scene.place
+        place = Neighbourhood(lat, lon, min(far, _half_m(scene)), most_side=WIDER_SIDE)
+        if last:  # the Earth below the eye, or the domain where it is but a part of that
+            part = 0.5 * _diagonal_m(scene) < around.radius_m
+            place = Neighbourhood(lat, lon, (1 + 2 * _ASIDE) * _half_m(scene)) if part else around
+    target = _target(order[-1], place, cell, None if last else order[order.index(scene) :])
+    if 0.5 * max(np.ptp(target.x), np.ptp(target.y)) < _FARTHER * before:
+        return None
+    there = [one for one in order if _meets(one, target)]
+    return _on_one_grid(there, target, _levels(there[there.index(scene) :]))
 
 
 def _on_one_grid(there: Sequence[Scene], target: Grid, levels: F64) -> Scene:
@@ -141,11 +155,17 @@ def _on_one_grid(there: Sequence[Scene], target: Grid, levels: F64) -> Scene:
 def _size(scene: Scene) -> str:
     assert scene.grid is not None
     nz, ny, nx = scene.grid.shape
-    return f"one grid of {_cell_m(scene):.4g} m, {nx} x {ny} x {nz}"
+    cell = _cell_m(scene)
+    return f"one grid of {f'{cell:.0f} m' if cell < 1e4 else f'{cell / 1e3:.0f} km'}, {nx} x {ny} x {nz}"
 
 
 def _from_space(around: Neighbourhood) -> bool:
     return around.radius_m > _SPACE_RADIUS_M
+
+
+def _top_m(scene: Scene) -> float:
+    assert scene.grid is not None
+    return float(np.mean(scene.grid.height_m[-1]))
 
 
 def _half_m(scene: Scene) -> float:
@@ -173,9 +193,9 @@ def _mesh(scene: Scene) -> Mesh:
     return Mesh(grid.x, grid.y, grid.crs, grid.earth_radius_m)
 
 
-def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Scene | None = None) -> Grid:
-    """An equal-area map around a place in cells of so many metres or wider ones, within the coarsest domain; of the
-    domain ``only``, and some of what lies around it, where one is given."""
+def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Sequence[Scene] | None = None) -> Grid:
+    """An equal-area map around a place in cells of so many metres or wider ones, within the coarsest domain; where
+    domains are given, of the first of them, up to where it fades into the second."""
     from pyproj import CRS
 
     assert coarsest.grid is not None
@@ -184,7 +204,7 @@ def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Scene | 
     axis = step * (np.arange(count, dtype=np.float64) - count // 2)
     earth = coarsest.grid.earth_radius_m
     crs = CRS.from_proj4(f"+proj=laea +lat_0={place.lat} +lon_0={place.lon} +R={earth} +no_defs")
-    x, y = (axis, axis) if only is None else _beside(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
+    x, y = (axis, axis) if only is None else _within(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
     inside = _inside(coarsest, Grid(x, y, np.array([0.0, 1.0]), crs, earth))
     low, high = [0, 0], [y.size, x.size]
     while not (kept := inside[low[0] : high[0], low[1] : high[1]]).all():  # drop the side that sticks out most
@@ -196,15 +216,18 @@ def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Scene | 
     return Grid(x[low[1] : high[1]], y[low[0] : high[0]], np.array([0.0, 1.0]), crs, earth)
 
 
-def _beside(scene: Scene, target: Grid) -> tuple[F64, F64]:
-    """The columns' x and y of a target that lie in a scene's domain or somewhat aside."""
-    lon, lat = _outline(scene)
+def _within(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
+    """The columns' x and y of a target that lie in the first scene's domain, about so that the core of the target
+    (`transport.nested`) ends where the domain begins to fade into the next."""
+    lon, lat = _outline(scenes[0])
     kept = []
     for at, axis in zip(target.index(lon, lat), (target.x, target.y), strict=True):
         at = at[np.isfinite(at)]
-        margin = _ASIDE * (at.max() - at.min()) + _LEAST_ASIDE
-        first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (at.min() - margin, at.max() + margin))
-        kept.append(axis[first : max(last, first + 2) + 1] if first < axis.size - 3 else axis)
+        middle, half = 0.5 * (at.max() + at.min()), 0.5 * (at.max() - at.min())
+        if len(scenes) > 1:
+            half = (half - _rim_m(scenes[0], scenes[1]) / target.step[0]) / (1 - 2 * _CORE_RIM)
+        first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (middle - half, middle + half + 1))
+        kept.append(axis[first : last + 1] if last >= first + 2 else axis)
     return kept[0], kept[1]
 
 
@@ -216,11 +239,6 @@ def _outline(scene: Scene) -> tuple[F64, F64]:
     return scene.grid.lonlat(
         np.concatenate([i, i, 0 * j, 0 * j + nx - 1]), np.concatenate([0 * i, 0 * i + ny - 1, j, j])
     )
-
-
-def _mesh_covers(mesh: Mesh, scene: Scene) -> bool:
-    """Whether a mesh covers a whole domain."""
-    return bool(mesh.covers(*mesh.index(*_outline(scene))).all())
 
 
 def _indices(scene: Scene, target: Grid) -> tuple[F64, F64]:
@@ -270,6 +288,14 @@ def _smoothstep(t: Any) -> F64:
     return np.asarray(t * t * (3 - 2 * t))
 
 
+def _rim_m(scene: Scene, coarser: Scene) -> float:
+    """Width of the rim over which a domain fades into a coarser one."""
+    assert scene.grid is not None
+    _, ny, nx = scene.grid.shape
+    dx, dy = scene.grid.spacing_m()
+    return min(_RIM_CELLS * _cell_m(coarser), _RIM_SHARE * min(nx * dx, ny * dy))
+
+
 def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Laid:
     grid = scene.grid
     assert grid is not None
@@ -286,7 +312,7 @@ def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Lai
         _, ny, nx = grid.shape
         dx, dy = grid.spacing_m()
         edge = np.minimum(np.minimum(ix, nx - 1 - ix) * dx, np.minimum(iy, ny - 1 - iy) * dy)
-        rim = min(_RIM_CELLS * _cell_m(coarser), _RIM_SHARE * min(nx * dx, ny * dy))
+        rim = _rim_m(scene, coarser)
         top, low = heights[-1], heights[0]
         fade = _TOP_SHARE * np.maximum(top - low, 1.0)
         for k, z in enumerate(levels):
