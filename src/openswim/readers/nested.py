@@ -218,14 +218,16 @@ def _target(coarsest: Scene, place: Neighbourhood, cell_m: float, only: Sequence
 
 def _within(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
     """The columns' x and y of a target that lie in the first scene's domain, about so that the core of the target
-    (`transport.nested`) ends where the domain begins to fade into the next."""
+    (`transport.nested`) ends where the domain begins to fade into the next; where it has, if the next shows no fading.
+    """
     lon, lat = _outline(scenes[0])
     kept = []
     for at, axis in zip(target.index(lon, lat), (target.x, target.y), strict=True):
         at = at[np.isfinite(at)]
         middle, half = 0.5 * (at.max() + at.min()), 0.5 * (at.max() - at.min())
         if len(scenes) > 1:
-            half = (half - _rim_m(scenes[0], scenes[1]) / target.step[0]) / (1 - 2 * _CORE_RIM)
+            rim = _rim_m(scenes[0], scenes[1])
+            half = (half - (rim > 0.7 * _cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * _CORE_RIM)
         first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (middle - half, middle + half + 1))
         kept.append(axis[first : last + 1] if last >= first + 2 else axis)
     return kept[0], kept[1]

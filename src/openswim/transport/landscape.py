@@ -87,7 +87,7 @@ class Landscape:
             step *= 2
         last = math.ceil(reach / step)
         fields.append(self._field(axes, np.array([-last, -last]), np.array([last, last]), step, reach))
-        return Relief(medium.frame.radius_m, medium.ground_m, tuple(fields), axes)
+        return Relief(medium.frame.radius_m, self.widest.medium.ground_m, tuple(fields), axes)
 
     def _finest(self, axes: F64, width_rad: float) -> float:
         """The finest step that an elevation model has where it is, or half a cell of the medium."""
@@ -149,8 +149,9 @@ class Landscape:
             height += share * (mapped - height)
         # the edge of what is known must not stand as a wall
         x, y = (np.abs(start + step * np.arange(n)) / reach for start, n in zip(origin, (nx, ny), strict=True))
+        ground_m = np.float32(self.widest.medium.ground_m)
         known = np.clip((1.0 - np.maximum(x[None, :], y[:, None])) / _RIM, 0.0, 1.0).astype(np.float32)
-        height = np.float32(self.medium.ground_m) + known * (height - np.float32(self.medium.ground_m))
+        height = ground_m + known * (height - ground_m)
         return HeightField((float(origin[0]), float(origin[1])), step, height)
 
     def _latlon(self, axes: F64, x: F64, y: F64) -> tuple[F64, F64]:
