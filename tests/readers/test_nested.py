@@ -261,3 +261,26 @@ def test_files_of_two_models(tmp_path):
     assert scene.wider.data.liquid_content.values[:, 0, 0].max() < 7e-4
     with pytest.raises(UserError, match="around"):
         open_scene([path, tmp_path / "fine.nc"])
+
+
+def test_albedo_by_wavelength():
+    """Where the finer domain has it; the coarser's is the same at all of them."""
+    outer = domain(3000.0, 81, smooth, surface_albedo=0.3)
+    inner = domain(500.0, 61, smooth, surface_albedo=np.broadcast_to([0.1, 0.2, 0.05], (61, 61, 3)))
+    scene = merged([outer, inner], NEAR)
+    i, j = at(scene, LAT, LON)
+    np.testing.assert_allclose(scene.data.surface_albedo[j, i], [0.1, 0.2, 0.05], rtol=1e-4)
+    np.testing.assert_allclose(scene.levels[-1].data.surface_albedo[0, 0], 0.3, rtol=1e-4)
+
+
+def test_files_of_the_scene_layout(tmp_path):
+    for step, nodes in ((3000.0, 81), (500.0, 61)):
+        domain(step, nodes, smooth, time=np.datetime64("2024-06-21T12:00")).to_netcdf(tmp_path / f"{step:.0f}.nc")
+    paths = sorted(tmp_path.glob("*.nc"))
+    scene = open_scene(paths, around=NEAR)
+    assert scene.grid.spacing_m()[0] == pytest.approx(500.0, rel=0.01)
+    assert scene.wider.grid.spacing_m()[0] == pytest.approx(3000.0, rel=0.01)
+    again = tmp_path / "again.nc"
+    again.write_bytes(paths[0].read_bytes())
+    with pytest.raises(UserError, match="same grid"):
+        open_scene([paths[0], again], around=NEAR)

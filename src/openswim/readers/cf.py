@@ -84,6 +84,11 @@ class CFReader:
             source = str(data.attrs.get("source", path.name))
             return Scene(grid, fields, atmosphere, optics, valid, source, notes)
 
+    def grid(self, path: Path, time: Time = None) -> Grid | None:
+        """The grid at one time; None for a clear sky."""
+        with naming(path), _opened(path) as whole, reading(path, _NOT_THE_LAYOUT):
+            return grid_of(upright(_at_time(path, whole, time)[0]), [])
+
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents, from the header, the coordinates and the heights of the first time."""
         with naming(path), _opened(path) as whole:

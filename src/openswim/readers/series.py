@@ -49,9 +49,9 @@ def _times(reader: Any, path: Path) -> list[np.datetime64]:
 
 
 def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neighbourhood | None) -> list[Path]:
-    if not hasattr(reader, "grid"):
+    grids = {path: reader.grid(path, time) for path in paths} if hasattr(reader, "grid") else {}
+    if not grids or any(grid is None or not grid.curved for grid in grids.values()):
         raise UserError(f"{paths[0]} and {paths[1]} both hold {iso(time)}: open one of them")
-    grids = {path: reader.grid(path, time) for path in paths}
     by_cell = sorted(paths, key=lambda path: grids[path].spacing_m()[0])
     alike = [(grid.shape, *grid.lonlat(0, 0)) for grid in grids.values()]
     if any(one == other for n, one in enumerate(alike) for other in alike[:n]):
