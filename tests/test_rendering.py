@@ -10,7 +10,8 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 import openswim
 from openswim import Camera, Scene, UserError
 from openswim.lights import solar_irradiance, sun_position
-from openswim.readers.neighbourhood import Neighbourhood, far_m, part_of, reach_m
+from openswim.readers.beyond import far_m
+from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
 from openswim.rendering import daylight, light
 
 TIME = np.datetime64("2024-05-04T09:30")

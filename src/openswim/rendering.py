@@ -132,7 +132,8 @@ def render(
 
 def _needed(scene: Scene, camera: Camera, solver: str) -> Scene:
     """The part of a scene of very many columns, or of a large part of the Earth, that a view needs."""
-    from openswim.readers.neighbourhood import Mesh, Neighbourhood, far_m, is_large, part_of, reach_m, with_beyond
+    from openswim.readers.beyond import far_m, with_beyond
+    from openswim.readers.neighbourhood import Mesh, Neighbourhood, is_large, part_of, reach_m
 
     grid = scene.grid
     if scene.wider is not None or grid is None or grid.crs is None or camera.lat is None or camera.lon is None:

@@ -96,7 +96,11 @@ def test_wrf_nests_the_finest_that_covers_the_place(wrf_file, tmp_path):
     inside = open_scene([coarse, fine], around=(lat, lon), radius_km=1)
     np.testing.assert_allclose(inside.grid.spacing_m(), 1000.0, rtol=0.05)  # by the map factor
     lon, lat = (float(v) for v in open_scene(coarse).grid.lonlat(3, 3))
-    np.testing.assert_allclose(open_scene([coarse, fine], around=(lat, lon)).grid.spacing_m(), 3000.0, rtol=0.05)
+    aside = open_scene([coarse, fine], around=(lat, lon))
+    np.testing.assert_allclose(aside.levels[-1].grid.spacing_m(), 3000.0, rtol=0.05)
+    i, j = aside.levels[-1].grid.index(lon, lat)
+    assert 0 < i < aside.levels[-1].grid.shape[2] - 1
+    assert 0 < j < aside.levels[-1].grid.shape[1] - 1
 
 
 def test_together_is_the_sum():

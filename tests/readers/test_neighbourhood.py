@@ -8,7 +8,17 @@ from pyproj import CRS
 
 from openswim import Scene
 from openswim.errors import UserError
-from openswim.readers.neighbourhood import LARGE_COLUMNS, Mesh, Neighbourhood, is_large, part_of, reach_m, select
+from openswim.readers.beyond import far_m, with_beyond
+from openswim.readers.neighbourhood import (
+    LARGE_COLUMNS,
+    WIDER_SIDE,
+    Mesh,
+    Neighbourhood,
+    is_large,
+    part_of,
+    reach_m,
+    select,
+)
 from openswim.scene.grid import great_circle_m
 
 SPHERE = CRS.from_proj4("+proj=longlat +R=6371000 +no_defs")
@@ -180,3 +190,55 @@ def test_narrow_cells_of_very_large_domains_are_kept_for_an_eye_in_space():
     assert near.shape[0] < 150
     wide = Mesh(10 * HRRR.x, 10 * HRRR.y, HRRR.crs, 10 * HRRR.earth_radius_m)
     assert select(wide, from_space).nodes
+
+
+LAMBERT = CRS.from_proj4("+proj=lcc +lat_1=40 +lat_2=55 +lat_0=47 +lon_0=8 +R=6371000")
+
+
+def _scene_of(mesh):
+    content = np.full((3, *mesh.shape), 1e-4, np.float32)
+    return Scene.from_arrays({}, mesh.x, mesh.y, np.array([0.0, 2e3, 4e3]), crs=mesh.crs,
+                             earth_radius_m=mesh.earth_radius_m, fields={"liquid_content": content})  # fmt: skip
+
+
+def test_beyond_a_part_lies_what_may_be_seen_of_the_rest():
+    whole = _scene_of(Mesh(3000.0 * np.arange(601), 3000.0 * np.arange(601), LAMBERT, 6371000.0))
+    lon, lat = whole.grid.lonlat(300, 300)
+    near = Neighbourhood(float(lat), float(lon), if_large=True, far_m=far_m(2.0))
+    part = with_beyond(part_of(whole, near), near, lambda beyond: part_of(whole, beyond))
+    halves = [0.5 * np.ptp(level.grid.x) for level in part.levels]
+    assert halves == pytest.approx([2e5, far_m(2.0)], rel=0.03)
+    assert max(part.wider.grid.shape[1:]) < 350
+    assert any("beyond, cells of 3 km" in note for note in part.notes)
+    assert not any("nothing beyond" in note for note in part.notes)
+
+
+def test_wide_views_of_narrow_cells_are_averaged():
+    whole = _scene_of(Mesh(1000.0 * np.arange(901), 1000.0 * np.arange(901), LAMBERT, 6371000.0))
+    lon, lat = whole.grid.lonlat(450, 450)
+    near = Neighbourhood(float(lat), float(lon), if_large=True, far_m=far_m(2.0))
+    part = with_beyond(part_of(whole, near), near, lambda beyond: part_of(whole, beyond))
+    assert part.grid.spacing_m()[0] == pytest.approx(1000.0, rel=0.05)
+    assert max(part.wider.grid.shape[1:]) <= WIDER_SIDE
+    np.testing.assert_allclose(part.wider.data.liquid_content[1], 1e-4, rtol=1e-4)
+
+
+def test_a_domain_that_is_whole_has_nothing_beyond():
+    small = _scene_of(Mesh(3000.0 * np.arange(101), 3000.0 * np.arange(101), LAMBERT, 6371000.0))
+    lat, lon = small.place
+    near = Neighbourhood(lat, lon, if_large=True, far_m=far_m(2.0))
+
+    def never(beyond):
+        raise AssertionError("read twice")
+
+    assert with_beyond(part_of(small, near), near, never).wider is None
+    assert with_beyond(part_of(small, Neighbourhood(lat, lon, 3e4)), Neighbourhood(lat, lon, 3e4), never).wider is None
+
+
+def test_far_clouds_stand_above_the_horizon():
+    """Their tops, 16 km up, are hidden no farther than that: 450 km on the ground; from an aircraft some 800."""
+    assert far_m(0.0) == pytest.approx(np.sqrt(2 * 6.371e6 * 16e3), rel=0.01)
+    assert far_m(1e4) == pytest.approx(far_m(0.0) + np.sqrt(2 * 6.371e6 * 1e4), rel=0.01)
+    assert far_m(3.6e7) <= 1e7
+    assert Neighbourhood(47.0, 8.0, reach_m(4e5), far_m=far_m(4e5)).beyond is None
+    assert Neighbourhood(47.0, 8.0, reach_m(1e4), far_m=far_m(1e4)).beyond is not None

@@ -316,3 +316,25 @@ def test_between_knots() -> None:
         j, i = np.mgrid[0:ny, 0:nx]
         np.testing.assert_allclose(lattice.between((3.0 * x - 2.0 * y).ravel())[: ny * nx],
                                    (3.0 * i - 2.0 * j).ravel(), atol=1e-9)  # fmt: skip
+
+
+def test_terrain_of_nested_grids() -> None:
+    """The inner grid's hill within it, the wider's plateau round it, and between them no wall."""
+    def of(cell_m, count, height_m):
+        return grid_scene({}, (4, count, count), (cell_m, cell_m, 2000.0), True, terrain_m=height_m)
+
+    wider = of(3000.0, 41, np.full((41, 41), 200.0))
+    scene = of(500.0, 61, np.full((61, 61), 800.0))
+    inner, outer = (
+        Landscape(one, build_medium(one, np.array([WAVELENGTH_NM]), 0.5)) for one in (scene, wider)
+    )
+    inner.wider = outer
+    lon, lat = scene.grid.lonlat(np.linspace(30, 90, 200), 30.0)  # type: ignore[union-attr]
+    height = np.array([inner.ground_m(float(b), float(a)) for a, b in zip(lon, lat, strict=True)])
+    np.testing.assert_allclose(height[:50], 800.0, atol=0.5)
+    np.testing.assert_allclose(height[101:], 200.0, atol=0.5)
+    assert np.abs(np.diff(height)).max() < 600 * 0.12
+    relief = inner.seen_from(Rays(eye_at(inner, 100.0), fan(90.0, np.radians(np.linspace(-20, 5, 30)))))
+    assert relief is not None
+    assert relief.ground_m == 200.0
+    assert inner.widest is outer

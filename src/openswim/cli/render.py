@@ -87,7 +87,8 @@ def run(request: RenderRequest) -> None:
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
     """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
-    from openswim.readers.neighbourhood import Neighbourhood, far_m, reach_m
+    from openswim.readers.beyond import far_m
+    from openswim.readers.neighbourhood import Neighbourhood, reach_m
 
     if request.lat is None or request.lon is None:
         return None

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
-from openswim.readers.neighbourhood import Neighbourhood, part_of, with_beyond
+from openswim.readers.beyond import with_beyond
+from openswim.readers.neighbourhood import Neighbourhood, part_of
 
 if TYPE_CHECKING:
     from openswim.ground import Ground

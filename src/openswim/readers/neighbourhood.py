@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.covering import meeting, within
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 
 if TYPE_CHECKING:
@@ -30,9 +31,8 @@ F64 = NDArray[np.float64]
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
 MOST_RADIUS_M = 10_000_000.0  # a hemisphere
 WIDER_SIDE = 240  # columns along a side of what is seen beyond
-_HIGHEST_CLOUD_M = 16_000.0
-_FARTHER = 1.25  # times a radius that is worth a wider grid
-_END = "nothing beyond is seen"
+FARTHER = 1.25  # times a radius that is worth a wider grid
+END = "nothing beyond is seen"
 _SEEN_FROM_SPACE_M = 3_000_000.0
 _SPACE_M = 1e5
 _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
@@ -69,7 +69,7 @@ class Neighbourhood:
     @property
     def beyond(self) -> Neighbourhood | None:
         """What is seen beyond it, if that is farther."""
-        if self.far_m < _FARTHER * self.radius_m:
+        if self.far_m < FARTHER * self.radius_m:
             return None
         return replace(self, radius_m=self.far_m, far_m=0.0, most_side=WIDER_SIDE, in_parts=False)
 
@@ -78,12 +78,6 @@ def reach_m(height_m: float) -> float:
     """How far the clouds may be that an eye `height_m` up still shows well [m]."""
     horizon = EARTH_RADIUS_M * math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(height_m, 0.0)))
     return min(GROUND_RADIUS_M + horizon, MOST_RADIUS_M)
-
-
-def far_m(height_m: float) -> float:
-    """How far the highest clouds may be that stand above the horizon of an eye `height_m` up [m]."""
-    dip = sum(math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(h, 0.0))) for h in (height_m, _HIGHEST_CLOUD_M))
-    return min(EARTH_RADIUS_M * dip, MOST_RADIUS_M)
 
 
 @dataclass(frozen=True)
@@ -246,27 +240,6 @@ def part_of(scene: Scene, around: Neighbourhood) -> Scene:
     )
 
 
-def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
-    """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
-    far = None if around is None else around.beyond
-    if far is None or scene.grid is None or not any(note.endswith(_END) for note in scene.notes):
-        return scene
-    wider = read(far)
-    assert wider.grid is not None
-    if _area(wider.grid) < _FARTHER**2 * _area(scene.grid):
-        return scene
-    scene.wider = wider
-    there = f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"
-    scene.notes = [note.replace(_END, there) if note.endswith(_END) else note for note in scene.notes]
-    return scene
-
-
-def _area(grid: Grid) -> float:
-    _, ny, nx = grid.shape
-    dx, dy = grid.spacing_m()
-    return nx * dx * ny * dy
-
-
 def extent_text(mesh: Mesh) -> str:
     """ "it covers about latitude ... to ..., longitude ... to ..."."""
     ny, nx = mesh.shape
@@ -331,7 +304,7 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
 
 
 def _note(around: Neighbourhood, how: str) -> str:
-    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain: {_END}"
+    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain: {END}"
 
 
 def _cell_m(grid: Grid, i: float, j: float) -> tuple[float, float]:
@@ -357,7 +330,9 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
     axis: F64 = step * (np.arange(count, dtype=np.float64) - count // 2)
     target = Grid(axis, axis, np.array([0.0, 1.0]), crs, radius)
-    kept_x, kept_y = _inside(mesh, target)
+    kept_x, kept_y = meeting(mesh, target)
+    if around.most_side == WIDER_SIDE:  # what lies beyond a part may end where the domain does
+        kept_x, kept_y = within(mesh, target, 0.5) or (kept_x, kept_y)
     target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
     note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
     return onto(mesh, target, note)
@@ -390,19 +365,6 @@ def onto(mesh: Mesh, target: Grid, note: str = "") -> Selection:
     rows = slice(int(np.clip(np.floor(reached.min()), 0, ny - 2)), int(np.clip(np.ceil(reached.max()), 1, ny - 1)) + 1)
     nodes = tuple(_bilinear(mesh, rows, ix, iy) for ix, iy in found)
     return Selection(target.x, target.y, target.crs, target.earth_radius_m, rows, (slice(0, nx),), nodes, note)
-
-
-def _inside(mesh: Mesh, target: Grid) -> tuple[slice, slice]:
-    """The columns and rows of a target grid that meet the mesh."""
-    i, j = np.meshgrid(np.arange(target.x.size), np.arange(target.y.size))
-    within = mesh.covers(*mesh.index(*target.lonlat(i, j)))
-    kept = []
-    for axis in (0, 1):
-        some = np.flatnonzero(within.any(axis=axis))
-        first, last = (int(some[0]), int(some[-1])) if some.size else (0, 0)
-        first = max(0, min(first, within.shape[1 - axis] - 2))
-        kept.append(slice(first, max(last, first + 1) + 1))
-    return kept[0], kept[1]
 
 
 def _bilinear(mesh: Mesh, rows: slice, ix: F64, iy: F64) -> tuple[NDArray[np.int32], F32]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, rim_m, size_text
+from openswim.readers.covering import within
 from openswim.readers.neighbourhood import WIDER_SIDE, Neighbourhood, extent_text, part_of
 from openswim.scene import Grid, Scene
 
@@ -65,15 +66,17 @@ def _innermost(order: Sequence[Scene], around: Neighbourhood, reach: float) -> S
             radius = min(around.radius_m, 0.5 * (around.most_side - 1) * cell)
         place = replace(place, radius_m=min(reach, radius))
         around_it = _target(order[-1], place, cell)
-        if _meets(scene, around_it):
+        if around_it is not None and _meets(scene, around_it):
             break
+    else:
+        raise UserError("the observer is at the edge of all the domains: choose a place farther inside")
     assert scene.grid is not None
     there = [one for one in order if _meets(one, around_it)]
     alike = reach <= _FARTHER * place.radius_m or scene.grid.earth_radius_m == around_it.earth_radius_m
     if alike and (len(there) == 1 or (_covers(scene, around_it) and _top_m(scene) > _HIGH * _top_m(order[-1]))):
         part = part_of(scene, place)
         return copy(part) if part is scene else part
-    target = _target(order[-1], place, cell, order[order.index(scene) :])
+    target = _target(order[-1], place, cell, order[order.index(scene) :]) or around_it
     return on_one_grid([one for one in order if _meets(one, target)], target, levels_of(there))
 
 
@@ -98,7 +101,7 @@ def _wider(
             part = 0.5 * _diagonal_m(scene) < around.radius_m
             place = Neighbourhood(lat, lon, (1 + 2 * _ASIDE) * _half_m(scene)) if part else around
     target = _target(order[-1], place, cell, None if last else order[order.index(scene) :])
-    if 0.5 * max(np.ptp(target.x), np.ptp(target.y)) < _FARTHER * before:
+    if target is None or 0.5 * max(np.ptp(target.x), np.ptp(target.y)) < _FARTHER * before:
         return None
     there = [one for one in order if _meets(one, target)]
     return on_one_grid(there, target, levels_of(there[there.index(scene) :]))
@@ -127,9 +130,9 @@ def _diagonal_m(scene: Scene) -> float:
     return float(np.hypot(scene.grid.x.size * dx, scene.grid.y.size * dy))
 
 
-def _target(coarsest: Scene, place: Neighbourhood, cell: float, only: Sequence[Scene] | None = None) -> Grid:
+def _target(coarsest: Scene, place: Neighbourhood, cell: float, only: Sequence[Scene] | None = None) -> Grid | None:
     """An equal-area map around a place in cells of so many metres or wider ones, within the coarsest domain; where
-    domains are given, of the first of them, up to where it fades into the second."""
+    domains are given, of the first of them, up to where it fades into the second. None where that is nothing."""
     from pyproj import CRS
 
     assert coarsest.grid is not None
@@ -138,19 +141,12 @@ def _target(coarsest: Scene, place: Neighbourhood, cell: float, only: Sequence[S
     axis = step * (np.arange(count, dtype=np.float64) - count // 2)
     earth = coarsest.grid.earth_radius_m
     crs = CRS.from_proj4(f"+proj=laea +lat_0={place.lat} +lon_0={place.lon} +R={earth} +no_defs")
-    x, y = (axis, axis) if only is None else _within(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
-    inside = _inside(coarsest, Grid(x, y, np.array([0.0, 1.0]), crs, earth))
-    low, high = [0, 0], [y.size, x.size]
-    while not (kept := inside[low[0] : high[0], low[1] : high[1]]).all():  # drop the side that sticks out most
-        missing = [1 - kept[0].mean(), 1 - kept[-1].mean(), 1 - kept[:, 0].mean(), 1 - kept[:, -1].mean()]
-        side = int(np.argmax(missing))
-        (low if side % 2 == 0 else high)[side // 2] += 1 - 2 * (side % 2)
-        if min(high[0] - low[0], high[1] - low[1]) < 2:
-            raise UserError("the observer is at the edge of all the domains: choose a place farther inside")
-    return Grid(x[low[1] : high[1]], y[low[0] : high[0]], np.array([0.0, 1.0]), crs, earth)
+    x, y = (axis, axis) if only is None else _of_domain(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
+    kept = within(mesh_of(coarsest), Grid(x, y, np.array([0.0, 1.0]), crs, earth))
+    return None if kept is None else Grid(x[kept[0]], y[kept[1]], np.array([0.0, 1.0]), crs, earth)
 
 
-def _within(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
+def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
     """The columns' x and y of a target that lie in the first scene's domain, about so that the core of the target
     (`transport.nested`) ends where the domain begins to fade into the next; where it has, if the next shows no fading.
     """

@@ -93,7 +93,8 @@ class Grid:
         dx, dy = self.step
         x, y = self.x[0] + dx * ix, self.y[0] + dy * iy
         lon, lat = (x, y) if self._to_lonlat is None else self._to_lonlat.transform(x, y)
-        return (np.asarray(lon) + 180.0) % 360.0 - 180.0, np.asarray(lat, float)
+        with np.errstate(invalid="ignore"):  # places that the map does not have are infinite
+            return (np.asarray(lon) + 180.0) % 360.0 - 180.0, np.asarray(lat, float)
 
     def index(self, lon: ArrayLike, lat: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Fractional node indices (ix, iy) of longitude and latitude [degrees]; the inverse of `lonlat`.
