@@ -72,7 +72,7 @@ def difference(a, b) -> float:
 @pytest.mark.parametrize("name", VIEWS)
 def test_one_grid_or_two_show_the_same(clouds, name) -> None:
     whole, two = (field.view(VIEWS[name]) for field in clouds)
-    assert difference(two.radiance, whole.radiance) < 0.03
+    assert difference(two.radiance, whole.radiance) < 0.02
     assert two.radiance.mean() == pytest.approx(whole.radiance.mean(), rel=0.01)
     np.testing.assert_array_equal(two.hit, whole.hit)
     np.testing.assert_allclose(two.distance_m, whole.distance_m, rtol=1e-3, atol=1.0)
@@ -98,13 +98,13 @@ def test_the_rim_cannot_be_seen_from_above(clouds) -> None:
 @pytest.mark.parametrize("name", VIEWS)
 def test_clear_air_is_counted_once(solver, name) -> None:
     alone, two = (solved(scene, solver).view(VIEWS[name]) for scene in (laid(clear_sky), nest(clear_sky)))
-    assert difference(two.radiance, alone.radiance) < (0.01 if solver is FAST else 0.025)  # its steps in haze are long
+    assert difference(two.radiance, alone.radiance) < (0.004 if solver is FAST else 0.025)  # its steps in haze are long
     np.testing.assert_allclose(two.transmittance, alone.transmittance, rtol=4e-3)
 
 
 def test_swim_sees_both_grids() -> None:
     whole, two = (solved(scene, Solver("swim")).view(VIEWS["ground"]) for scene in (laid(waves), nest(waves)))
-    assert difference(two.radiance, whole.radiance) < 0.06  # its clouds do not add up piece by piece
+    assert difference(two.radiance, whole.radiance) < 0.04  # its clouds do not add up piece by piece
 
 
 def far_cloud(x, y, z):
