@@ -284,3 +284,14 @@ def test_files_of_the_scene_layout(tmp_path):
     again.write_bytes(paths[0].read_bytes())
     with pytest.raises(UserError, match="same grid"):
         open_scene([paths[0], again], around=NEAR)
+
+
+def test_wider_cells_are_whole_at_the_edge_of_all_domains():
+    """Means over cells that stick out would know nothing."""
+    outer = domain(1000.0, 401, lambda x, y, z: 1e-4, terrain_m=np.full((401, 401), 300.0))
+    inner = domain(200.0, 61, lambda x, y, z: 1e-4, terrain_m=np.full((61, 61), 300.0))
+    scene = merged([outer, inner], Neighbourhood(LAT, LON, radius_m=4e5))
+    assert scene.levels[-1].grid.spacing_m()[0] > 1500
+    for level in scene.levels:
+        np.testing.assert_allclose(level.data.surface_altitude, 300.0, rtol=1e-5)
+        np.testing.assert_allclose(level.data.liquid_content, 1e-4, rtol=1e-4)

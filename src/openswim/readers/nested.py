@@ -142,7 +142,7 @@ def _target(coarsest: Scene, place: Neighbourhood, cell: float, only: Sequence[S
     earth = coarsest.grid.earth_radius_m
     crs = CRS.from_proj4(f"+proj=laea +lat_0={place.lat} +lon_0={place.lon} +R={earth} +no_defs")
     x, y = (axis, axis) if only is None else _of_domain(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
-    kept = within(mesh_of(coarsest), Grid(x, y, np.array([0.0, 1.0]), crs, earth))
+    kept = within(mesh_of(coarsest), Grid(x, y, np.array([0.0, 1.0]), crs, earth), 0.5)
     return None if kept is None else Grid(x[kept[0]], y[kept[1]], np.array([0.0, 1.0]), crs, earth)
 
 
