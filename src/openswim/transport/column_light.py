@@ -218,8 +218,9 @@ def column_light(
     t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
     albedo, direct, inflow, lacking, tables, columns, eye, parallel, count, once, fields, down, up,
 ):  # fmt: skip
-    """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK], with what
-    is scattered ``once``.
+    """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
+
+    ``once``: with what is scattered but once.
 
     At the first ``count`` wavelengths delta-scaled extinction and moments of scattering per extinction (ns, nz, ny, nx)
     of the species, ``scaled`` (count, ns) and ``scattering`` (count, ns, DEGREE), those of the air (count, nz) and
@@ -254,7 +255,9 @@ def column_light(
                 put(ground, n, f32(ground_node[j, i + n]))
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
-                _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, once, fields, nodes)
+                _nodes(
+                    w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, once, fields, nodes
+                )
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)
                 places = _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, source)

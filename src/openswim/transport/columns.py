@@ -96,8 +96,8 @@ def light_from_above(
 
 
 def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: Shells, inflow: F32, count: int) -> F32:
-    """What the clear air of the shells scatters along zenith cosines from -1 to 1 of the eye's way, less what its columns
-    are found to (count, nz, suns, ways), 1/m.
+    """What the clear air of the shells scatters toward an eye, by the zenith cosine from -1 to 1 of the eye's way, less
+    what its columns are found to (count, nz, suns, ways), 1/m.
 
     Four harmonics do not hold the light that runs level through thin air: over dark water 2-5 % of all that is seen
     from above, 3-9 % of a clear sky from the ground. Means over azimuth.
@@ -131,10 +131,10 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
     cosines = np.linspace(-1, 1, SOURCE_AZIMUTHS)
     out = np.empty((count, nz, suns, SOURCE_ZENITHS), np.float32)
     for n, z in enumerate(np.linspace(-1, 1, SOURCE_ZENITHS)):
-        known = np.moveaxis(shells.source[:, :, n, :, :count], 0, 1)  # (suns, nl, azimuths, count)
-        known = rows_between(known.reshape(len(known), -1), place).reshape(suns, -1, SOURCE_AZIMUTHS * count)
-        known = rows_between(np.moveaxis(known, 0, 1).reshape(known.shape[1], -1).astype(np.float32), level)
-        known = known.reshape(nz, suns, SOURCE_AZIMUTHS, count)
+        table = np.moveaxis(shells.source[:, :, n, :, :count], 0, 1)  # (suns, nl, azimuths, count)
+        rows = rows_between(table.reshape(len(table), -1), place).reshape(suns, table.shape[1], -1)
+        rows = rows_between(np.moveaxis(rows, 0, 1).reshape(table.shape[1], -1).astype(np.float32), level)
+        known = rows.reshape(nz, suns, SOURCE_AZIMUTHS, count)
         found, meant = np.zeros((nz, suns, count)), np.zeros((nz, suns, count))
         for x in _AZIMUTHS if abs(z) < 1 else _AZIMUTHS[:1]:
             at = np.interp(x, cosines, np.arange(SOURCE_AZIMUTHS))

@@ -191,7 +191,9 @@ def _light_columns(
     """The light of wide cells, every column by itself; aimed once, for the fluxes."""
     count = light.count
     inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
-    light.columns = columns_of_grid(light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False)
+    light.columns = columns_of_grid(
+        light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False
+    )
     light.aim(volume, np.array([0.0, 0.0, -1.0]), True)
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
     lighting.clear_sky = clear_sky_table(shells, sun)
