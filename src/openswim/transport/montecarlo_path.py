@@ -12,10 +12,11 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_flat import fly_flat, sunlight_flat
+from openswim.transport.montecarlo_flat import fly_flat
 from openswim.transport.montecarlo_ground import reflectance
 from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
 from openswim.transport.montecarlo_place import air_place, diffuse_albedo, facet, sizes
+from openswim.transport.montecarlo_shade import add_sunlight
 from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
 _FLAGS = {"contract", "nsz", "arcp"}
@@ -83,6 +84,23 @@ def aimed(q, phases):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out):
+    """As `montecarlo_shade.add_sunlight`, in any world: where it is small, chance decides whether it is looked at."""
+    nw, _ = sizes(world, beam)
+    worth = 0.0
+    for w in range(nw):
+        worth = max(worth, weight[w] * factor[w])
+    chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
+    if worth <= 0.0 or (chance < 1.0 and uniform(rng) >= chance):
+        return
+    for w in range(nw):
+        before[w] = weight[w] * factor[w] / chance
+    if sunlight(x, y, z, h, world, beam, nodes, rng):
+        for w in range(nw):
+            out[w] += before[w] * beam[w]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def trace(
     ox, oy, oz, dx, dy, dz, ray, eye, seen, boosted, boost, aiming, world, phases, scratch, shares, nodes, stack, rng,
     out,
@@ -137,21 +155,12 @@ def trace(
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
-            # local estimate; where it is small, chance decides whether it is made
-            worth = 0.0
-            for w in range(nw):
-                worth = max(worth, weight[w] * factor[w])
-            chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
-            if worth > 0.0 and (chance == 1.0 or uniform(rng) < chance):
-                for w in range(nw):
-                    before[w] = weight[w] * factor[w] / chance
-                if world.kind.ndim > 1:
-                    lit = sunlight_flat(x, y, z, world, beam, stack[STACK], rng)
-                else:
-                    lit = sunlight(x, y, z, h, world, beam, stack[STACK], rng)
-                if lit:
-                    for w in range(nw):
-                        out[w] += before[w] * beam[w]
+            if world.kind.ndim > 1:
+                add_sunlight(
+                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng, out
+                )  # fmt: skip
+            else:
+                _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
             # two ways on: by the phase function, and by chance a second photon aimed at the sun
             split = aiming > 0.0 and waiting < STACK and uniform(rng) < aiming
             density = aiming if waiting < STACK else 0.0
