@@ -13,7 +13,7 @@ from numba import njit
 from openswim.transport.montecarlo_cells import EMPTY
 from openswim.transport.montecarlo_phase import exponential
 from openswim.transport.montecarlo_place import FAR, cell_counts, in_cell, level_below, place, sizes
-from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided
+from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided, collided_alone
 from openswim.transport.scalar import flat
 
 _FLAGS = {"contract", "nsz", "arcp"}
@@ -212,6 +212,13 @@ def fly_flat(ox, oy, oz, dx, dy, dz, weight, scattered, taken, nodes, world, rng
             return GROUND, s, world.low_m, ix, iy
         h = oz + s * dz
         if _cloud(s, x, ux, y, uy, h, i, j, k, world, nodes) <= 0.0:
+            continue
+        if world.kind.ndim == 3:
+            if weight[0] <= 0.0:
+                return ESCAPED, s, h, -1e9, -1e9
+            here, extinct = nodes[0] * flat(world.scattering, 0), nodes[0] * flat(world.relative, 0)
+            if collided_alone(majorant, weight, here, extinct, rng):
+                return CLOUD, s, h, -1e9, -1e9
             continue
         total, chance = 0.0, 0.0
         for w in range(nw):

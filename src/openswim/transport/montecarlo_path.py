@@ -29,6 +29,9 @@ LEAST_SOURCE = 0.1  # of a local estimate, likewise
 def scatterers(event, h, world, shares, scattered, nodes):
     """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
     nw, ns = sizes(world, scattered)
+    if world.kind.ndim == 3:
+        shares[0, 0] = 1.0
+        return 0, 1
     if event == CLOUD:
         for w in range(nw):
             inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
@@ -157,7 +160,8 @@ def trace(
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
             if world.kind.ndim > 1:
                 add_sunlight(
-                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng, out
+                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng,
+                    out,
                 )  # fmt: skip
             else:
                 _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
@@ -170,8 +174,9 @@ def trace(
             for way in range(2):
                 if way == 1 and not split:
                     break
+                own = 0.0
                 if way == 1:
-                    q = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
+                    q, _ = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
                     c, e = unit_circle(rng)
                     dx, dy, dz = turned(world.sun[0], world.sun[1], world.sun[2], q, c, e)
                 elif event == GROUND:
@@ -192,11 +197,10 @@ def trace(
                             pick -= shares[n, lead]
                             n += 1
                     row = n * nw + lead
-                    q = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
+                    q, own = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
                     c, e = unit_circle(rng)
                     dx, dy, dz = turned(ax, ay, az, q, c, e)
                 # densities of this direction: by the photon's own way, and by aiming
-                own = 0.0
                 if event == GROUND:
                     toward = nx * dx + ny * dy + nz * dz
                     own = 4.0 * max(toward, 0.0)
@@ -207,17 +211,17 @@ def trace(
                         diffuse_albedo(ix, iy, world, factor)
                     for w in range(nw):
                         factor[w] *= own
-                elif nw > 1 or density > 0.0:
+                elif way == 0 and nw == 1 and last - first == 1:
+                    factor[0] = own
+                else:
                     if way == 1:
                         ux, uy, uz = dx - ax, dy - ay, dz - az
                         q = 0.5 * (ux * ux + uy * uy + uz * uz)
+                    own = 0.0
                     for w in range(nw):
                         factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
                         own += before[w] * factor[w]
                     own /= total
-                else:
-                    own = 1.0
-                    factor[0] = 1.0
                 worth = 0.0
                 toward_sun = aimed(off_sun(dx, dy, dz, world), phases) if density > 0.0 else 0.0
                 both = own + density * toward_sun

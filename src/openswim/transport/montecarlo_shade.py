@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.montecarlo_cells import EMPTY, F32, U8, Shade, over_corners
+from openswim.transport.montecarlo_cells import EMPTY, Shade, over_corners
 from openswim.transport.montecarlo_flat import depth_to_sun
 from openswim.transport.montecarlo_phase import exponential, uniform
 from openswim.transport.montecarlo_place import cell_counts, in_cell, level_below, place, sizes, wrapped
