@@ -96,18 +96,25 @@ def _after(i, x, forward, free, crossed):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def cell_at(i, j, k, octant, world):
+    """Code of a cell, and how many cells ahead of it are empty if it is."""
+    _, bx, bz, _ = world.blocks.shape
+    cy, cx = cell_counts(world)
+    j, i = _wrapped(j, cy, world.periodic), _wrapped(i, cx, world.periodic)
+    block = (((j >> 1) * bx + (i >> 1)) * bz + (k >> 1)) << 4
+    code = int(flat(world.blocks, block + ((j & 1) << 2 | (i & 1) << 1 | (k & 1))))
+    return code, int(flat(world.blocks, block + (8 + octant)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _step(s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, world):
     """From a cell to the next, over all that are alike: (way there, cell, its faces, majorant of what was crossed)."""
     cy, cx = cell_counts(world)
     nz = world.levels_m.shape[0] - 1
-    _, bx, bz, _ = world.blocks.shape
     right, up, rising = px > 0.0, py > 0.0, dz > 0.0
     ahead, aside, above = 1 if right else -1, 1 if up else -1, 1 if rising else -1
     ex, ey = abs(px), abs(py)
-    in_y, in_x = _wrapped(j, cy, world.periodic), _wrapped(i, cx, world.periodic)
-    block = (((in_y >> 1) * bx + (in_x >> 1)) * bz + (k >> 1)) << 4
-    code = int(flat(world.blocks, block + ((in_y & 1) << 2 | (in_x & 1) << 1 | (k & 1))))
-    free = int(flat(world.blocks, block + (8 + octant)))
+    code, free = cell_at(i, j, k, octant, world)
     majorant = 0.0
     if code < EMPTY or free == 1:
         majorant = flat(world.majorants, code)

@@ -22,6 +22,7 @@ from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M,
 _FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
+LEAST_GROUND = 0.2  # likewise, of one that leaves the ground
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
 
 
@@ -59,7 +60,7 @@ def mixed_phase(q, w, first, last, nw, shares, phases):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _black(ix, iy, straight, ray, seen, world, out):
+def black(ix, iy, straight, ray, seen, world, out):
     """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
     nw, _ = sizes(world, out)
     if straight and not seen.lambertian:
@@ -130,7 +131,7 @@ def trace(
             event, s, h, ix, iy = fly(
                 x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
             )  # fmt: skip
-        alive = event != ESCAPED and not (event == GROUND and _black(ix, iy, straight, ray, seen, world, factor))
+        alive = event != ESCAPED and not (event == GROUND and black(ix, iy, straight, ray, seen, world, factor))
         if alive:
             x, y, z = x + s * dx, y + s * dy, z + s * dz
             total = 0.0
@@ -230,7 +231,8 @@ def trace(
                     weight[w] = before[w] * factor[w] * scale
                     worth += weight[w]
                 # a path is worth its weight, and more where the sun's forward peak is near
-                worth *= (1.0 + density * toward_sun) / (LEAST_WORTH * whole)
+                least = LEAST_GROUND if event == GROUND else LEAST_WORTH
+                worth *= (1.0 + density * toward_sun) / (least * whole)
                 if worth < 1.0:
                     if worth <= 0.0 or uniform(rng) >= worth:
                         weight[0] = -1.0
