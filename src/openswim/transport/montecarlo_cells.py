@@ -14,8 +14,9 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-EMPTY = 255  # codes below: majorants
-_FINENESS = 0.04  # of the majorants' codes
+BLOCK = 4
+MIXED, EMPTY = 128, 192
+_FINENESS = 0.05  # of the majorants' codes
 _MOST = 255
 _ROUNDS = 3  # about a periodic domain; each sees a period farther
 
@@ -51,27 +52,35 @@ def free_cells(majorant: F32, periodic: bool, columns: tuple[int, int]) -> U8:
     return free
 
 
-def cell_blocks(majorant: F32, free: U8) -> tuple[U8, F64]:
-    """What steps need, blocks (y/2, x/2, z/2, 16) of eight cells: codes of the cells, and, by octant, how many cells
-    ahead of each of its empty ones are empty; and the majorants (EMPTY + 1,) of codes.
+class Cells(NamedTuple):
+    """What a flat world's cells hold, in blocks of four each way: rays find nearly all of it in a core's own cache."""
 
-    Together in a line of the cache, and all in a core's own: RICO's cells are a megabyte.
-    """
-    most = float(majorant.max())
-    table = np.zeros(EMPTY + 1)
-    table[:EMPTY] = most * np.exp(-_FINENESS * np.arange(EMPTY))
-    code = np.full(majorant.shape, EMPTY, np.uint8)
+    ahead: U8  # (y, x, z, 8) by octant: how many cells ahead of a block's empty ones are empty; MIXED more with cloud
+    code: U8  # (y, x, z, 64) a line of the cache: majorants, from EMPTY on 1, 2, ... empty cells in all directions
+    majorant: F64  # (EMPTY,) by code
+
+
+def cells_of(majorant: F32, free: U8) -> Cells:
+    """Blocks of `cell_majorants` and `free_cells`."""
+    most = float(majorant.max()) or 1.0
+    table = most * np.exp(-_FINENESS * np.arange(EMPTY))
+    code = (EMPTY - 1) + np.minimum(free.min(axis=0), 256 - EMPTY)
     full = majorant > 0
     code[full] = np.clip(np.log(most / majorant[full].astype(float)) / _FINENESS - 1e-6, 0, EMPTY - 1)
-    ahead = np.where(free == 0, _MOST, free).astype(np.uint8)
-    pad = [(0, n % 2) for n in majorant.shape]
-    code = np.pad(code, pad, constant_values=EMPTY)
-    ahead = np.pad(ahead, [(0, 0), *pad], constant_values=_MOST)
-    y, x, z = (n // 2 for n in code.shape)
-    out = np.empty((y, x, z, 16), np.uint8)
-    out[..., :8] = code.reshape(y, 2, x, 2, z, 2).transpose(0, 2, 4, 1, 3, 5).reshape(y, x, z, 8)
-    out[..., 8:] = np.moveaxis(ahead.reshape(8, y, 2, x, 2, z, 2).min(axis=(2, 4, 6)), 0, -1)
-    return out, table
+    ahead = np.where(full, MIXED - 1, np.minimum(free, MIXED - 1)).astype(np.uint8)
+    pad = [(0, -n % BLOCK) for n in majorant.shape]
+    code = np.pad(code, pad, constant_values=255).astype(np.uint8)
+    ahead = np.pad(ahead, [(0, 0), *pad], constant_values=MIXED - 1)
+    y, x, z = (n // BLOCK for n in code.shape)
+    code = code.reshape(y, BLOCK, x, BLOCK, z, BLOCK).transpose(0, 2, 4, 1, 3, 5).reshape(y, x, z, BLOCK**3)
+    ahead = ahead.reshape(8, y, BLOCK, x, BLOCK, z, BLOCK).min(axis=(2, 4, 6))
+    ahead += np.where((code < EMPTY).any(axis=-1), np.uint8(MIXED), np.uint8(0))
+    return Cells(np.ascontiguousarray(np.moveaxis(ahead, 0, -1)), np.ascontiguousarray(code), table)
+
+
+def no_cells() -> Cells:
+    u8 = np.uint8
+    return Cells(np.zeros((1, 1, 1, 8), u8), np.full((1, 1, 1, BLOCK**3), 255, u8), np.zeros(EMPTY))
 
 
 class Shade(NamedTuple):

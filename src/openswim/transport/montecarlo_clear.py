@@ -6,7 +6,6 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_cells import EMPTY
 from openswim.transport.montecarlo_flat import cell_at
 from openswim.transport.montecarlo_place import FAR, cell_counts, level_below, place
 from openswim.transport.scalar import flat
@@ -47,8 +46,8 @@ def clear_m(ox, oy, oz, dx, dy, dz, across, along, world):
         if gone_x or gone_y:
             return last, True
         k = level_below(h, world)
-        code, free = cell_at(i, j, k, octant, world)
-        if code < EMPTY:
+        _, free = cell_at(i, j, k, octant, world)
+        if free == 0:
             return s, False
         t = min(_until(x, half_x, ux, i, free, s, nx == 1), _until(y, half_y, uy, j, free, s, ny == 1))
         if dz > 0.0:

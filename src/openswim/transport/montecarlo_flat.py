@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_cells import EMPTY
+from openswim.transport.montecarlo_cells import BLOCK, EMPTY, MIXED
 from openswim.transport.montecarlo_phase import exponential
 from openswim.transport.montecarlo_place import FAR, cell_counts, in_cell, level_below, place, sizes
 from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided, collided_alone
@@ -97,13 +97,19 @@ def _after(i, x, forward, free, crossed):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def cell_at(i, j, k, octant, world):
-    """Code of a cell, and how many cells ahead of it are empty if it is."""
-    _, bx, bz, _ = world.blocks.shape
+    """Majorant of a cell, and how many cells ahead of it, itself included, are empty."""
+    _, bx, bz, _ = world.cells.ahead.shape
     cy, cx = cell_counts(world)
     j, i = _wrapped(j, cy, world.periodic), _wrapped(i, cx, world.periodic)
-    block = (((j >> 1) * bx + (i >> 1)) * bz + (k >> 1)) << 4
-    code = int(flat(world.blocks, block + ((j & 1) << 2 | (i & 1) << 1 | (k & 1))))
-    return code, int(flat(world.blocks, block + (8 + octant)))
+    block = ((j // BLOCK) * bx + i // BLOCK) * bz + k // BLOCK
+    ahead = int(flat(world.cells.ahead, block * 8 + octant))
+    if ahead < MIXED:
+        return 0.0, ahead
+    within = ((j % BLOCK) * BLOCK + i % BLOCK) * BLOCK + k % BLOCK
+    code = int(flat(world.cells.code, block * BLOCK**3 + within))
+    if code < EMPTY:
+        return flat(world.cells.majorant, code), 0
+    return 0.0, max(ahead - MIXED, code - (EMPTY - 1))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -114,10 +120,8 @@ def _step(s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, worl
     right, up, rising = px > 0.0, py > 0.0, dz > 0.0
     ahead, aside, above = 1 if right else -1, 1 if up else -1, 1 if rising else -1
     ex, ey = abs(px), abs(py)
-    code, free = cell_at(i, j, k, octant, world)
-    majorant = 0.0
-    if code < EMPTY or free == 1:
-        majorant = flat(world.majorants, code)
+    majorant, free = cell_at(i, j, k, octant, world)
+    if free <= 1:
         tz = FAR
         if rising or k > 0:
             tz = (flat(world.levels_m, k + 1 if rising else k) - z) * pz

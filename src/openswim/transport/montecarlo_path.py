@@ -22,7 +22,9 @@ from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M,
 _FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
-LEAST_GROUND = 0.2  # likewise, of one that leaves the ground
+LEAST_GROUND = 0.4  # likewise, of one that leaves the ground,
+LEAST_RETURN = 0.1  # but it does no more seldom than this
+_CLEAR = 0.98  # share of the sun's light on ground that is not worth aiming from
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
 
 
@@ -139,7 +141,7 @@ def trace(
                 total += weight[w]
             if whole == 0.0:
                 whole = total
-            first, last = 0, 0
+            first, last, bright = 0, 0, 0.0
             nx, ny, nz = 0.0, 0.0, 1.0
             if event == GROUND:
                 nx, ny, nz = facet(ix, iy, x, y, z, h, world)
@@ -153,28 +155,36 @@ def trace(
                 else:
                     diffuse_albedo(ix, iy, world, factor)
                 for w in range(nw):
+                    bright += weight[w] * factor[w]
                     factor[w] *= 4.0 * max(toward_sun, 0.0)
             else:
                 first, last = scatterers(event, h, world, shares, scattered, nodes)
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+            lit = 0.0
             if world.kind.ndim > 1:
-                add_sunlight(
+                lit = add_sunlight(
                     x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng,
                     out,
                 )  # fmt: skip
             else:
                 _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
+            if event == GROUND:
+                chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)
+                alive = uniform(rng) < chance
+                total /= chance
+                for w in range(nw):
+                    weight[w] /= chance
             # two ways on: by the phase function, and by chance a second photon aimed at the sun
-            split = aiming > 0.0 and waiting < STACK and uniform(rng) < aiming
-            density = aiming if waiting < STACK else 0.0
+            density = 0.0
+            if alive and waiting < STACK and not (event == GROUND and lit > _CLEAR):
+                density = aiming
+            split = density > 0.0 and uniform(rng) < density
             for w in range(nw):
                 before[w] = weight[w]
             ax, ay, az = dx, dy, dz
-            for way in range(2):
-                if way == 1 and not split:
-                    break
+            for way in range(alive + split):
                 own = 0.0
                 if way == 1:
                     q, _ = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
@@ -231,8 +241,7 @@ def trace(
                     weight[w] = before[w] * factor[w] * scale
                     worth += weight[w]
                 # a path is worth its weight, and more where the sun's forward peak is near
-                least = LEAST_GROUND if event == GROUND else LEAST_WORTH
-                worth *= (1.0 + density * toward_sun) / (least * whole)
+                worth *= (1.0 + density * toward_sun) / (LEAST_WORTH * whole)
                 if worth < 1.0:
                     if worth <= 0.0 or uniform(rng) >= worth:
                         weight[0] = -1.0

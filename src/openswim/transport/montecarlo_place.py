@@ -206,6 +206,8 @@ def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def facet(ix, iy, x, y, z, h, world):
     """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
+    if world.kind.ndim > 1:
+        return 0.0, 0.0, 1.0
     if world.periodic or not world.gridded or not in_domain(ix, iy, world):
         r = world.radius_m + h
         return x / r, y / r, (world.radius_m + z) / r

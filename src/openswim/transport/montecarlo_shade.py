@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.montecarlo_cells import EMPTY, Shade, over_corners
-from openswim.transport.montecarlo_flat import depth_to_sun
+from openswim.transport.montecarlo_cells import Shade, over_corners
+from openswim.transport.montecarlo_flat import cell_at, depth_to_sun
 from openswim.transport.montecarlo_phase import exponential, uniform
 from openswim.transport.montecarlo_place import cell_counts, in_cell, level_below, place, sizes, wrapped
 from openswim.transport.montecarlo_world import World
@@ -24,7 +24,7 @@ _MOST_GROUND = 4  # times the columns of the domain, each way
 _LEAST_RISE = 0.02  # of the sun's direction, where beams go around periodic domains
 SURE_DEPTH = 4.0  # of a beam: beyond it chance decides
 LEAST_DOUBT = 0.05  # of a guess
-LEAST_SOURCE = 1.0  # doubtful light, of the path's first collision, that is always put right
+LEAST_SOURCE = 3.0  # doubtful light, of the path's first collision, that is always put right
 
 
 def shaded(world: World) -> World:
@@ -80,8 +80,7 @@ def _depths(t, threads, world, shade):
                     if world.periodic:
                         q, p = q % cy, p % cx
                     if 0 <= q < cy and 0 <= p < cx and 0 <= r < cz:
-                        code = world.blocks[q >> 1, p >> 1, r >> 1, (q & 1) << 2 | (p & 1) << 1 | (r & 1)]
-                        near = near or code < EMPTY
+                        near = near or cell_at(p, q, r, 0, world)[1] == 0
                 if near:
                     x, y = (i - world.index_x0) * per_x, (j - world.index_y0) * per_y
                     _bounded_depth(x, y, world.levels_m[k], world, nodes, depth)
@@ -156,29 +155,34 @@ def _guess_on_ground(x, y, z, world, depth):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def add_sunlight(x, y, z, on_ground, weight, factor, whole, world, guess, nodes, depth, rng, out):
-    """Add the sun's light at a place, times ``weight`` and ``factor`` (nw,), to ``out``. ``whole``: sum of the weights
-    of the path's first collision. ``guess`` (nw,), ``nodes`` and ``depth`` (ns,): work space."""
+    """Add the sun's light at a place, times ``weight`` and ``factor`` (nw,), to ``out``. Returns the guess.
+
+    ``whole``: sum of weights at the path's first collision. ``guess`` (nw,), ``nodes``, ``depth`` (ns,): work space.
+    """
     nw, ns = sizes(world, guess)
     worth = 0.0
     for w in range(nw):
         worth = max(worth, weight[w] * factor[w])
     if worth <= 0.0 or world.sun[2] < 0.0:
-        return
+        return 0.0
     doubt = _guess_on_ground(x, y, z, world, depth) if on_ground else _guess_in_cloud(x, y, z, world, depth)
+    most = 0.0
     for w in range(nw):
         guess[w] = _transmission(depth, w, ns, nw, world)
+        most = max(most, guess[w])
         out[w] += weight[w] * factor[w] * guess[w]
     chance = min(worth * nw * (doubt + LEAST_DOUBT) / (LEAST_SOURCE * whole), 1.0)
     if uniform(rng) >= chance:
-        return
-    most = SURE_DEPTH + exponential(rng)
-    least = depth_to_sun(x, y, z, most, world, nodes, depth)
+        return most
+    deepest = SURE_DEPTH + exponential(rng)
+    least = depth_to_sun(x, y, z, deepest, world, nodes, depth)
     lit = 0.0
-    if least <= most:
+    if least <= deepest:
         lit = math.exp(least - SURE_DEPTH) if least > SURE_DEPTH else 1.0
     for w in range(nw):
         light = lit * _transmission(depth, w, ns, nw, world) if lit > 0.0 else 0.0
         out[w] += weight[w] * factor[w] * (light - guess[w]) / chance
+    return most
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)

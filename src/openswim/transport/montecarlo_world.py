@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from openswim.optics import background
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium, build_medium
-from openswim.transport.montecarlo_cells import EMPTY, Shade, cell_blocks, cell_majorants, free_cells, no_shade
+from openswim.transport.montecarlo_cells import Cells, Shade, cell_majorants, cells_of, free_cells, no_cells, no_shade
 from openswim.transport.montecarlo_phase import Phases, phases_of
 from openswim.transport.scalar import height_of_square_m
 from openswim.transport.surface import Lighting
@@ -65,8 +65,7 @@ class World(NamedTuple):
     least: F64  # (ns,) least relative extinction of all wavelengths
     majorant: F32  # (blocks z, y, x)
     skip: NDArray[np.uint8]  # (blocks z, y, x) empty blocks around an empty one, in all directions
-    blocks: NDArray[np.uint8]  # (y, x, z, 16) what cells hold, two each way, from rank 2 on: `cell_blocks`,
-    majorants: F64  # (EMPTY + 1,) and what its codes mean
+    cells: Cells  # from rank 2 on
     cloud_low_m: float  # there is cloud between these heights only
     cloud_high_m: float
     shade: Shade
@@ -183,20 +182,15 @@ def _one_wide(medium: Medium) -> bool:
 
 def _cells(most: F32 | None, levels_m: F64, sizes: tuple[int, ...], columns: tuple[int, ...], periodic: bool) -> dict:
     """What rays need that go from cell to cell, from the nodes' greatest extinction; None: they do not."""
-    none = {
-        "blocks": np.zeros((1, 1, 1, 16), np.uint8), "majorants": np.zeros(EMPTY + 1), "cloud_low_m": 0.0,
-        "cloud_high_m": 0.0, "shade": no_shade(),
-    }  # fmt: skip
+    none = {"cells": no_cells(), "cloud_low_m": 0.0, "cloud_high_m": 0.0, "shade": no_shade()}
     if most is None:
         return {"kind": np.zeros(1, np.float32), **none}
-    cells = cell_majorants(most, periodic)
-    blocks, majorants = cell_blocks(cells, free_cells(cells, periodic, (columns[0], columns[1])))
+    majorant = cell_majorants(most, periodic)
+    cells = cells_of(majorant, free_cells(majorant, periodic, (columns[0], columns[1])))
     kind = np.zeros((1,) * (3 if sizes == (1, 1) else 2), np.float32)
-    full = np.flatnonzero(cells.any(axis=(0, 1)))
+    full = np.flatnonzero(majorant.any(axis=(0, 1)))
     low, high = (levels_m[full[0]], levels_m[full[-1] + 1]) if full.size else (levels_m[0], levels_m[0])
-    return none | {
-        "kind": kind, "blocks": blocks, "majorants": majorants, "cloud_low_m": float(low), "cloud_high_m": float(high)
-    }  # fmt: skip
+    return none | {"kind": kind, "cells": cells, "cloud_low_m": float(low), "cloud_high_m": float(high)}
 
 
 def _level_table(levels_m: F64) -> tuple[float, float, NDArray[np.int16]]:
