@@ -69,10 +69,12 @@ def test_what_is_mirrored_is_where_it_stands(lake) -> None:
     """Up over the northern horizon, under the cloud and past it: as the mirrored rays see it, each for itself."""
     depression = np.arange(8.0, 40.0, 2.0)
     eye, place, direction = glance(np.zeros(depression.size), depression)
-    seen, there = mirrored(lake, eye, place, direction, 0.0)[:, 0], sky(lake, place, direction)[:, 0]
+    seen = mirrored(lake, eye, place, direction, 0.0)[:, 0]
+    turned = [glance(np.zeros(depression.size), depression + tilt)[2] for tilt in (-4.0, 0.0, 4.0)]
+    there = np.mean([sky(lake, place, way)[:, 0] for way in turned], axis=0)  # slopes of 2 degrees smear the edge
     assert there.max() > 2 * there.min()  # there is something to be seen
-    assert np.corrcoef(seen, there)[0, 1] > 0.9
-    np.testing.assert_allclose(seen, there, rtol=0.4)  # slopes of 2 degrees smear the cloud's edge
+    assert np.corrcoef(seen, there)[0, 1] > 0.95
+    np.testing.assert_allclose(seen, there, rtol=0.3)
 
 
 def test_waves_smear_the_image_and_keep_its_light(lake) -> None:

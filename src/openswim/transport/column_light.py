@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -25,6 +27,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
 MOST_PARTS = 12  # of a cell
 _PART_DEPTH = np.float32(0.8)  # delta-scaled optical depth of a part
+_DARKEST = np.float32(1e-30)  # root of a beam that stands for none
 _MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that the eye may be shown in its place
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
 
@@ -77,7 +80,8 @@ def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scatteri
             write(nodes, out + (1 + ell) * LANES, sigma + air_scattering[w, k, ell])
         write(nodes, out + (DEGREE + 1) * LANES, once)
         for n in range(LANES):
-            put(nodes, out + (DEGREE + 2) * LANES + n, flat(fields, (node + n) * channels + w))
+            root_of_beam = max(flat(fields, (node + n) * channels + w), _DARKEST)
+            put(nodes, out + (DEGREE + 2) * LANES + n, np.float32(-2.0 * math.log(root_of_beam)))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -207,8 +211,8 @@ def column_light(
     (count, nz, DEGREE), 1/m; ``ground_node`` (ny, nx) lowest level not under the ground, ``sun`` (ny, 3, nx) in the
     columns' axes; ``albedo`` and the beam's flux ``direct`` at the ground (count, ny, nx), the light from above the
     grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
-    ``lacking`` (count, nz, suns), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds depths to the
-    sun. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
+    ``lacking`` (count, nz, suns), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root of
+    the beam. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
     `eye_source.view_source`.
     """
     _, nz, ny, nx = extinction.shape

@@ -69,8 +69,8 @@ def compile_view() -> None:
     eye = np.array([0.0, 0.0, 5e3])
     in_threads(
         view_source, np.zeros((1, *shape), f32), np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz, DEGREE), f32),
-        (np.zeros(shape, f32),) * PACK, *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
-        columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, eye, 1,
+        *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
+        columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, 1,
         blank_fields(shape, 2 * PACK),
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport import mean_light
 from openswim.transport.moments import (
     Coarser,
     Moments,
@@ -70,6 +71,7 @@ class Sweeper:
     place: NDArray[np.int32]
     extinction: F32  # of grid and ghosts, 1/m
     pool: Pool
+    between: bool = True  # light is taken where the extinction between nodes lies, see `mean_light.py`
 
     @classmethod
     def of(
@@ -135,7 +137,7 @@ class Sweeper:
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
-        return replace(dark, place=places(thick_blocks(cut)))
+        return replace(dark, place=places(thick_blocks(cut)), between=False)
 
     def answer(self, change: F32) -> F32:
         """What follows from a ``change`` of the moments in the next `_FOLLOWED` sweeps of the `unlit` medium.
@@ -165,10 +167,17 @@ class Sweeper:
         if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
         try:
-            self._sweep_halves(values, new)
+            self._sweep_halves(self.around(values, mean_light.SWEPT), new)
         finally:
             set_num_threads(threads)
         return new
+
+    def around(self, values: F32, weights: tuple[float, float]) -> F32:
+        """The light that scatters around the nodes, into scratch."""
+        if not self.between:
+            return values
+        out = self.pool.take("around", *values.shape)
+        return mean_light.light_around(self.grid, self.place, values, self.extinction, out, weights)
 
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""

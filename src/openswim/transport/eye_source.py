@@ -98,10 +98,9 @@ def write_legendre(cosine, out, at):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _geometry(j, i, nx, columns, height, eye, parallel, sun, harmonics, legendre):
-    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes, and (2l+1) P_l of its angle to the sun."""
-    vx, vy, vz, x, y, z = way_to_eye(j * 12 * nx + i, nx, columns, height, eye, parallel)
-    write_legendre(vx * sun[0] + vy * sun[1] + vz * sun[2], legendre, 0)
+def _geometry(j, i, nx, columns, height, eye, parallel, harmonics):
+    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes."""
+    _, _, _, x, y, z = way_to_eye(j * 12 * nx + i, nx, columns, height, eye, parallel)
     # as `scalar.harmonics`
     cosine, sine, corner = spread_quadruple(_ONE), spread_quadruple(_ZERO), spread_quadruple(_FIRST)
     for m in range(DEGREE):
@@ -169,16 +168,13 @@ def _moments(place, values, k, j, i, factor, columns, row, out):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _total(node, nodes, extinction, scattering, air_scattering, beam, harmonics, legendre, moments):
+def _total(node, nodes, extinction, scattering, air_scattering, harmonics, moments):
     """Source of LANES nodes at one wavelength."""
     total = spread_quadruple(_ZERO)
-    lit = read_quadruple(beam, node)
     for ell in range(DEGREE):
         sigma = spread_quadruple(_ZERO)
         for s in range(extinction.shape[0]):
             sigma += scattering[s, ell] * read_quadruple(extinction, s * nodes + node)
-        # once scattered: 4 pi sum_m Y_lm(v) Y_lm(sun) = (2l+1) P_l; by air at the ray's own angle, in the march
-        total += sigma * lit * read_quadruple(legendre, ell * LANES)
         diffuse = spread_quadruple(_ZERO)
         for n in range(ell * ell, (ell + 1) * (ell + 1)):
             diffuse += read_quadruple(harmonics, n * LANES) * read_quadruple(moments, n * LANES)
@@ -188,13 +184,13 @@ def _total(node, nodes, extinction, scattering, air_scattering, beam, harmonics,
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
 def _rows(
-    j, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
-    columns, levels_m, eye, parallel, sun, count, fields,
+    j, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
+    columns, levels_m, eye, parallel, count, fields,
 ):  # fmt: skip
     """The nodes of row j on all levels, LANES at a time."""
-    nz, ny, nx = beams[0].shape
+    nz, ny, nx = fields.shape[0], fields.shape[1], columns.shape[2]
     harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
-    legendre, source = np.empty((DEGREE, LANES), np.float32), np.empty((PACK, LANES), np.float32)
+    source = np.empty((PACK, LANES), np.float32)
     widest = 0
     for w in range(count):
         widest = max(widest, coarse_kept[w].shape[2] * BLOCK)
@@ -207,14 +203,14 @@ def _rows(
                 )
         for block in range((nx + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
-            _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, sun, harmonics, legendre)
+            _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, harmonics)
             for w in range(count):
                 _moments(
                     kept[w], values[w], k, j, i, factor[w], coarse_columns[w], row[w], moments
                 )
                 total = _total(
-                    (k * ny + j) * nx + i, nz * ny * nx, extinction, scattering[w], air_scattering[w, k], beams[w],
-                    harmonics, legendre, moments,
+                    (k * ny + j) * nx + i, nz * ny * nx, extinction, scattering[w], air_scattering[w, k], harmonics,
+                    moments,
                 )  # fmt: skip
                 write(source, w * LANES, total)
             for n in range(min(LANES, fields.shape[2] - i)):
@@ -225,18 +221,21 @@ def _rows(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def view_source(
-    t, threads, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values, factor,
-    coarse_columns, columns, levels_m, eye, parallel, sun, count, fields,
+    t, threads, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values, factor,
+    coarse_columns, columns, levels_m, eye, parallel, count, fields,
 ):  # fmt: skip
-    """Smooth source toward one eye at every node of thread t's rows, into fields[..., PACK:2 PACK].
+    """Source of diffuse light toward one eye at every node of thread t's rows, into fields[..., PACK:2 PACK].
+
+    What is scattered but once the march adds, at its own places: extinction grows where the beam fades, and a product
+    of nodes would be too small between them.
 
     ``extinction`` (ns, nz, ny, nx); at PACK wavelengths, of which the first ``count`` are wanted, Legendre moments of
     the scattering coefficient ``scattering`` (PACK, ns, M) per extinction and ``air_scattering`` (PACK, nz, M),
-    ``beams`` (nz, ny, nx) each, the diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`.
+    the diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`.
     ``eye``: the viewing direction where ``parallel``.
     """
-    for j in range(t, beams[0].shape[1], threads):
+    for j in range(t, fields.shape[1], threads):
         _rows(
-            j, extinction, scattering, air_scattering, beams, kept, values, coarse_kept, coarse_values,
-            factor, coarse_columns, columns, levels_m, eye, parallel, sun, count, fields,
+            j, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values,
+            factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
         )  # fmt: skip

@@ -79,9 +79,9 @@ class GridLight:
         eye = np.array(eye, float)
         in_threads(
             view_source, wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
-            np.stack([c.air_scattering for c in self.coefficients]), tuple(wide(beam) for beam in self.beams),
-            *field_at(self.moments, self.coarser), columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
-            parallel, self.sun, self.count, volume.fields,
+            np.stack([c.air_scattering for c in self.coefficients]), *field_at(self.moments, self.coarser),
+            columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
+            parallel, self.count, volume.fields,
         )  # fmt: skip
         self._aimed = key
 
@@ -180,6 +180,7 @@ def sunlit_volume(
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
         fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
         _free_around(free, medium.periodic).astype(np.uint8), fields, scaled, forward,
+        np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
     )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from openswim.transport.pack import PACK, flat, largest, low, put, read, read_double, write
+from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
@@ -51,13 +51,15 @@ DARK = 3e-5  # transmission below which a ray has seen enough
 NO_LIMIT = 1e30  # cloud depth that no ray meets
 MOST_SAMPLES = 20_000
 TILE = 256  # rays handed to a thread at a time
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5), np.float32(1.0)
 
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
-# and through the whole extinction), extinction and source where it stands, air's extinction there and depth in front
-# of unit cloud depth; then depth of cloud, cloud's extinction where it stands, mean distance of unit cloud depth (sum)
-RADIANCE, THROUGH, EXTINCTION, SOURCE, AIR, FRONT = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK, 9 * PACK
-CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, GATHERED = 10 * PACK, 10 * PACK + 1, 10 * PACK + 2, 11 * PACK
+# and through the whole extinction); where it stands extinction, diffuse source and what is scattered of the beam, the
+# beam, the air's extinction; depth in front of unit cloud depth; then depth of cloud, cloud's extinction where it
+# stands, mean distance of unit cloud depth (sum)
+RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
+BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
+CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, GATHERED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 14 * PACK
 LANES = 4  # rays that walk in turn
 
 
@@ -92,7 +94,8 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
     # r mu_sun = sunward + s cos_angle
     sunward = w[OX] * sun[0] + w[OY] * sun[1] + (radius + w[OZ]) * sun[2]
     radiance, through = read_double(got, RADIANCE), read_double(got, THROUGH)
-    extinction, source = read_double(got, EXTINCTION), read_double(got, SOURCE)
+    extinction, diffuse = read_double(got, EXTINCTION), read_double(got, SOURCE)
+    single, beam = read_double(got, SINGLE), read(got, BEAM)
     air, front = read(got, AIR), read(got, FRONT)
     cloud_depth, near_cloud, distance = flat(got, CLOUD_DEPTH), flat(got, NEAR_CLOUD), flat(got, DISTANCE)
     count = int(w[COUNT])
@@ -108,10 +111,12 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
                 species_depth[m] += half_step * flat(nodes, 2 * PACK + m)
         cloud = _ZERO
         if level >= 0.0:
-            extinction_far, source_far, air_far, cloud = sample_grid(a, b, level, ray, peak, share, volume, nodes)
+            extinction_far, diffuse_far, single_far, beam_far, air_far, cloud = sample_grid(
+                a, b, level, ray, peak, share, volume, nodes
+            )
         else:
             mu_sun = (sunward + s * cos_angle) / (radius + a)
-            extinction_far, source_far, air_far = sample_air(
+            extinction_far, diffuse_far, single_far, beam_far, air_far = sample_air(
                 b, mu_sun, cos_angle, a, ray, peak, share, shells, ns
             )
         if cloud > _ZERO:
@@ -128,6 +133,10 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
             distance += middle * min(added, max(_ONE - cloud_depth, _ZERO))
         elif cloud_depth >= _ONE:
             fronting = _ZERO
+        # both scattering and beam change within the step: their product's mean is not that of its ends
+        bend = _SIXTH * (single_far - single) * join(beam_far - beam, beam_far - beam)
+        source = diffuse + single * join(beam, beam) - bend
+        source_far = diffuse_far + single_far * join(beam_far, beam_far) - bend
         depth = (extinction + extinction_far) * half_step
         trans = transmission(depth)
         if cloud_depth + added <= depth_limit:
@@ -144,14 +153,17 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
         cloud_depth += added
         through *= trans
         front += (fronting * half_step) * (air + air_far)
-        extinction, source, air, near_cloud = extinction_far, source_far, air_far, cloud
+        extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
+        air, near_cloud = air_far, cloud
         if largest(low(through)) < dark:
             looked = n + 1
             break
     write(got, RADIANCE, radiance)
     write(got, THROUGH, through)
     write(got, EXTINCTION, extinction)
-    write(got, SOURCE, source)
+    write(got, SOURCE, diffuse)
+    write(got, SINGLE, single)
+    write(got, BEAM, beam)
     write(got, AIR, air)
     write(got, FRONT, front)
     put(got, CLOUD_DEPTH, cloud_depth)
@@ -192,7 +204,7 @@ def _march_tile(
                 dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
                 angles[lane] = dx * sun[0] + dy * sun[1] + dz * sun[2]
                 shares[lane] = prepare_ray(
-                    angles[lane], table, shells.phase, volume.peak_inner, volume.peak_outer, rays[lane], peaks[lane]
+                    angles[lane], table, shells.phase, volume, rays[lane], peaks[lane]
                 )
                 end = ends[n] if ends.size > 0 else -1.0
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
@@ -272,7 +284,8 @@ def march_rays(
         *(np.zeros((n, PACK), np.float32) for _ in range(4)), np.zeros((n, max(volume.species, 1)), np.float32),
         np.zeros(n, np.float32), np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
-    scratch = blank_fields((3, get_num_threads(), LANES), max(volume.fields.shape[3], GATHERED, RAY))
+    widest = max(volume.fields.shape[3], GATHERED, RAY + volume.species * PACK)
+    scratch = blank_fields((3, get_num_threads(), LANES), widest)
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
     own = np.zeros(0) if ends is None else np.array(ends, float, order="C")
     in_threads(

@@ -37,19 +37,27 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
 
 # What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol without its peak; the
-# part of the haze's peak that is read as single scattering
+# part of the haze's peak that is read as single scattering; what each species scatters of the beam once (RAY on)
 _MOLECULES, _AEROSOL, _HAZE, RAY = 0, PACK, 2 * PACK, 3 * PACK
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def prepare_ray(cos_angle, table, phase, inner, outer, ray, peak):
+def prepare_ray(cos_angle, table, phase, volume, ray, peak):
     """Fill in what is constant along a straight ray: phase functions and peaks. Returns the resolved peak's share."""
+    inner, outer = volume.peak_inner, volume.peak_outer
     share = np.float32(smoothstep((cos_angle - outer) / (inner - outer)))
+    for s in range(volume.species):
+        write(ray, RAY + s * PACK, spread(_ZERO))
     for kind in range(2):
         p0, p1 = 1.0, cos_angle
         total = spread(_ZERO)
         for ell in range(DEGREE):
-            total += np.float32((2 * ell + 1) * p0) * read(phase, (kind * DEGREE + ell) * PACK)
+            legendre = np.float32((2 * ell + 1) * p0)
+            total += legendre * read(phase, (kind * DEGREE + ell) * PACK)
+            if kind == 0:
+                for s in range(volume.species):
+                    once = legendre * read(volume.single, (s * DEGREE + ell) * PACK)
+                    write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + once)
             p0, p1 = p1, ((2 * ell + 3) * cos_angle * p1 - (ell + 1) * p0) / (ell + 2)
         write(ray, kind * PACK, total)
     angle = math.acos(min(1.0, max(-1.0, cos_angle)))
@@ -65,6 +73,9 @@ def prepare_ray(cos_angle, table, phase, inner, outer, ray, peak):
             near = read(table, start + d * PACK)
             write(peak, s * stride + d * PACK, near + a * (read(table, start + stride + d * PACK) - near))
     write(ray, _HAZE, (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
+    for s in range(volume.species):
+        narrow = (_ONE - share) * read(volume.forward, s * PACK) * read(peak, s * stride)
+        write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + narrow)
     return share
 
 
@@ -106,7 +117,8 @@ def _peak_at(peak, start, q, part):
 def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
     """A point of the grid, at fractional indices; its channels are left in ``nodes``.
 
-    Returns double packs of extinction and of source, the air's own extinction, and the species' reference extinction.
+    Returns double packs of extinction, of the diffuse source and of what is scattered of the beam, then the beam, the
+    air's own extinction, and the species' reference extinction.
     """
     nz, ny, nx, nc = volume.fields.shape
     k = min(int(level), nz - 2)
@@ -133,12 +145,12 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
         write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
     air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
     air, forward = low(low(air_row)), high(high(air_row))
-    smooth = high(low(node))
-    resolved = spread(_ZERO)
+    resolved, single, beam = spread(_ZERO), spread(_ZERO), spread(_ZERO)
     extinction = air
     cloud = flat(nodes, volume.cloud_channel)
     if cloud > _ZERO or volume.shining:
-        beam = transmission(low(low(node)))
+        root_of_beam = low(low(node))
+        beam = root_of_beam * root_of_beam
         q, part = spread(_ZERO), spread(_ZERO)
         depths = peak.shape[1]
         if share > _ZERO:
@@ -149,7 +161,6 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
             haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
             q, part = _peak_place(depth + haze, depths)
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
-        single = spread(_ZERO)
         if volume.shining:
             # not from the nodes, whose own angles differ from the ray's
             single = high(low(air_row)) * read(ray, _MOLECULES) + low(high(air_row)) * read(ray, _AEROSOL)
@@ -163,17 +174,14 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
                 taken = x * read(volume.forward, s * PACK)
                 extinction += x * read(volume.scaled, s * PACK)
                 forward += taken
-                single += (_ONE - share) * taken * read(peak, start)
+                single += x * read(ray, RAY + s * PACK)
                 if share > _ZERO:
                     resolved += taken * _peak_at(peak, start, q, part)
-        smooth += single * beam
-        resolved *= share * beam
+        resolved *= share
     return (
-        join(extinction, extinction + forward),
-        join(smooth, resolved),
-        air,
+        join(extinction, extinction + forward), join(high(low(node)), spread(_ZERO)), join(single, resolved), beam, air,
         cloud,
-    )
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -237,9 +245,11 @@ def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, shells, haze):
     aerosol, forward = low(high(row)), high(high(row))
     beam = lit * transmission(low(slant))
     single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL) + forward * read(ray, _HAZE)
-    smooth = beam * single + _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
+    smooth = _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
     resolved = spread(_ZERO)
     if share > _ZERO:
         q, part = _peak_place(high(slant), peak.shape[1])
-        resolved = share * forward * beam * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
-    return join(extinction, extinction + forward), join(smooth, resolved), extinction
+        resolved = share * forward * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+    return (
+        join(extinction, extinction + forward), join(smooth, spread(_ZERO)), join(single, resolved), beam, extinction
+    )  # fmt: skip

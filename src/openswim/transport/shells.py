@@ -18,6 +18,7 @@ from openswim.transport.pack import PACK
 from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.scalar import harmonics_symmetric
 from openswim.transport.volume import (
+    DEGREE,
     FAR_M,
     PEAK_COSINES,
     SHELL_TABLE_PER_M,
@@ -79,6 +80,7 @@ def no_volume() -> Volume:
         fields=blank_fields((1, 1, 1), 1),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),
+        single=np.zeros((0, DEGREE, PACK), f32),
         forward_channel=np.zeros(PACK, np.int64),
         air=np.zeros((2, 4 * PACK), f32),
         haze_depth=np.zeros((2, PACK), f32),

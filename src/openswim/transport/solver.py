@@ -22,6 +22,7 @@ from openswim.transport.grid_light import GridLight, beams_and_shadows, coeffici
 from openswim.transport.landscape import landscape_of
 from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
+from openswim.transport.mean_light import beam_around, seen
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
@@ -169,6 +170,8 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     result.landscape = landscape
     result.light = light
     result.reach_deg = float(reach)
+    if fast and not medium.layered:
+        result.volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
     if fast and medium.layered:
         _light_layers(light, lighting, sun, count)
     elif fast:
@@ -237,6 +240,7 @@ def _diffuse(
                 continue
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
+            grid = grid._replace(beam=beam_around(grid))
             sweeper = diffuse.Sweeper.of(
                 grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w),
                 ordinates, pool,
@@ -248,6 +252,7 @@ def _diffuse(
                 solve = solve_coarse if setting.coarse else diffuse.coarse_to_fine
                 solution = solve(sweeper, setting.tolerance, solver.most_sweeps, traces)
                 traces = traces or solution.traces
+            seen(grid, solution.moments, sweeper.extinction, pool)
             light.moments.append(solution.moments)
             light.coarser.append(solution.coarser)
             counts.append(solution.sweeps)

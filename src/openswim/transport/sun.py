@@ -301,9 +301,10 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
         write(fields, place, air)
         for w in range(PACK):
             total = min(flat(fields, place + w), _MOST_AIR) + flat(depth, node * nc + lanes[min(w, count - 1)])
-            put(fields, place + w, total)
+            root = math.exp(-0.5 * total)
+            put(fields, place + w, root)
             if w < count:
-                beams[w, k, j, i] = math.exp(-total)
+                beams[w, k, j, i] = root * root
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -331,7 +332,10 @@ def direct_beam(
     t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
 ):  # fmt: skip
     """Direct transmission at the first ``count`` wavelengths at every node, ``beams`` (count, nz, ny, nx), and at the
-    ground, ``surface`` (count, ny, nx); its depth at every node into fields[..., :PACK].
+    ground, ``surface`` (count, ny, nx); its root at every node into fields[..., :PACK].
+
+    Between nodes the beam lies between a straight line and the exponential of one, since extinction changes there too;
+    so does the square of its root.
 
     ``depth``: see `sun_sweep`; ``lanes`` (PACK,): which of its channels a wavelength reads.
     """

@@ -74,7 +74,7 @@ class Shells(NamedTuple):
 class Volume(NamedTuple):
     """The gridded part: (nz, ny, nx) nodes with channels interleaved, and how to find one's place in it.
 
-    Channels: delta-scaled depth to the sun, air included (PACK); smooth source (PACK); species extinctions; forward
+    Channels: root of the delta-scaled beam, air included (PACK); smooth source (PACK); species extinctions; forward
     depths to the sun; sum of species; padding to whole cache lines.
     """
 
@@ -98,6 +98,8 @@ class Volume(NamedTuple):
     fields: F32  # (nz, ny, nx, channels), see `blank_fields`
     scaled: F32  # (species, PACK) delta-scaled extinction per reference extinction
     forward: F32  # (species, PACK) omega f times relative extinction
+    single: F32  # (species, M, PACK) Legendre moments of smooth scattering per reference extinction, of the beam's
+    # light at the ray's own place; zero where the sources at the nodes hold it
     forward_channel: NDArray[np.int64]  # (PACK,) channel of the forward depth to the sun
     air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
