@@ -20,7 +20,7 @@ from openswim.transport.threads import in_threads
 
 _FLAGS = {"contract", "nsz", "arcp"}
 _MOST_DEPTH = 6.0  # of nodes: between deep and light ones depths would say nothing
-_MOST_GROUND = 4  # times the columns of the domain, each way
+_MOST_GROUND = 2  # times the columns of the domain, each way
 _LEAST_RISE = 0.02  # of the sun's direction, where beams go around periodic domains
 SURE_DEPTH = 4.0  # of a beam: beyond it chance decides
 LEAST_DOUBT = 0.05  # of a guess
