@@ -22,7 +22,7 @@ from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M,
 _FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
-LEAST_GROUND = 0.7  # likewise, where it leaves the ground,
+LEAST_GROUND = 0.4  # likewise, where it leaves the ground,
 LEAST_RETURN = 0.1  # which is never rarer than this
 _CLEAR = 0.98  # of the sun's light: from ground that has as much, the sun is not aimed at
 LEAST_SOURCE = 0.1  # of a local estimate, likewise

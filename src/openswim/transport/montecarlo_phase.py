@@ -16,7 +16,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.optics.phase import PhaseFunction
-from openswim.transport.scalar import flat
 
 F64 = NDArray[np.float64]
 
@@ -49,7 +48,7 @@ _LOW_32, _S32 = np.uint64(0xFFFFFFFF), np.uint64(32)
 class Phases(NamedTuple):
     """Phase functions of all scatterers at all wavelengths, row = scatterer * wavelengths + wavelength."""
 
-    q: F64  # (nodes, 2) nodes, and one over the way to the next
+    q: F64  # (nodes,)
     value: F64  # (rows, nodes), mean 1 over the sphere
     chance: F64  # (rows, nodes) probability of a smaller q
     guide: NDArray[np.int16]  # (rows, _GUIDES) last node with a chance below i/_GUIDES
@@ -67,10 +66,8 @@ def phases_of(
     aim = np.mean([_table(p) for row in particles for p in row], axis=0) if particles else np.ones(value.shape[1])
     chance = np.array([_chance(v) for v in value])
     aim_chance = _chance(aim)
-    q = _nodes()
     return Phases(
-        np.stack([q, 1.0 / np.diff(q, append=3.0)], -1), value, chance, np.array([_guide(c) for c in chance]), aim,
-        aim_chance, _guide(aim_chance),
+        _nodes(), value, chance, np.array([_guide(c) for c in chance]), aim, aim_chance, _guide(aim_chance)
     )  # fmt: skip
 
 
@@ -161,7 +158,7 @@ def phase_place(q, nodes):
     else:
         i = 2 * HALF_NODES - 1 - int(math.sqrt(math.sqrt(max(2.0 - q, 0.0))) * HALF_NODES)
     i = min(max(i, 0), 2 * HALF_NODES - 1)
-    return i, min(max((q - flat(nodes, 2 * i)) * flat(nodes, 2 * i + 1), 0.0), 1.0)
+    return i, min(max((q - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0), 1.0)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -170,12 +167,12 @@ def drawn_q(u, nodes, value, chance, guide):
     i = int(guide[int(u * _GUIDES)])
     while chance[i + 1] <= u and i < 2 * HALF_NODES - 1:
         i += 1
-    per_q = flat(nodes, 2 * i + 1)
+    width = nodes[i + 1] - nodes[i]
     p0, p1 = 0.5 * value[i], 0.5 * value[i + 1]
-    c = (u - chance[i]) * per_q
+    c = (u - chance[i]) / width
     root = math.sqrt(max(p0 * p0 + 2.0 * (p1 - p0) * c, 0.0))
     way = min(2.0 * c / max(p0 + root, 1e-300), 1.0)
-    return flat(nodes, 2 * i) + way * (flat(nodes, 2 * i + 2) - flat(nodes, 2 * i)), 2.0 * (p0 + way * (p1 - p0))
+    return nodes[i] + width * way, 2.0 * (p0 + way * (p1 - p0))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
