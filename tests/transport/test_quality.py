@@ -46,7 +46,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     at = (np.arange(PIXELS) / (PIXELS - 1) - 0.5) * (SHAPE[1] - 1) * CELL_M
     places = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
     rays = down_on(places[:, 0], places[:, 1], 3000.0)
-    truth = Solver("reference", paths=1600).solve(scene, SUN, [WAVELENGTH_NM]).view(rays)
+    truth = Solver("reference", paths=3000).solve(scene, SUN, [WAVELENGTH_NM]).view(rays)
     image, sigma = (a.reshape(PIXELS, PIXELS) for a in (truth.radiance, truth.sigma))
     out = {}
     for quality in SETTINGS:

@@ -59,7 +59,7 @@ def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, fields, nodes):
+def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, with_once, fields, nodes):
     """At every level (nz, DEGREE + 3) extinction and moments of scattering, air's too, what the species scatter of the
     beam toward the eye, and the depth to the sun, at LANES nodes and wavelength w."""
     ns, nz, ny, nx = extinction.shape
@@ -76,7 +76,8 @@ def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scatteri
             sigma = spread_quadruple(_ZERO)
             for s in range(ns):
                 sigma += scattering[w, s, ell] * read_quadruple(extinction, s * nz * ny * nx + node)
-            once += sigma * read_quadruple(phases, (k * DEGREE + ell) * LANES)
+            if with_once:
+                once += sigma * read_quadruple(phases, (k * DEGREE + ell) * LANES)
             write(nodes, out + (1 + ell) * LANES, sigma + air_scattering[w, k, ell])
         write(nodes, out + (DEGREE + 1) * LANES, once)
         for n in range(LANES):
@@ -141,6 +142,19 @@ def _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, s
     return s + 1
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _lacking(w, k, m, share, cosine, lacking):
+    """What the air of a column lacks along a way of this zenith cosine, between suns m and m + 1."""
+    suns, ways = lacking.shape[2], lacking.shape[3]
+    at = np.float32(0.5 * (ways - 1)) * (_ONE + min(max(cosine, -_ONE), _ONE))
+    z = min(int(at), ways - 2)
+    n = ((w * lacking.shape[1] + k) * suns + m) * ways + z
+    part = at - np.float32(z)
+    near = flat(lacking, n) + part * (flat(lacking, n + 1) - flat(lacking, n))
+    far = flat(lacking, n + ways) + part * (flat(lacking, n + ways + 1) - flat(lacking, n + ways))
+    return near + share * (far - near)
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missing, fields):
     """Into the fields each node's source: its own, or in thick cells what makes the eye, which takes it as linear to
@@ -202,17 +216,19 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missin
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def column_light(
     t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
-    albedo, direct, inflow, lacking, tables, columns, eye, parallel, count, fields, down, up,
+    albedo, direct, inflow, lacking, tables, columns, eye, parallel, count, once, fields, down, up,
 ):  # fmt: skip
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
+
+    ``once``: with what is scattered but once.
 
     At the first ``count`` wavelengths delta-scaled extinction and moments of scattering per extinction (ns, nz, ny, nx)
     of the species, ``scaled`` (count, ns) and ``scattering`` (count, ns, DEGREE), those of the air (count, nz) and
     (count, nz, DEGREE), 1/m; ``ground_node`` (ny, nx) lowest level not under the ground, ``sun`` (ny, 3, nx) in the
     columns' axes; ``albedo`` and the beam's flux ``direct`` at the ground (count, ny, nx), the light from above the
     grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
-    ``lacking`` (count, nz, suns), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root of
-    the beam. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
+    ``lacking`` (count, nz, suns, ways), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root
+    of the beam. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
     `eye_source.view_source`.
     """
     _, nz, ny, nx = extinction.shape
@@ -239,7 +255,9 @@ def column_light(
                 put(ground, n, f32(ground_node[j, i + n]))
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
-                _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, fields, nodes)
+                _nodes(
+                    w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, once, fields, nodes
+                )
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)
                 places = _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, source)
@@ -253,8 +271,8 @@ def column_light(
                     at = min(max(at, 0.0), inflow.shape[1] - 1.0)
                     m = min(int(at), inflow.shape[1] - 2)
                     for k in range(nz):
-                        before = lacking[w, k, m]
-                        put(missing, k * LANES + n, f32(before + (at - m) * (lacking[w, k, m + 1] - before)))
+                        cosine = -flat(slopes, k * LANES + n)
+                        put(missing, k * LANES + n, _lacking(w, k, m, f32(at - m), cosine, lacking))
                     for c in range(2):
                         low = inflow[w, m, c]
                         put(above, c * LANES + n, f32(low + (at - m) * (inflow[w, m + 1, c] - low)))

@@ -1,4 +1,4 @@
-"""The diffuse light of very large domains: every column on its own, under the sun's beam that all of them share.
+"""The diffuse light of wide cells: every column on its own, under the sun's beam that all of them share.
 
 Cells of kilometres are so much wider than the way light diffuses in cloud that little passes between columns. What
 does not is solved without sweeps (`column_solve.py`), and the eye sees of each cell what its thin parts send up
@@ -8,6 +8,7 @@ does not is solved without sweeps (`column_solve.py`), and the eye sees of each 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,22 @@ from openswim.transport.column_solve import harmonics_of_mode, mode_tables
 from openswim.transport.eye_source import columns_of
 from openswim.transport.medium import Medium
 from openswim.transport.optical_grid import Coefficients
-from openswim.transport.pack import PACK
+from openswim.transport.pack import LANES, PACK
+from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.shells import clear_radiance, rows_between
 from openswim.transport.sun import direct_beam
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 
+if TYPE_CHECKING:
+    from openswim.transport.surface import Lighting
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _COLUMN_SUNS = 33
+_AZIMUTHS = np.cos((np.arange(4) + 0.5) * np.pi / 4)
+WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 
 
 @dataclass
@@ -45,6 +52,7 @@ class Columns:
     down: F32
     up: F32
     count: int
+    once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
     def aim(self, fields: F32, eye: F64, parallel: bool) -> None:
         """Fill the source channels for one eye."""
@@ -54,14 +62,45 @@ class Columns:
             np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
             self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
-            columns_of(m.axes, m.place, eye, parallel), eye, parallel, self.count, fields, self.down, self.up,
+            columns_of(m.axes, m.place, eye, parallel), eye, parallel, self.count, self.once, fields,
+            self.down, self.up,
         )  # fmt: skip
 
 
-def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: Shells, inflow: F32, count: int) -> F32:
-    """What the clear air of the shells scatters straight up, less what its columns are found to (count, nz, suns), 1/m.
+def stand_alone(medium: Medium) -> bool:
+    """Whether a grid's cells are so wide that its columns are lit each by itself."""
+    return not medium.periodic and min(medium.cell_m) >= WIDE_CELL_M and medium.shape[2] >= LANES
 
-    Four harmonics do not hold the light that runs level through thin air: over dark water 2-5 % of all that is seen.
+
+def columns_of_grid(
+    medium: Medium, coefficients: list[Coefficients], lighting: Lighting, local_sun: F64, inflow: F32, lacking: F32,
+    count: int, once: bool,
+) -> Columns:  # fmt: skip
+    """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at."""
+    node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
+    direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
+    return Columns(
+        medium, coefficients, np.minimum(node, len(medium.levels_m) - 2).astype(np.int64), local_sun, lighting.mu_sun,
+        lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count, once,
+    )  # fmt: skip
+
+
+def light_from_above(
+    medium: Medium, coefficients: list[Coefficients], shells: Shells, count: int
+) -> tuple[F32, F32]:  # fmt: skip
+    """`top_light` and `lacking_source` of a medium."""
+    inflow = top_light(shells, float(medium.levels_m[-1]), count)
+    if medium.air is None:
+        return inflow, np.zeros((count, len(medium.levels_m), inflow.shape[1], 2), np.float32)
+    return inflow, lacking_source(medium, coefficients, shells, inflow, count)
+
+
+def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: Shells, inflow: F32, count: int) -> F32:
+    """What the clear air of the shells scatters toward an eye, by the zenith cosine from -1 to 1 of the eye's way, less
+    what its columns are found to (count, nz, suns, ways), 1/m.
+
+    Four harmonics do not hold the light that runs level through thin air: over dark water 2-5 % of all that is seen
+    from above, 3-9 % of a clear sky from the ground. Means over azimuth.
     """
     levels = medium.levels_m
     nz, suns = len(levels), inflow.shape[1]
@@ -83,18 +122,30 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
     flux = np.empty_like(surface)
     column = Columns(
         alone, [_air_alone(c) for c in coefficients], node, sun, mu[None], albedo,
-        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns), np.float32), flux,
+        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns, 2), np.float32), flux,
         flux.copy(), count,
     )  # fmt: skip
-    column.aim(fields, np.array([0.0, 0.0, -1.0]), True)
-    found = np.moveaxis(fields[:, 0, :, PACK : PACK + count], -1, 0)
     above = np.maximum(levels - shells.ground_m, 0.0)
     level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
     place = np.interp(mu, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
-    up = np.moveaxis(shells.source[:, :, 0, 0, :count], 0, 1)  # (suns, nl, count)
-    known = rows_between(up.reshape(len(up), -1), place).reshape(suns, -1, count)
-    known = rows_between(np.moveaxis(known, 0, 1).reshape(-1, suns * count).astype(np.float32), level)
-    return np.ascontiguousarray(np.moveaxis(known.reshape(nz, suns, count), -1, 0) - found, np.float32)
+    cosines = np.linspace(-1, 1, SOURCE_AZIMUTHS)
+    out = np.empty((count, nz, suns, SOURCE_ZENITHS), np.float32)
+    for n, z in enumerate(np.linspace(-1, 1, SOURCE_ZENITHS)):
+        table = np.moveaxis(shells.source[:, :, n, :, :count], 0, 1)  # (suns, nl, azimuths, count)
+        rows = rows_between(table.reshape(len(table), -1), place).reshape(suns, table.shape[1], -1)
+        rows = rows_between(np.moveaxis(rows, 0, 1).reshape(table.shape[1], -1).astype(np.float32), level)
+        known = rows.reshape(nz, suns, SOURCE_AZIMUTHS, count)
+        found, meant = np.zeros((nz, suns, count)), np.zeros((nz, suns, count))
+        for x in _AZIMUTHS if abs(z) < 1 else _AZIMUTHS[:1]:
+            at = np.interp(x, cosines, np.arange(SOURCE_AZIMUTHS))
+            low = min(int(at), SOURCE_AZIMUTHS - 2)
+            meant += known[:, :, low] + (at - low) * (known[:, :, low + 1] - known[:, :, low])
+            side = np.sqrt(1 - z * z)
+            column.aim(fields, np.array([side * x, side * np.sqrt(1 - x * x), z]), True)
+            found += fields[:, 0, :, PACK : PACK + count]
+        ways = len(_AZIMUTHS) if abs(z) < 1 else 1
+        out[..., n] = np.moveaxis((meant - found) / ways, -1, 0)
+    return out
 
 
 def _air_alone(one: Coefficients) -> Coefficients:

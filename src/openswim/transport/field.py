@@ -142,8 +142,8 @@ class PackField:
 
     @property
     def quality(self) -> str:
-        """How finely the diffuse light is solved."""
-        return self.solver.quality
+        """How finely the diffuse light is solved; "columns" where each is by itself."""
+        return "columns" if self.light is not None and self.light.columns is not None else self.solver.quality
 
     def view(self, rays: Rays) -> View:
         """See `Field.view`."""

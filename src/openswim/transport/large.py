@@ -24,7 +24,7 @@ from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
 from openswim.scene.variables import SURFACE_DIMS
 from openswim.transport import swim
-from openswim.transport.columns import Columns, lacking_source, top_light
+from openswim.transport.columns import columns_of_grid, light_from_above
 from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
 from openswim.transport.grid_light import beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.large_medium import Window, large_medium, part_of_medium
@@ -80,7 +80,7 @@ class LargeField(PackField):
 
     inflow: F32 = field(default_factory=lambda: np.zeros((0, 0, 2), np.float32))
     cover: F32 | None = None
-    lacking: F32 = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32))
+    lacking: F32 = field(default_factory=lambda: np.zeros((0, 0, 0, 0), np.float32))
 
     @property
     def quality(self) -> str:
@@ -204,14 +204,9 @@ class LargeField(PackField):
         )  # fmt: skip
         part.light, part.reach_deg, part.space_shells = light, self.reach_deg, self.space_shells
         if fast:
-            node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
-            node = np.minimum(node, len(medium.levels_m) - 2).astype(np.int64)
-            direct = np.stack([lighting.direct_horizontal(w) for w in range(self.count)])
-            light.columns = Columns(
-                medium, coefficients, node, local_sun, lighting.mu_sun, lighting.albedo, direct, self.inflow,
-                self.lacking,
-                lighting.diffuse, lighting.up_top, self.count,
-            )  # fmt: skip
+            light.columns = columns_of_grid(
+                medium, coefficients, lighting, local_sun, self.inflow, self.lacking, self.count, True
+            )
         else:
             swim.light_grid(light, volume, lighting, self.shells, local_sun, self.sun)
         return part
@@ -237,11 +232,8 @@ def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     shells = build_shells(medium.air, suns, frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top)
     lighting.clear_sky = clear_sky_table(shells, sun)
     table = forward_tables(medium, solver.name == "fast")
-    inflow = top_light(shells, float(medium.levels_m[-1]), count)
-    lacking = np.zeros((count, len(medium.levels_m), inflow.shape[1]), np.float32)
-    if medium.air is not None:
-        coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
-        lacking = lacking_source(medium, coefficients, shells, inflow, count)
+    coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
+    inflow, lacking = light_from_above(medium, coefficients, shells, count)
     return LargeField(
         solver, scene, frame, sun, wl, count, shells, no_volume(), table, lighting, medium,
         {"air": time.perf_counter() - started}, reach_deg=reach,

@@ -145,12 +145,12 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
         write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
     air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
     air, forward = low(low(air_row)), high(high(air_row))
-    resolved, single, beam = spread(_ZERO), spread(_ZERO), spread(_ZERO)
+    resolved, single = spread(_ZERO), spread(_ZERO)
+    root_of_beam = low(low(node))
+    beam = root_of_beam * root_of_beam
     extinction = air
     cloud = flat(nodes, volume.cloud_channel)
     if cloud > _ZERO or volume.shining:
-        root_of_beam = low(low(node))
-        beam = root_of_beam * root_of_beam
         q, part = spread(_ZERO), spread(_ZERO)
         depths = peak.shape[1]
         if share > _ZERO:

@@ -17,6 +17,7 @@ from openswim.progress import job
 from openswim.scene.frame import scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, swim
+from openswim.transport.columns import columns_of_grid, light_from_above, stand_alone
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.landscape import landscape_of
@@ -33,8 +34,8 @@ from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
 from openswim.transport.quality import SETTINGS, Quality, solve_coarse
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
-from openswim.transport.surface import Lighting
-from openswim.transport.volume import DEGREE, Shells
+from openswim.transport.surface import Lighting, clear_sky_table
+from openswim.transport.volume import DEGREE, Shells, Volume
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -174,12 +175,28 @@ def _grid_field(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
         result.volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
     if fast and medium.layered:
         _light_layers(light, lighting, sun, count)
+    elif fast and stand_alone(medium):
+        _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
     return result
+
+
+def _light_columns(
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64
+) -> None:  # fmt: skip
+    """The light of wide cells, every column by itself; aimed once, for the fluxes."""
+    count = light.count
+    inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
+    light.columns = columns_of_grid(
+        light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False
+    )
+    light.aim(volume, np.array([0.0, 0.0, -1.0]), True)
+    lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
+    lighting.clear_sky = clear_sky_table(shells, sun)
 
 
 def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> None:

@@ -1,0 +1,91 @@
+"""Wide cells, each column by itself: what an eye on the ground or in the air sees, by layers, air and Monte Carlo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, slab, sun_at_zenith_angle
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.transport import Solver
+
+CELL_M = (10_000.0, 10_000.0, 400.0)  # drawn on finer ones, of more than 1.2 km
+AROUND = np.radians([30.0, 120.0, 210.0, 330.0])
+
+
+def _looking(*altitudes_deg: float) -> np.ndarray:
+    """Directions at altitudes, negative ones downward, to four sides."""
+    up = np.radians(np.repeat(altitudes_deg, AROUND.size))
+    side = np.tile(AROUND, len(altitudes_deg))
+    return np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], axis=-1)
+
+
+def _deck(tau: float, **more: object) -> Scene:
+    """Even cloud between 3600 and 4800 m, linear to nothing at both sides: farther from an eye than cells are wide."""
+    field = np.zeros((16, 24, 24), np.float32)
+    field[10:12] = tau / 800.0
+    return grid_scene(field, field.shape, CELL_M, curved=True, **more)
+
+
+@pytest.mark.parametrize("tau", [0.5, 4.0, 25.0])
+@pytest.mark.parametrize("zenith_deg", [20.0, 65.0])
+def test_even_cloud_as_layers_of_many_streams(tau: float, zenith_deg: float) -> None:
+    """From the ground, and from an aircraft over it."""
+    sun = sun_at_zenith_angle(zenith_deg)
+    field = Solver().solve(_deck(tau, surface_albedo=0.2), sun, [WAVELENGTH_NM])
+    assert field.quality == "columns"
+    layers = Solver().solve(slab(tau, albedo=0.2), sun, [WAVELENGTH_NM])
+    for way, height, other in ((_looking(85.0, 50.0, 30.0), 2.0, 2.0), (_looking(-85.0, -60.0, -40.0), 9000.0, 1100.0)):
+        seen = field.view(Rays(np.array([500.0, -700.0, height]), way)).radiance[:, 0]
+        expected = np.array([layers.view(Rays(np.array([1000.0, 1000.0, other]), d)).radiance[0, 0] for d in way])
+        # away from a low sun three azimuth modes are a hundredth or three of the brightest off
+        np.testing.assert_allclose(seen, expected, rtol=0.08, atol=0.03 * expected.max())
+        assert seen.mean() == pytest.approx(expected.mean(), rel=0.04)
+
+
+def test_fluxes_close() -> None:
+    """Nothing absorbs but the ground; in the middle, since light enters by the sides of the domain."""
+    for tau, zenith_deg in ((1.0, 30.0), (60.0, 70.0)):
+        field = Solver().solve(_deck(tau, surface_albedo=0.3), sun_at_zenith_angle(zenith_deg), [WAVELENGTH_NM])
+        light = field.packs[0].lighting
+        middle = (0, slice(80, 105), slice(80, 105))
+        down = light.diffuse[middle] + light.direct_horizontal(0)[middle[1:]]
+        total = light.up_top[middle] + 0.7 * down
+        assert total.mean() == pytest.approx(np.cos(np.radians(zenith_deg)), rel=0.01)
+
+
+@pytest.mark.parametrize("zenith_deg", [30.0, 77.0])
+def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
+    """From the ground and from above, over black ground."""
+    field = np.zeros((30, 24, 24), np.float32)
+    field[25] = 1e-9
+    scene = grid_scene(field, field.shape, (10_000.0, 10_000.0, 500.0), curved=True, air=True)
+    sun = sun_at_zenith_angle(zenith_deg)
+    ours, clear = (Solver().solve(s, sun, [615.0, 450.0]) for s in (scene, Scene.clear(LAT, LON, surface_albedo=0.0)))
+    for way, height in ((_looking(85.0, 45.0, 20.0), 2.0), (_looking(-85.0, -45.0), 9000.0)):
+        rays = Rays(np.array([500.0, -700.0, height]), way)
+        np.testing.assert_allclose(ours.view(rays).radiance, clear.view(rays).radiance, rtol=0.04)
+
+
+def test_clouds_from_the_ground_by_monte_carlo() -> None:
+    """Heaps some cells wide over bright ground: no tint, and as dark below as they are."""
+    rng = np.random.default_rng(3)
+    z, y, x = np.mgrid[0:16, 0:40, 0:40]
+    field = np.zeros(z.shape)
+    for _ in range(14):
+        at, wide = rng.uniform((4, 6, 6), (9, 34, 34)), rng.uniform(2.5, 5.0)
+        field += 0.006 * np.exp(-(((z - at[0]) / 2.0) ** 2) - ((y - at[1]) ** 2 + (x - at[2]) ** 2) / wide**2)
+    field[field < 3e-4] = 0
+    cell = (5000.0, 5000.0, 400.0)
+    scene = grid_scene(field.astype(np.float32), z.shape, cell, curved=True, air=True, surface_albedo=0.3)
+    sun = sun_at_zenith_angle(50.0)
+    way = _looking(85.0, 65.0, 45.0, 30.0)
+    eyes = np.column_stack([rng.uniform(-25e3, 25e3, (5, 2)), np.full(5, 2.0)])
+    field_ = Solver().solve(scene, sun, [615.0, 450.0])
+    truth = Solver("reference", paths=1500).solve(scene, sun, [615.0, 450.0])
+    seen, expected = (
+        np.mean([one.view(Rays(eye, way)).radiance for eye in eyes], axis=(0, 1)) for one in (field_, truth)
+    )
+    np.testing.assert_allclose(seen, expected, rtol=0.06)
+    assert seen[1] / seen[0] == pytest.approx(expected[1] / expected[0], rel=0.04)
