@@ -270,7 +270,8 @@ def test_ground_is_where_the_terrain_is() -> None:
     view = solve(scene, sun, paths=400).view(down_on([-200.0, 200.0, 900.0], 0.0, 3000.0))
     # the cells of the projection are 1.5 % wide
     np.testing.assert_allclose(view.position[:, 2], [200.0, 200.0, 0.0], atol=5.0)
-    lit = 4 * 0.5 * max(sun @ np.array([1, 0, 1]) / np.sqrt(2), 0)
+    of_the_plain = 0.5 * (1 - np.sqrt(0.5)) / 2 * 4 * 0.5 * sun[2]  # which the slope sees below the horizon
+    lit = 4 * 0.5 * max(sun @ np.array([1, 0, 1]) / np.sqrt(2), 0) + of_the_plain
     assert view.radiance[1, 0] == pytest.approx(lit, abs=4 * view.sigma[1, 0] + 0.02 * lit)
     assert view.radiance[0, 0] < 0.3 * lit  # in the ridge's shadow: lit by the ground alone
 

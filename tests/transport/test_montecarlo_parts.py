@@ -52,7 +52,7 @@ def _angles(n, nodes, value, chance, guide):
     rng, out = np.zeros(1, np.uint64), np.zeros(n)
     start_stream(rng, 1, 2, 3)
     for i in range(n):
-        out[i] = drawn_q(uniform(rng), nodes, value, chance, guide)
+        out[i], _ = drawn_q(uniform(rng), nodes, value, chance, guide)
     return out
 
 

@@ -23,6 +23,7 @@ from openswim.transport.medium import Medium
 from openswim.transport.montecarlo_ground import Seen, seen_ground
 from openswim.transport.montecarlo_kernels import flux_kernel, path_kernel, scout_kernel
 from openswim.transport.montecarlo_phase import Phases
+from openswim.transport.montecarlo_shade import shaded
 from openswim.transport.montecarlo_world import World, build_world
 from openswim.transport.surface import Lighting
 from openswim.transport.threads import in_threads
@@ -62,7 +63,7 @@ def solve_reference(solver: Solver, scene: Scene, sun: F64, wavelengths_nm: F64)
     from openswim.scene.frame import scene_frame
 
     return ReferenceField(
-        solver, scene, scene_frame(scene), sun, wavelengths_nm, world, phases, medium, lighting,
+        solver, scene, scene_frame(scene), sun, wavelengths_nm, shaded(world), phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},
     )  # fmt: skip
 

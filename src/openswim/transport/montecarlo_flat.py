@@ -10,12 +10,14 @@ import math
 
 from numba import njit
 
+from openswim.transport.montecarlo_cells import BLOCK, EMPTY, MIXED
 from openswim.transport.montecarlo_phase import exponential
-from openswim.transport.montecarlo_place import FAR, in_cell, level_below, place, sizes
-from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided, dimmed
+from openswim.transport.montecarlo_place import FAR, cell_counts, in_cell, level_below, place, sizes
+from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, collided, collided_alone
 from openswim.transport.scalar import flat
 
 _FLAGS = {"contract", "nsz", "arcp"}
+_GAUSS = 0.21132486540518708
 _FARTHEST_M = 1e9  # level rays in periodic scenes end somewhere
 
 
@@ -43,9 +45,9 @@ def _first(x, cells, periodic):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _begin(ox, oy, oz, dx, dy, dz, world):
-    """Where a ray enters and leaves the grid (or meets the ground), its way through cells, and its first one."""
+    """Where a ray enters and leaves the part of the grid with cloud, its way through cells, and its first one."""
     ny, nx = world.terrain_m.shape
-    cy, cx, nz = world.cells.shape
+    cy, cx = cell_counts(world)
     x, y = place(ox, oy, oz, world)
     if nx == 1:
         x = 0.0
@@ -53,16 +55,17 @@ def _begin(ox, oy, oz, dx, dy, dz, world):
         y = 0.0
     ux, px, x_in, x_out = _axis(x, dx * world.index_per_x, cx, nx == 1, world.periodic)
     uy, py, y_in, y_out = _axis(y, dy * world.index_per_y, cy, ny == 1, world.periodic)
-    top = flat(world.levels_m, nz)
+    low, high = world.cloud_low_m, world.cloud_high_m
     pz, s, end = -FAR, 0.0, min(x_out, y_out, _FARTHEST_M)  # level rays: the level below is far ahead
     if dz < 0.0:
         pz = 1.0 / dz
-        s = max((top - oz) * pz, 0.0)
-        end = min(end, (world.low_m - oz) * pz)
+        s = max((high - oz) * pz, 0.0)
+        end = min(end, (low - oz) * pz)
     elif dz > 0.0:
         pz = 1.0 / dz
-        end = min(end, (top - oz) * pz)
-    elif oz >= top:
+        s = max((low - oz) * pz, 0.0)
+        end = min(end, (high - oz) * pz)
+    elif oz >= high or oz < low:
         end = -1.0
     s = max(s, x_in, y_in)
     i, j = _first(x + s * ux, cx, world.periodic), _first(y + s * uy, cy, world.periodic)
@@ -93,64 +96,114 @@ def _after(i, x, forward, free, crossed):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _onward(s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, depth, world):
-    """Follow a ray until ``depth`` of the majorants is met: (distance, cell, next faces, majorant); 0 at its end."""
-    cy, cx, nz = world.cells.shape
-    beyond = octant * nz * cy * cx
+def cell_at(i, j, k, octant, world):
+    """Majorant of a cell, and how many cells ahead of it, itself included, are empty."""
+    _, bx, bz, _ = world.cells.ahead.shape
+    cy, cx = cell_counts(world)
+    j, i = _wrapped(j, cy, world.periodic), _wrapped(i, cx, world.periodic)
+    block = ((j // BLOCK) * bx + i // BLOCK) * bz + k // BLOCK
+    ahead = int(flat(world.cells.ahead, block * 8 + octant))
+    if ahead < MIXED:
+        return 0.0, ahead
+    within = ((j % BLOCK) * BLOCK + i % BLOCK) * BLOCK + k % BLOCK
+    code = int(flat(world.cells.code, block * BLOCK**3 + within))
+    if code < EMPTY:
+        return flat(world.cells.majorant, code), 0
+    return 0.0, max(ahead - MIXED, code - (EMPTY - 1))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _step(s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, world):
+    """From a cell to the next, over all that are alike: (way there, cell, its faces, majorant of what was crossed)."""
+    cy, cx = cell_counts(world)
+    nz = world.levels_m.shape[0] - 1
     right, up, rising = px > 0.0, py > 0.0, dz > 0.0
     ahead, aside, above = 1 if right else -1, 1 if up else -1, 1 if rising else -1
     ex, ey = abs(px), abs(py)
+    majorant, free = cell_at(i, j, k, octant, world)
+    if free <= 1:
+        tz = FAR
+        if rising or k > 0:
+            tz = (flat(world.levels_m, k + 1 if rising else k) - z) * pz
+        t = min(min(tx, ty), min(tz, end))
+        i += ahead if t == tx else 0
+        j += aside if t == ty else 0
+        k += above if t == tz else 0
+        tx += ex if t == tx else 0.0
+        ty += ey if t == ty else 0.0
+    else:
+        far_x, far_y = tx + (free - 1) * ex, ty + (free - 1) * ey
+        tz = FAR
+        if rising:
+            tz = (flat(world.levels_m, min(k + free, nz)) - z) * pz
+        elif k >= free:
+            tz = (flat(world.levels_m, k + 1 - free) - z) * pz
+        t = min(min(far_x, far_y), min(tz, end))
+        i = _after(i, x + t * ux, right, free, t == far_x)
+        j = _after(j, y + t * uy, up, free, t == far_y)
+        k = k + above * free if t == tz else level_below(z + t * dz, world)
+        tx, ty = _face(i, x, px), _face(j, y, py)
+    k = min(max(k, 0), nz - 1)
+    if not world.periodic:
+        i, j = min(max(i, 0), cx - 1), min(max(j, 0), cy - 1)
+    return t, i, j, k, tx, ty, majorant
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _onward(s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, depth, world):
+    """Follow a ray until ``depth`` of the majorants is met: (distance, cell, next faces, majorant); 0 at its end."""
     while s < end:
-        n = (_wrapped(j, cy, world.periodic) * cx + _wrapped(i, cx, world.periodic)) * nz + k
-        free = int(flat(world.free, beyond + n))
-        if free <= 1:
-            tz = FAR
-            if rising or k > 0:
-                tz = (flat(world.levels_m, k + 1 if rising else k) - z) * pz
-            t = min(min(tx, ty), min(tz, end))
-            if free == 0:
-                majorant = flat(world.cells, n) * 1.0
-                met = (t - s) * majorant
-                if met >= depth:
-                    return s + depth / majorant, i, j, k, tx, ty, majorant
-                depth -= met
-            s = t
-            i += ahead if t == tx else 0
-            j += aside if t == ty else 0
-            k += above if t == tz else 0
-            tx += ex if t == tx else 0.0
-            ty += ey if t == ty else 0.0
-        else:
-            far_x, far_y = tx + (free - 1) * ex, ty + (free - 1) * ey
-            tz = FAR
-            if rising:
-                tz = (flat(world.levels_m, min(k + free, nz)) - z) * pz
-            elif k >= free:
-                tz = (flat(world.levels_m, k + 1 - free) - z) * pz
-            s = min(min(far_x, far_y), min(tz, end))
-            if s >= end:
-                break
-            i = _after(i, x + s * ux, right, free, s == far_x)
-            j = _after(j, y + s * uy, up, free, s == far_y)
-            k = k + above * free if s == tz else level_below(z + s * dz, world)
-            tx, ty = _face(i, x, px), _face(j, y, py)
-        k = min(max(k, 0), nz - 1)
-        if not world.periodic:
-            i, j = min(max(i, 0), cx - 1), min(max(j, 0), cy - 1)
+        t, next_i, next_j, next_k, next_x, next_y, majorant = _step(
+            s, end, x, ux, px, y, uy, py, z, dz, pz, i, j, k, tx, ty, octant, world
+        )  # fmt: skip
+        met = (t - s) * majorant
+        if majorant > 0.0 and met >= depth:
+            return s + depth / majorant, i, j, k, tx, ty, majorant
+        depth -= met
+        s, i, j, k, tx, ty = t, next_i, next_j, next_k, next_x, next_y
     return end, i, j, k, tx, ty, 0.0
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _cloud(s, x, ux, y, uy, h, i, j, k, world, nodes):
     """Extinction of the species within a cell, at its faces where rounding puts a point beyond them."""
-    cy, cx, _ = world.cells.shape
+    cy, cx = cell_counts(world)
     low = flat(world.levels_m, k)
     a, b = x + s * ux - i, y + s * uy - j
     g = (h - low) / (flat(world.levels_m, k + 1) - low)
     return in_cell(
         _wrapped(i, cx, world.periodic), _wrapped(j, cy, world.periodic), k, min(max(a, 0.0), 1.0),
-        min(max(b, 0.0), 1.0), min(max(g, 0.0), 1.0), world, nodes,
+        min(max(b, 0.0), 1.0), min(max(g, 0.0), 1.0), world.extinction, world, nodes,
     )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def depth_to_sun(ox, oy, oz, most, world, nodes, depth):
+    """Exact optical depths (ns,) from a point to the sun, at the reference wavelength, into ``depth``.
+
+    Extinction is a cubic along a cell: two points of Gauss-Legendre. Returns the depth where it is least of all
+    wavelengths, and gives up when that is above ``most``. ``nodes`` (ns,): work space.
+    """
+    _, ns = sizes(world, nodes)
+    dx, dy, dz = flat(world.sun, 0), flat(world.sun, 1), flat(world.sun, 2)
+    for n in range(ns):
+        depth[n] = 0.0
+    least = 0.0
+    s, end, x, ux, px, y, uy, py, pz, i, j, k, tx, ty, octant = _begin(ox, oy, oz, dx, dy, dz, world)
+    while s < end and least <= most:
+        t, next_i, next_j, next_k, next_x, next_y, majorant = _step(
+            s, end, x, ux, px, y, uy, py, oz, dz, pz, i, j, k, tx, ty, octant, world
+        )  # fmt: skip
+        if majorant > 0.0:
+            for point in range(2):
+                p = s + (t - s) * (_GAUSS if point == 0 else 1.0 - _GAUSS)
+                _cloud(p, x, ux, y, uy, oz + p * dz, i, j, k, world, nodes)
+                for n in range(ns):
+                    met = 0.5 * (t - s) * nodes[n]
+                    depth[n] += met
+                    least += met * flat(world.least, n)
+        s, i, j, k, tx, ty = t, next_i, next_j, next_k, next_x, next_y
+    return least
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -171,6 +224,13 @@ def fly_flat(ox, oy, oz, dx, dy, dz, weight, scattered, taken, nodes, world, rng
         h = oz + s * dz
         if _cloud(s, x, ux, y, uy, h, i, j, k, world, nodes) <= 0.0:
             continue
+        if world.kind.ndim == 3:
+            if weight[0] <= 0.0:
+                return ESCAPED, s, h, -1e9, -1e9
+            here, extinct = nodes[0] * flat(world.scattering, 0), nodes[0] * flat(world.relative, 0)
+            if collided_alone(majorant, weight, here, extinct, rng):
+                return CLOUD, s, h, -1e9, -1e9
+            continue
         total, chance = 0.0, 0.0
         for w in range(nw):
             here, extinct = 0.0, 0.0
@@ -186,25 +246,3 @@ def fly_flat(ox, oy, oz, dx, dy, dz, weight, scattered, taken, nodes, world, rng
         chance = min(chance / (total * majorant), 1.0)
         if collided(chance, majorant, nw, weight, total, scattered, taken, rng):
             return CLOUD, s, h, -1e9, -1e9
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sunlight_flat(ox, oy, oz, world, beam, nodes, rng):
-    """As `sunlight`, in a world of rank 2 or 3."""
-    nw, _ = sizes(world, beam)
-    dx, dy, dz = flat(world.sun, 0), flat(world.sun, 1), flat(world.sun, 2)
-    for w in range(nw):
-        beam[w] = 1.0
-    s, end, x, ux, px, y, uy, py, pz, i, j, k, tx, ty, octant = _begin(ox, oy, oz, dx, dy, dz, world)
-    left = 1.0
-    while True:
-        s, i, j, k, tx, ty, majorant = _onward(
-            s, end, x, ux, px, y, uy, py, oz, dz, pz, i, j, k, tx, ty, octant, exponential(rng), world
-        )  # fmt: skip
-        if majorant == 0.0:
-            return dz >= 0.0
-        if _cloud(s, x, ux, y, uy, oz + s * dz, i, j, k, world, nodes) <= 0.0:
-            continue
-        left = dimmed(beam, left, majorant, nodes, world, rng)
-        if left == 0.0:
-            return False

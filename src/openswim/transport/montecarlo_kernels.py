@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.montecarlo_path import STACK, trace
+from openswim.transport.montecarlo_clear import clear_m
+from openswim.transport.montecarlo_path import STACK, black, trace
 from openswim.transport.montecarlo_phase import start_stream, turned, uniform, unit_circle
 from openswim.transport.montecarlo_place import (
     FAR,
@@ -178,8 +179,13 @@ def path_kernel(
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
-            begin = entry_m(o[0], o[1], o[2], d[0], d[1], d[2], world)
-            if world.airy or not spread:
+            if world.kind.ndim > 1:
+                begin, clear = clear_m(o[0], o[1], o[2], d[0], d[1], d[2], across, along, world)
+                if clear and (begin >= FAR or black(0.0, 0.0, True, ray, seen, world, out)):
+                    continue
+                begin = max(begin - NUDGE_M, 0.0)
+            elif world.airy or not spread:
+                begin = entry_m(o[0], o[1], o[2], d[0], d[1], d[2], world)
                 cloud_m, ground_m = scout(
                     o[0], o[1], o[2], d[0], d[1], d[2], world, scratch[0], species_depth, scratch[1], nodes, wanted,
                     boost,
@@ -196,7 +202,8 @@ def path_kernel(
                     x += a * across[0] + b * along[0]
                     y += a * across[1] + b * along[1]
                     z += a * across[2] + b * along[2]
-                    begin = entry_m(x, y, z, d[0], d[1], d[2], world)
+                    if world.kind.ndim == 1:
+                        begin = entry_m(x, y, z, d[0], d[1], d[2], world)
                 if begin >= FAR:
                     continue
                 out[:] = 0.0

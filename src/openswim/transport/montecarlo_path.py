@@ -12,15 +12,19 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo_flat import fly_flat, sunlight_flat
+from openswim.transport.montecarlo_flat import fly_flat
 from openswim.transport.montecarlo_ground import reflectance
 from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
 from openswim.transport.montecarlo_place import air_place, diffuse_albedo, facet, sizes
+from openswim.transport.montecarlo_shade import add_sunlight
 from openswim.transport.montecarlo_track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
 _FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
+LEAST_GROUND = 0.4  # likewise, where it leaves the ground,
+LEAST_RETURN = 0.1  # which is never rarer than this
+_CLEAR = 0.98  # of the sun's light: from ground that has as much, the sun is not aimed at
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
 
 
@@ -28,6 +32,9 @@ LEAST_SOURCE = 0.1  # of a local estimate, likewise
 def scatterers(event, h, world, shares, scattered, nodes):
     """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
     nw, ns = sizes(world, scattered)
+    if world.kind.ndim == 3:
+        shares[0, 0] = 1.0
+        return 0, 1
     if event == CLOUD:
         for w in range(nw):
             inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
@@ -55,7 +62,7 @@ def mixed_phase(q, w, first, last, nw, shares, phases):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _black(ix, iy, straight, ray, seen, world, out):
+def black(ix, iy, straight, ray, seen, world, out):
     """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
     nw, _ = sizes(world, out)
     if straight and not seen.lambertian:
@@ -80,6 +87,23 @@ def aimed(q, phases):
     """Density of directions aimed at the sun, mean 1 over the sphere."""
     i, f = phase_place(q, phases.q)
     return phases.aim[i] + f * (phases.aim[i + 1] - phases.aim[i])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out):
+    """As `montecarlo_shade.add_sunlight`, in any world: where it is small, chance decides whether it is looked at."""
+    nw, _ = sizes(world, beam)
+    worth = 0.0
+    for w in range(nw):
+        worth = max(worth, weight[w] * factor[w])
+    chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
+    if worth <= 0.0 or (chance < 1.0 and uniform(rng) >= chance):
+        return
+    for w in range(nw):
+        before[w] = weight[w] * factor[w] / chance
+    if sunlight(x, y, z, h, world, beam, nodes, rng):
+        for w in range(nw):
+            out[w] += before[w] * beam[w]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -109,7 +133,7 @@ def trace(
             event, s, h, ix, iy = fly(
                 x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
             )  # fmt: skip
-        alive = event != ESCAPED and not (event == GROUND and _black(ix, iy, straight, ray, seen, world, factor))
+        alive = event != ESCAPED and not (event == GROUND and black(ix, iy, straight, ray, seen, world, factor))
         if alive:
             x, y, z = x + s * dx, y + s * dy, z + s * dz
             total = 0.0
@@ -117,7 +141,7 @@ def trace(
                 total += weight[w]
             if whole == 0.0:
                 whole = total
-            first, last = 0, 0
+            first, last, bright = 0, 0, 0.0
             nx, ny, nz = 0.0, 0.0, 1.0
             if event == GROUND:
                 nx, ny, nz = facet(ix, iy, x, y, z, h, world)
@@ -131,38 +155,39 @@ def trace(
                 else:
                     diffuse_albedo(ix, iy, world, factor)
                 for w in range(nw):
+                    bright += weight[w] * factor[w]
                     factor[w] *= 4.0 * max(toward_sun, 0.0)
             else:
                 first, last = scatterers(event, h, world, shares, scattered, nodes)
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
-            # local estimate; where it is small, chance decides whether it is made
-            worth = 0.0
-            for w in range(nw):
-                worth = max(worth, weight[w] * factor[w])
-            chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
-            if worth > 0.0 and (chance == 1.0 or uniform(rng) < chance):
+            lit = 0.0
+            if world.kind.ndim > 1:
+                lit = add_sunlight(
+                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng,
+                    out,
+                )  # fmt: skip
+            else:
+                _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
+            if event == GROUND:
+                chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)
+                alive = uniform(rng) < chance
+                total /= chance
                 for w in range(nw):
-                    before[w] = weight[w] * factor[w] / chance
-                if world.kind.ndim > 1:
-                    lit = sunlight_flat(x, y, z, world, beam, stack[STACK], rng)
-                else:
-                    lit = sunlight(x, y, z, h, world, beam, stack[STACK], rng)
-                if lit:
-                    for w in range(nw):
-                        out[w] += before[w] * beam[w]
+                    weight[w] /= chance
             # two ways on: by the phase function, and by chance a second photon aimed at the sun
-            split = aiming > 0.0 and waiting < STACK and uniform(rng) < aiming
-            density = aiming if waiting < STACK else 0.0
+            density = 0.0
+            if alive and waiting < STACK and not (event == GROUND and lit > _CLEAR):
+                density = aiming
+            split = density > 0.0 and uniform(rng) < density
             for w in range(nw):
                 before[w] = weight[w]
             ax, ay, az = dx, dy, dz
-            for way in range(2):
-                if way == 1 and not split:
-                    break
+            for way in range(alive + split):
+                own = 0.0
                 if way == 1:
-                    q = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
+                    q, _ = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
                     c, e = unit_circle(rng)
                     dx, dy, dz = turned(world.sun[0], world.sun[1], world.sun[2], q, c, e)
                 elif event == GROUND:
@@ -183,11 +208,10 @@ def trace(
                             pick -= shares[n, lead]
                             n += 1
                     row = n * nw + lead
-                    q = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
+                    q, own = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
                     c, e = unit_circle(rng)
                     dx, dy, dz = turned(ax, ay, az, q, c, e)
                 # densities of this direction: by the photon's own way, and by aiming
-                own = 0.0
                 if event == GROUND:
                     toward = nx * dx + ny * dy + nz * dz
                     own = 4.0 * max(toward, 0.0)
@@ -198,17 +222,17 @@ def trace(
                         diffuse_albedo(ix, iy, world, factor)
                     for w in range(nw):
                         factor[w] *= own
-                elif nw > 1 or density > 0.0:
+                elif way == 0 and nw == 1 and last - first == 1:
+                    factor[0] = own
+                else:
                     if way == 1:
                         ux, uy, uz = dx - ax, dy - ay, dz - az
                         q = 0.5 * (ux * ux + uy * uy + uz * uz)
+                    own = 0.0
                     for w in range(nw):
                         factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
                         own += before[w] * factor[w]
                     own /= total
-                else:
-                    own = 1.0
-                    factor[0] = 1.0
                 worth = 0.0
                 toward_sun = aimed(off_sun(dx, dy, dz, world), phases) if density > 0.0 else 0.0
                 both = own + density * toward_sun

@@ -20,7 +20,7 @@ from openswim.optics.phase import PhaseFunction
 F64 = NDArray[np.float64]
 
 HALF_NODES = 1536  # nodes from 0 to 90 degrees, at q = (i/n)^4, and mirrored from 90 to 180
-_GUIDES = 1024
+_GUIDES = 4096
 
 _LAYERS = 256
 _TAIL = 7.69711747013104972  # of the ziggurat, whose layers have the area of _TAIL's and what is beyond
@@ -51,10 +51,10 @@ class Phases(NamedTuple):
     q: F64  # (nodes,)
     value: F64  # (rows, nodes), mean 1 over the sphere
     chance: F64  # (rows, nodes) probability of a smaller q
-    guide: NDArray[np.int32]  # (rows, _GUIDES) last node with a chance below i/_GUIDES
+    guide: NDArray[np.int16]  # (rows, _GUIDES) last node with a chance below i/_GUIDES
     aim: F64  # (nodes,) mean of the particles' phase functions: what light near the sun is sought with
     aim_chance: F64
-    aim_guide: NDArray[np.int32]
+    aim_guide: NDArray[np.int16]
 
 
 def phases_of(
@@ -93,9 +93,9 @@ def _chance(value: F64) -> F64:
     return chance / chance[-1]
 
 
-def _guide(chance: F64) -> NDArray[np.int32]:
+def _guide(chance: F64) -> NDArray[np.int16]:
     node = np.searchsorted(chance, np.arange(_GUIDES) / _GUIDES, "right") - 1
-    return np.clip(node, 0, len(chance) - 2).astype(np.int32)
+    return np.clip(node, 0, len(chance) - 2).astype(np.int16)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -145,9 +145,9 @@ def unit_circle(rng):
         x = np.float64(z & _LOW_32) * 4.656612873077393e-10 - 1.0
         y = np.float64(z >> _S32) * 4.656612873077393e-10 - 1.0
         square = x * x + y * y
-        if 1e-12 < square <= 1.0:
-            inverse = 1.0 / math.sqrt(square)
-            return x * inverse, y * inverse
+        if 1e-12 < square <= 1.0:  # twice its angle: no root
+            inverse = 1.0 / square
+            return (x * x - y * y) * inverse, 2.0 * x * y * inverse
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -163,15 +163,16 @@ def phase_place(q, nodes):
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def drawn_q(u, nodes, value, chance, guide):
-    """q of a random scattering angle, from a random number in [0, 1)."""
-    i = guide[int(u * _GUIDES)]
+    """q of a random scattering angle, from a random number in [0, 1), and the phase function there."""
+    i = int(guide[int(u * _GUIDES)])
     while chance[i + 1] <= u and i < 2 * HALF_NODES - 1:
         i += 1
     width = nodes[i + 1] - nodes[i]
     p0, p1 = 0.5 * value[i], 0.5 * value[i + 1]
     c = (u - chance[i]) / width
     root = math.sqrt(max(p0 * p0 + 2.0 * (p1 - p0) * c, 0.0))
-    return nodes[i] + width * min(2.0 * c / max(p0 + root, 1e-300), 1.0)
+    way = min(2.0 * c / max(p0 + root, 1e-300), 1.0)
+    return nodes[i] + width * way, 2.0 * (p0 + way * (p1 - p0))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -185,5 +186,4 @@ def turned(dx, dy, dz, q, c, s):
     x = along * dx + sine * (c * (1.0 + sign * dx * dx * a) + s * b)
     y = along * dy + sine * (c * sign * b + s * (sign + dy * dy * a))
     z = along * dz + sine * (-c * sign * dx - s * dy)
-    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return x * scale, y * scale, z * scale
+    return x, y, z

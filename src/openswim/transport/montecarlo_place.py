@@ -22,6 +22,13 @@ def sizes(world, spectrum):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def cell_counts(world):
+    """Cells along y and x, of a flat world."""
+    ny, nx = world.terrain_m.shape
+    return ny - (ny > 1 and not world.periodic), nx - (nx > 1 and not world.periodic)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def chart_place(x, y, z, dx, dy, dz, world):
     """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
     depth = world.radius_m + z
@@ -100,10 +107,8 @@ def level_below(h, world):
     """Level under a height, clamped to the grid."""
     nz = world.levels_m.shape[0]
     t = (h - world.level_origin_m) * world.level_per_m
-    n = world.level_table.shape[0] - 1
-    k = int(flat(world.level_table, int(min(max(t, 0.0), 1.0 * n))))
-    k = min(k, nz - 2)
-    if k < nz - 2 and h >= flat(world.levels_m, k + 1):
+    k = int(flat(world.level_table, int(min(max(t, 0.0), world.level_table.shape[0] - 1.0))))
+    while k < nz - 2 and h >= flat(world.levels_m, k + 1):
         k += 1
     return k
 
@@ -119,8 +124,8 @@ def wrapped(ix, iy, world):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def in_cell(i, j, k, a, b, g, world, nodes):
-    """As `species_at`, at the shares (a, b, g) of a cell's edges along x, y and z."""
+def in_cell(i, j, k, a, b, g, f, world, nodes):
+    """As `species_at`, of any field f, at the shares (a, b, g) of a cell's edges along x, y and z."""
     ny, nx = world.terrain_m.shape
     _, ns = sizes(world, nodes)
     right, up = ns, nx * ns
@@ -130,7 +135,6 @@ def in_cell(i, j, k, a, b, g, world, nodes):
         up = -j * nx * ns if world.periodic else 0
     here = ((k * ny + j) * nx + i) * ns
     above = here + ny * nx * ns
-    f = world.extinction
     total = 0.0
     for s in range(ns):
         n, m = here + s, above + s
@@ -155,7 +159,7 @@ def species_at(ix, iy, h, world, nodes):
     ix, iy = wrapped(ix, iy, world)
     i = min(max(int(ix), 0), nx - 1)
     j = min(max(int(iy), 0), ny - 1)
-    return in_cell(i, j, k, ix - i, iy - j, g, world, nodes)
+    return in_cell(i, j, k, ix - i, iy - j, g, world.extinction, world, nodes)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -202,6 +206,8 @@ def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def facet(ix, iy, x, y, z, h, world):
     """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
+    if world.kind.ndim > 1:
+        return 0.0, 0.0, 1.0
     if world.periodic or not world.gridded or not in_domain(ix, iy, world):
         r = world.radius_m + h
         return x / r, y / r, (world.radius_m + z) / r

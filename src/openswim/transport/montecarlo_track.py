@@ -164,6 +164,16 @@ def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def collided_alone(majorant, weight, scattered, taken, rng):
+    """As `collided`, of a single wavelength: it weighs less only where light is absorbed."""
+    if uniform(rng) * majorant < scattered:
+        return True
+    if taken > scattered:
+        weight[0] *= max(majorant - taken, 0.0) / (majorant - scattered)
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def dimmed(beam, left, majorant, nodes, world, rng):
     """A beam keeps the share of its light that the majorant takes in excess: how much is ``left`` of it, times that.
 

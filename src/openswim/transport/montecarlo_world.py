@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from openswim.optics import background
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium, build_medium
-from openswim.transport.montecarlo_cells import cell_majorants, free_cells
+from openswim.transport.montecarlo_cells import Cells, Shade, cell_majorants, cells_of, free_cells, no_cells, no_shade
 from openswim.transport.montecarlo_phase import Phases, phases_of
 from openswim.transport.scalar import height_of_square_m
 from openswim.transport.surface import Lighting
@@ -55,17 +55,20 @@ class World(NamedTuple):
     chart: F64
     level_origin_m: float
     level_per_m: float
-    level_table: F64
+    level_table: NDArray[np.int16]  # level below the lower end of even steps in height
     levels_m: F64  # (nz,)
     cell_m: F64  # (2,) least distance of columns
     periodic: bool
     extinction: F32  # (nz, ny, nx, ns) at the reference wavelength
     relative: F64  # (ns, nw) extinction,
     scattering: F64  # (ns, nw) scattering over the reference extinction
+    least: F64  # (ns,) least relative extinction of all wavelengths
     majorant: F32  # (blocks z, y, x)
     skip: NDArray[np.uint8]  # (blocks z, y, x) empty blocks around an empty one, in all directions
-    cells: F32  # (y, x, nz - 1) majorants of cells, from rank 2 on
-    free: NDArray[np.uint8]  # (8, y, x, nz - 1) empty cells ahead, by octant
+    cells: Cells  # from rank 2 on
+    cloud_low_m: float  # there is cloud between these heights only
+    cloud_high_m: float
+    shade: Shade
     terrain_m: F32  # (ny, nx)
     normal: F64  # (ny, nx, 3)
     albedo: F64  # (ny, nx, nw)
@@ -121,11 +124,11 @@ def _no_grid(ground_m: float, nw: int) -> dict:
         "top_m": ground_m + 1e5, "low_m": ground_m, "high_m": ground_m, "gridded": False,
         "index_x0": 0.0, "index_y0": 0.0, "index_per_x": 0.0, "index_per_y": 0.0, "chart_origin_m": 0.0,
         "chart_per_m": 1.0, "chart": np.full((2, 2, 2), -1e9), "level_origin_m": 0.0, "level_per_m": 1.0,
-        "level_table": np.zeros(2), "levels_m": np.array([-1e9, -1e9 + 1]), "cell_m": np.full(2, 1e9),
+        "level_table": np.zeros(2, np.int16), "levels_m": np.array([-1e9, -1e9 + 1]), "cell_m": np.full(2, 1e9),
         "periodic": False, "extinction": np.zeros((1, 1, 1, 1), f32), "relative": np.zeros((1, nw)),
-        "scattering": np.zeros((1, nw)), "majorant": np.zeros((1, 1, 1), f32), "skip": np.zeros((1, 1, 1), np.uint8),
-        **_cells(None, (), (1, 1), False), "terrain_m": np.zeros((1, 1), f32), "normal": np.zeros((1, 1, 3)),
-        "albedo": np.zeros((1, 1, nw)),
+        "scattering": np.zeros((1, nw)), "least": np.zeros(1), "majorant": np.zeros((1, 1, 1), f32),
+        "skip": np.zeros((1, 1, 1), np.uint8), **_cells(None, np.zeros(2), (), (1, 1), False),
+        "terrain_m": np.zeros((1, 1), f32), "normal": np.zeros((1, 1, 3)), "albedo": np.zeros((1, 1, nw)),
     }  # fmt: skip
 
 
@@ -138,8 +141,9 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         extinction, relative, omega = np.zeros((*medium.shape, 1), np.float32), np.zeros((1, nw)), np.zeros((1, nw))
     most = np.max([extinction @ row.astype(np.float32) for row in relative.T], axis=0)
     majorant = block_majorants(most, medium.periodic)
-    origin, per_m, table = medium.level_lookup
-    top = float(medium.levels_m[-1])
+    levels = np.asarray(medium.levels_m, float)
+    origin, per_m, table = _level_table(levels)
+    top = float(levels[-1])
     terrain = medium.terrain_m
     flat = bool((terrain == terrain.flat[0]).all())
     ground = [medium.ground_m, float(terrain.min()), float(terrain.max())]
@@ -160,10 +164,11 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         "gridded": bool(majorant.any()) or min(ground) < max(ground) or medium.terrain_m.size > 1,
         "chart_origin_m": medium.chart_origin_m, "chart_per_m": medium.chart_per_m, "chart": medium.chart,
         "level_origin_m": origin, "level_per_m": per_m, "level_table": table,
-        "levels_m": np.asarray(medium.levels_m, float), "cell_m": _least_cells(medium), "periodic": medium.periodic,
-        "extinction": extinction, "relative": relative, "scattering": relative * omega, "majorant": majorant,
+        "levels_m": levels, "cell_m": _least_cells(medium), "periodic": medium.periodic,
+        "extinction": extinction, "relative": relative, "scattering": relative * omega,
+        "least": relative.min(axis=1), "majorant": majorant,
         "skip": _empty_blocks(majorant, medium.periodic),
-        **_cells(most if plain else None, (ns, nw), terrain.shape, medium.periodic),
+        **_cells(most if plain else None, levels, (ns, nw), terrain.shape, medium.periodic),
         "terrain_m": np.ascontiguousarray(terrain),
         "normal": np.ascontiguousarray(normal, float),
         "albedo": np.ascontiguousarray(np.moveaxis(lighting.albedo, 0, -1), float),
@@ -175,15 +180,26 @@ def _one_wide(medium: Medium) -> bool:
     return not medium.periodic and min(medium.shape[1:]) == 1 < max(medium.shape[1:])
 
 
-def _cells(most: F32 | None, sizes: tuple[int, ...], columns: tuple[int, ...], periodic: bool) -> dict:
+def _cells(most: F32 | None, levels_m: F64, sizes: tuple[int, ...], columns: tuple[int, ...], periodic: bool) -> dict:
     """What rays need that go from cell to cell, from the nodes' greatest extinction; None: they do not."""
+    none = {"cells": no_cells(), "cloud_low_m": 0.0, "cloud_high_m": 0.0, "shade": no_shade()}
     if most is None:
-        empty = {"cells": np.zeros((1, 1, 1), np.float32), "free": np.zeros((8, 1, 1, 1), np.uint8)}
-        return {"kind": np.zeros(1, np.float32), **empty}
-    cells = cell_majorants(most, periodic)
-    free = free_cells(cells, periodic, (columns[0], columns[1]))
+        return {"kind": np.zeros(1, np.float32), **none}
+    majorant = cell_majorants(most, periodic)
+    cells = cells_of(majorant, free_cells(majorant, periodic, (columns[0], columns[1])))
     kind = np.zeros((1,) * (3 if sizes == (1, 1) else 2), np.float32)
-    return {"kind": kind, "cells": cells, "free": free}
+    full = np.flatnonzero(majorant.any(axis=(0, 1)))
+    low, high = (levels_m[full[0]], levels_m[full[-1] + 1]) if full.size else (levels_m[0], levels_m[0])
+    return none | {"kind": kind, "cells": cells, "cloud_low_m": float(low), "cloud_high_m": float(high)}
+
+
+def _level_table(levels_m: F64) -> tuple[float, float, NDArray[np.int16]]:
+    """Origin and entries per metre of a table small enough for a core's nearest cache: steps up to a level are few."""
+    count = 8 * len(levels_m)
+    per_m = count / float(levels_m[-1] - levels_m[0])
+    edges = levels_m[0] + (np.arange(count) - 1e-6) / per_m
+    below = np.clip(np.searchsorted(levels_m, edges, "right") - 1, 0, len(levels_m) - 2)
+    return float(levels_m[0]), per_m, below.astype(np.int16)
 
 
 def _least_cells(medium: Medium) -> F64:
