@@ -152,15 +152,15 @@ def test_parts_stay_small_and_show_every_ray_once(clouds: Scene, monkeypatch: py
 
 
 def test_clouds_by_monte_carlo(clouds: Scene) -> None:
-    """Clouds some cells wide: measured -2 % bias, 5 % RMSE."""
+    """Clouds some cells wide: measured +1 % bias, 1.5 % RMSE."""
     rays, sun = _rays(clouds, 22, 14, 20.0), _sun(50.0)
     seen = Solver().solve(clouds, sun, [WAVELENGTH_NM]).view(rays).radiance[:, 0]
-    truth = Solver("reference", paths=150).solve(clouds, sun, [WAVELENGTH_NM]).view(rays)
+    truth = Solver("reference", paths=600).solve(clouds, sun, [WAVELENGTH_NM]).view(rays)
     expected, sigma = truth.radiance[:, 0], truth.sigma[:, 0]
     noise = np.sqrt((sigma**2).mean())
     error = np.sqrt(max(((seen - expected) ** 2).mean() - noise**2, 0)) / expected.mean()
     assert seen.mean() == pytest.approx(expected.mean(), rel=0.05)
-    assert error < 0.1
+    assert error < 0.06
 
 
 def test_cloud_that_covers_part_of_its_cells_reflects_as_much_of_them() -> None:

@@ -65,5 +65,5 @@ def cameras(scene: "Scene") -> dict[str, "Camera"]:
         "airborne": Camera.perspective(
             lat, lon, height_m=6000.0, azimuth_deg=30.0, altitude_deg=-15.0, fov_deg=75.0
         ),
-        "space": Camera.satellite(lat, lon, height_m=400_000.0, fov_deg=5.0, size=600),
+        "space": Camera.satellite(lat, lon, height_m=400_000.0, fov_deg=3.2, size=600),
     }

@@ -25,7 +25,7 @@ SRGB_MATRIX = np.array(
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
-HIGHLIGHT = 1.6  # ... and the most that it lets the bright parts have; the shoulder takes 1.6 to 0.977
+HIGHLIGHT = 1.2  # ... and the most that it lets the bright parts have; the shoulder takes 1.2 to 0.927
 SHOULDER = 0.65  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
@@ -84,9 +84,9 @@ def to_linear_rgb(image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb") -> 
 def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
     """The factor from L' to display light that a photographer would choose.
 
-    The typical luminance (geometric mean) goes to 20 % of white unless that would burn out the bright parts:
-    their 98th percentile stays at 1.15, which the shoulder brings just below white.  Pixels outside the
-    image, black space (below .2 % of the bright parts) and the sun's disc do not count.
+    The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts:
+    their 98th percentile stays at 1.2, which the shoulder brings below white.  Pixels outside the image, black
+    space (below .2 % of the bright parts) and the sun's disc do not count.
     """
     data = solar_relative(image)
     pixels = data.size / data.sizes["wavelength"]

@@ -134,13 +134,9 @@ def build_medium(
         levels = _refined(
             levels, heights, total, coarseness * min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0
         )  # fmt: skip
-    divided = frame.curved and (refine or cover is not None)
     fineness = 1
-    if divided:
-        wanted, most = _CELL_M, _MOST_FINER_NODES
-        if cover is not None:
-            wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
-        fineness = _fineness(ny, nx, cell_m, wanted, most // len(levels))
+    if frame.curved and (refine or cover is not None):
+        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
     axes, place = _columns(grid, frame, fineness)
     if nx == 1:
         terrain, axes, place = terrain[:1, :1], axes[:1, :1], place[:1, :1]
@@ -190,10 +186,14 @@ def halved_medium(scene: Scene, medium: Medium) -> Medium:
     )  # fmt: skip
 
 
-def _fineness(ny: int, nx: int, cell_m: float, wanted_m: float, most: int) -> int:
-    """How often to halve cells wider than wanted, within the most columns."""
+def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine: bool) -> int:
+    """Into how many a cell of a grid (nz, ny, nx) is divided each way; ``broken``: into clouds, by their cover."""
+    nz, ny, nx = shape
+    wanted, most = _CELL_M, _MOST_FINER_NODES
+    if broken:
+        wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
     fineness = 1
-    while cell_m / fineness > wanted_m and (2 * fineness * ny) * (2 * fineness * nx) < most:
+    while cell_m / fineness > wanted and (2 * fineness * ny) * (2 * fineness * nx) < most // nz:
         fineness *= 2
     return fineness
 
