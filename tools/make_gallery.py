@@ -97,7 +97,7 @@ def make(picture: Picture, folder: Path) -> None:
     scene = open_scene(folder / picture.file, time=picture.time, around=around)
     if picture.framed:
         camera = framed(camera, scene)
-    image = render(scene, camera, solver="swim", time=picture.sun_time)
+    image = render(scene, camera, time=picture.sun_time)
     path = TARGET / f"{picture.name}.jpg"
     save(image, path)
     print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.process_time() - begin:.0f} s", flush=True)

@@ -133,10 +133,12 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
             distance += middle * min(added, max(_ONE - cloud_depth, _ZERO))
         elif cloud_depth >= _ONE:
             fronting = _ZERO
-        # both scattering and beam change within the step: their product's mean is not that of its ends
-        bend = _SIXTH * (single_far - single) * join(beam_far - beam, beam_far - beam)
-        source = diffuse + single * join(beam, beam) - bend
-        source_far = diffuse_far + single_far * join(beam_far, beam_far) - bend
+        source, source_far = diffuse + single * join(beam, beam), diffuse_far + single_far * join(beam_far, beam_far)
+        if added > _ZERO:
+            # a cloud's scattering and the beam change together: their product's mean is not that of its ends
+            bend = _SIXTH * (single_far - single) * join(beam_far - beam, beam_far - beam)
+            source -= bend
+            source_far -= bend
         depth = (extinction + extinction_far) * half_step
         trans = transmission(depth)
         if cloud_depth + added <= depth_limit:
