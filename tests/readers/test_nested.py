@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.readers import Neighbourhood, open_scene
 from openswim.readers.nested import merged
 from openswim.scene import Grid
+from openswim.scene.variables import SURFACE_DIMS
 
 LAT, LON = 47.0, 8.0
 CRS_ = CRS.from_proj4(f"+proj=lcc +lat_1=40 +lat_2=55 +lat_0={LAT} +lon_0={LON} +R=6371000")
@@ -126,6 +127,19 @@ def test_what_the_finer_lacks_comes_from_the_coarser():
     outer = domain(3000.0, 61, smooth, fields={"ice_content": np.full(shape, 5e-5, np.float32)})
     inner = domain(500.0, 61, smooth)
     np.testing.assert_allclose(merged([outer, inner], NEAR).data.ice_content, 5e-5, rtol=1e-4)
+
+
+def test_ground_that_only_the_finer_tells_of_is_its_own():
+    outer, inner = domain(3000.0, 61, smooth), domain(500.0, 61, smooth)
+    snow = np.zeros((61, 61), np.float32)
+    snow[:, 30:] = 1.0
+    inner.data["snow_area_fraction"] = (SURFACE_DIMS, snow)
+    scene = merged([outer, inner], NEAR)
+    near = scene.data["snow_area_fraction"].values
+    assert near[:, 0].max() == 0  # beyond its rim as at it
+    assert near[:, -1].min() == pytest.approx(1)
+    assert np.isfinite(near).all()
+    assert "snow_area_fraction" not in list(scene.levels)[-1].data
 
 
 def test_light_taken_out_is_blended():

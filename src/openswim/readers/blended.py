@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from openswim.optics.hydrometeors import effective_radius_m
 from openswim.readers.neighbourhood import Mesh, Selection, onto
@@ -21,6 +22,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _MOST_LEVELS = 80
+_MOST_OF_GRID = 0.6  # that a domain covers which tells of the ground what the coarsest does not
 _RIM_CELLS = 3.0  # of the next coarser grid, over which a finer one fades in
 _RIM_SHARE, _TOP_SHARE = 0.15, 0.15  # of its width and height, at most
 
@@ -227,15 +229,28 @@ def _spectral_albedo(laid: Sequence[_Laid], wavelengths_nm: F64) -> F32:
 
 
 def _surface(laid: Sequence[_Laid]) -> dict[str, F32]:
-    """Fields on the ground that the coarsest domain has; terrain also where it has none."""
+    """Fields on the ground that the coarsest domain has, or one that covers most of the grid; terrain in any case."""
     out: dict[str, F32] = {}
-    names = [str(n) for n, values in laid[0].scene.data.data_vars.items() if values.dims == SURFACE_DIMS]
+    names: list[str] = []
+    for one in laid:
+        if one is laid[0] or (one.weight[0] > 0).mean() > _MOST_OF_GRID:
+            own = [str(n) for n, values in one.scene.data.data_vars.items() if values.dims == SURFACE_DIMS]
+            names += [name for name in own if name not in names]
     if any(WAVELENGTH_DIM in one.scene.data.dims for one in laid) and "surface_albedo" in names:
         names.remove("surface_albedo")
     if any("surface_altitude" in one.scene.data for one in laid) and "surface_altitude" not in names:
         names.append("surface_altitude")
     for name in names:
-        found = _blend(laid, [one.on_grid(name) if name in one.scene.data else None for one in laid])
+        fields = [one.on_grid(name) if name in one.scene.data else None for one in laid]
+        if fields[0] is None and name != "surface_altitude":
+            fields[0] = _spread(next(one for one in reversed(laid) if name in one.scene.data), name)
+        found = _blend(laid, fields)
         assert found is not None
         out[name] = found
     return out
+
+
+def _spread(one: _Laid, name: str) -> F32:
+    """A field on the ground, beyond its domain that of the nearest place in it."""
+    nearest = distance_transform_edt(one.weight[0] <= 0, return_distances=False, return_indices=True)
+    return np.asarray(one.on_grid(name)[tuple(nearest)], np.float32)
