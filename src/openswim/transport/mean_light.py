@@ -13,6 +13,7 @@ nodes in proportion to their extinction: then it is the light at a node that is 
 
 V the mean of the two h along that axis. c is for light that is not linear: 1/12 by the trapezoidal rule for a smooth
 one, half of it for the beam, which lies between a straight line and the exponential of a straight line.
+docs/decisions/0015-light-between-nodes.md.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ F32 = NDArray[np.float32]
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _TINY = np.float32(1e-30)
+# The factors of (beta_b - beta)/(beta_b + beta), and c. In sweeps a step loses light along its dominant axis (1/6 and
+# 1/12), and across as interpolation upstream has it (1/12 on the average, and 0): means over the three axes
 SWEPT = (1.0 / 9.0, 1.0 / 36.0)
-SEEN = (1.0 / 6.0, 0.0)
+SEEN = (1.0 / 6.0, 0.0)  # by an eye, to which light is linear between nodes
 OF_BEAM = (1.0 / 6.0, 1.0 / 24.0)
 _ROW = BLOCK + 2 * LANES  # of a block with a node on either side; the first stands before element LANES
 _NEIGHBOURS = 6
