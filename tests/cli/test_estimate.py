@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from openswim.cameras import Camera
-from openswim.cli.estimate import estimate
+from openswim.cli.estimate import estimate, swept
 
 CLEAR = SimpleNamespace(grid=None, wider=None)
 
@@ -18,6 +18,9 @@ def test_wide_cells_are_divided() -> None:
     small = Camera.allsky(47, 11, size=100)
     own, narrow = (estimate(_scene(45, 48, 48, cell_m), small).seconds for cell_m in (9000.0, 1000.0))
     assert narrow + 2 < own < 12
+    assert swept(_scene(45, 48, 48, 1000.0))
+    assert not swept(_scene(45, 48, 48, 9000.0))
+    assert not swept(CLEAR)
 
 
 def test_more_of_anything_takes_longer() -> None:

@@ -61,9 +61,8 @@ def run(request: RenderRequest) -> None:
     camera = camera_of(request)
 
     import openswim
-    from openswim.cli.estimate import announce
+    from openswim.cli.estimate import announce, swept
     from openswim.transport import compiling
-    from openswim.transport.large import lit_in_parts
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps
@@ -71,7 +70,7 @@ def run(request: RenderRequest) -> None:
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
     )
-    if solver.name == "fast" and scene.grid is not None and not lit_in_parts(scene):
+    if solver.name == "fast" and any(swept(level) for level in scene.levels):
         compiling.begin()
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
