@@ -271,9 +271,8 @@ class PackField:
         out = seen.scaled * (seen.distance_m < 0)[:, None]
         # beside the grid a place may lie under the terrain that ends there, which must not shade it
         under = np.flatnonzero((seen.distance_m >= 0) & (seen.distance_m < float(self.volume.cell_m.max())))
-        if under.size and self.medium is not None:
-            lifted[under, 2] += float(self.volume.terrain_m.max()) - self.lighting.ground_m
-            out[under] = self._sunward(lifted[under], None).scaled
+        if under.size:
+            out[under] = self._sunward(lifted[under], np.full(under.size, FAR_M)).scaled
         return out
 
     def _sunward(self, origin: F64, ends: F64 | None) -> Marched:
