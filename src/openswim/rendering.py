@@ -106,10 +106,10 @@ def render(
     the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
     ``radiance_standard_error``, the paths per pixel and the mean error.
     """
-    if isinstance(scene, Scene):
-        name = solver if isinstance(solver, str) else solver.name
-        scene = light(_needed(scene, camera, name), solver, wavelengths_nm, time, sun)
-    lit = scene
+    name = solver if isinstance(solver, str) else solver.name
+    lit = scene if isinstance(scene, LitScene) else light(
+        _needed(scene, camera, name), solver, wavelengths_nm, time, sun
+    )  # fmt: skip
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()

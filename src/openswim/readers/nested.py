@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, rim_m, size_text
 from openswim.readers.covering import within
-from openswim.readers.neighbourhood import WIDER_SIDE, Neighbourhood, extent_text, part_of
+from openswim.readers.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood, extent_text, part_of
 from openswim.scene import Grid, Scene
 
 F64 = NDArray[np.float64]
 
 _SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up one looks at domains, not around oneself
 _MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
-_FARTHER = 1.25  # times its reach that makes another grid worth while
 _ASIDE = 0.12  # of a domain, that its grid may reach beyond it
 _HIGH = 0.8  # of the widest domain's top: a domain that needs none of its clouds above
 _CORE_RIM = 0.08  # of a grid, at each side, in which a wider one is seen instead
@@ -72,7 +71,7 @@ def _innermost(order: Sequence[Scene], around: Neighbourhood, reach: float) -> S
         raise UserError("the observer is at the edge of all the domains: choose a place farther inside")
     assert scene.grid is not None
     there = [one for one in order if _meets(one, around_it)]
-    alike = reach <= _FARTHER * place.radius_m or scene.grid.earth_radius_m == around_it.earth_radius_m
+    alike = reach <= FARTHER * place.radius_m or scene.grid.earth_radius_m == around_it.earth_radius_m
     if alike and (len(there) == 1 or (_covers(scene, around_it) and _top_m(scene) > _HIGH * _top_m(order[-1]))):
         part = part_of(scene, place)
         return copy(part) if part is scene else part
@@ -87,7 +86,7 @@ def _wider(
     where wider cells or broken clouds ask for it, unless it is the last grid."""
     last, before, cell = scene is order[-1], _half_m(found[-1]), cell_m(scene)
     left = _MOST_WIDER - len(found)  # grids, after this one
-    if reach < _FARTHER * before or left < (0 if last else 1):
+    if reach < FARTHER * before or left < (0 if last else 1):
         return None
     far = _RATIO * before
     if "cloud_area_fraction" not in scene.data or not last:
@@ -101,7 +100,7 @@ def _wider(
             part = 0.5 * _diagonal_m(scene) < around.radius_m
             place = Neighbourhood(lat, lon, (1 + 2 * _ASIDE) * _half_m(scene)) if part else around
     target = _target(order[-1], place, cell, None if last else order[order.index(scene) :])
-    if target is None or 0.5 * max(np.ptp(target.x), np.ptp(target.y)) < _FARTHER * before:
+    if target is None or 0.5 * max(np.ptp(target.x), np.ptp(target.y)) < FARTHER * before:
         return None
     there = [one for one in order if _meets(one, target)]
     return on_one_grid(there, target, levels_of(there[there.index(scene) :]))

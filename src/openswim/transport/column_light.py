@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.column_solve import MODES, ORDERS, back, direction, eliminate, ground_start
-from openswim.transport.eye_source import way_to_eye, write_legendre
+from openswim.transport.eye_source import way_to_eye
 from openswim.transport.pack import (
     LANES,
     PACK,
@@ -32,6 +32,16 @@ _MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that th
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _write_legendre(cosine, out, at):
+    """(2l+1) P_l (DEGREE, LANES) of cosines, from flat element ``at`` of ``out`` on."""
+    p0, p1 = spread_quadruple(_ONE), cosine
+    for ell in range(DEGREE):
+        write(out, at + ell * LANES, np.float32(2 * ell + 1) * p0)
+        up = (np.float32((2 * ell + 3) / (ell + 2)) * cosine) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
+        p0, p1 = p1, up
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
     """Of the way to the eye at every level: weights of the moments (nz, MODES, ORDERS), (2l+1) P_l of the angle from
@@ -43,7 +53,7 @@ def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
     for k in range(levels_m.shape[0]):
         _, _, _, x, y, z = way_to_eye(c, nx, columns, np.float32(levels_m[k]), eye, parallel)
         along = x * sx + y * sy  # sines of both zenith angles, times the cosine between azimuths
-        write_legendre(along + z * sz, phases, k * DEGREE * LANES)
+        _write_legendre(along + z * sz, phases, k * DEGREE * LANES)
         write(slopes, k * LANES, _ZERO - z)
         for m in range(MODES):
             n = (k * MODES + m) * ORDERS * LANES

@@ -2,7 +2,7 @@
 
 Cells of kilometres are so much wider than the way light diffuses in cloud that little passes between columns. What
 does not is solved without sweeps (`column_solve.py`), and the eye sees of each cell what its thin parts send up
-(`column_light.py`). docs/decisions/0013-large-domains.md.
+(`column_light.py`). docs/decisions/0013-large-domains.md, 0016-wide-cells.md.
 """
 
 from __future__ import annotations

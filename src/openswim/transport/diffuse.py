@@ -167,17 +167,17 @@ class Sweeper:
         if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
         try:
-            self._sweep_halves(self.around(values, mean_light.SWEPT), new)
+            self._sweep_halves(self._around(values), new)
         finally:
             set_num_threads(threads)
         return new
 
-    def around(self, values: F32, weights: tuple[float, float]) -> F32:
-        """The light that scatters around the nodes, into scratch."""
+    def _around(self, values: F32) -> F32:
+        """The light that scatters around the nodes, in scratch."""
         if not self.between:
             return values
         out = self.pool.take("around", *values.shape)
-        return mean_light.light_around(self.grid, self.place, values, self.extinction, out, weights)
+        return mean_light.light_around(self.grid, self.place, values, self.extinction, out, mean_light.SWEPT)
 
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""

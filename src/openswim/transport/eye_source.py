@@ -87,16 +87,6 @@ def way_to_eye(c, nx, columns, height, eye, parallel):
     return vx, vy, vz, x, y, ax * vx + ay * vy + az * vz
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def write_legendre(cosine, out, at):
-    """(2l+1) P_l (DEGREE, LANES) of cosines, from flat element ``at`` of ``out`` on."""
-    p0, p1 = spread_quadruple(_ONE), cosine
-    for ell in range(DEGREE):
-        write(out, at + ell * LANES, np.float32(2 * ell + 1) * p0)
-        up = (np.float32((2 * ell + 3) / (ell + 2)) * cosine) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
-        p0, p1 = p1, up
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _geometry(j, i, nx, columns, height, eye, parallel, harmonics):
     """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes."""
