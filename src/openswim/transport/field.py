@@ -17,7 +17,7 @@ from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport import nested, swim_view
 from openswim.transport.grid_light import GridLight, SunDepth
-from openswim.transport.march import Marched, march_rays
+from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.nested import Core, Seen
 from openswim.transport.pack import PACK
@@ -263,23 +263,12 @@ class PackField:
         return seen.radiance, seen.distance
 
     def beam(self, place: F64) -> F32:
-        """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid."""
+        """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid. A
+        relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
         lifted = place + np.array([0.0, 0.0, 1.0])
-        # a relief casts its own shadow
-        ends = None if self.relief is None else np.full(len(place), FAR_M)
-        seen = self._sunward(lifted, ends)
-        out = seen.scaled * (seen.distance_m < 0)[:, None]
-        # beside the grid a place may lie under the terrain that ends there, which must not shade it
-        under = np.flatnonzero((seen.distance_m >= 0) & (seen.distance_m < float(self.volume.cell_m.max())))
-        if under.size:
-            out[under] = self._sunward(lifted[under], np.full(under.size, FAR_M)).scaled
-        return out
-
-    def _sunward(self, origin: F64, ends: F64 | None) -> Marched:
-        """What rays to the sun meet."""
-        return march_rays(
-            origin, self.sun, self.sun, np.zeros_like(self.table), self.shells, self.volume, 2.0, ends=ends
-        )
+        dark = np.zeros_like(self.table)
+        ends = np.full(len(place), FAR_M)
+        return march_rays(lifted, self.sun, self.sun, dark, self.shells, self.volume, 2.0, ends=ends).scaled
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""
