@@ -38,7 +38,7 @@ def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> Non
     """Tolerance .02 is what a sweep may still mend; what remains is 1 % of fluxes and 4 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
-    assert len(quick.packs[0].sweeps[0]) == 3
+    assert len(quick.packs[0].sweeps[0]) >= 3
     for name, flux in exact.fluxes().items():
         np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.01, atol=1e-6, err_msg=name)
     across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))

@@ -86,7 +86,7 @@ def compile_sweeps() -> None:
         np.ones(1, f32), forward[None], np.full(nz, 1e-5, f32), np.tile(1e-5 * forward, (nz, 1)).astype(f32)
     )
     first = optical_grid(
-        extinction, np.full((ny, DEGREE**2, nx), 0.1, f32), np.linspace(0.0, 300.0, nz), np.full(2, 100.0), False,
+        extinction, np.full((ny, DEGREE**2, nx), 0.1, f32), np.linspace(0.0, 300.0, nz), np.full(2, 100.0), False, True,
         np.zeros((ny, nx), np.int64), coefficients, np.ones(shape, f32),
     )  # fmt: skip
     ordinates, pool = lebedev(50), Pool()

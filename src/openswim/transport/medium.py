@@ -31,13 +31,14 @@ _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
-_MOST_HALVED_NODES = 10_000_000
+_MOST_HALVED_NODES, _MOST_RESOLVED_NODES = 10_000_000, 4_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
 _MOST_DEGREES = 200.0  # of longitude
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
-_CELL_DEPTH = 0.7  # vertical optical depth above which a cell is divided
+_CELL_DEPTH = 0.7  # optical depth above which a cell is divided
+_SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 
 
 @dataclass
@@ -98,6 +99,9 @@ def build_medium(
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
+    It divides columns too, up to `_MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
+    model's nodes tell of means; what lies between them is our guess, and nothing is gained by solving it better.
+
     coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall. frame: another
     scene's, around which this one lies.
     """
@@ -118,7 +122,7 @@ def build_medium(
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
     cover = cloud_cover(scene) if species else None
     fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
-    cell_m = min(dx, dy)
+    cell_m, halvings = min(dx, dy), 0
     sideless = (
         grid.periodic and not terrain.any() and all((field == field[:, :1, :1]).all() for field in fields)
     )
@@ -131,9 +135,17 @@ def build_medium(
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
+        own_levels = levels
         levels = _refined(
             levels, heights, total, coarseness * min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0
         )  # fmt: skip
+        thick = 0.0 if frame.curved or sideless or coarseness > 1 else _depth_across(total, cell_m)
+        while thick > _CELL_DEPTH * 2**halvings:
+            parts = 2 ** (halvings + 1)
+            finer = _refined(own_levels, heights, total, cell_m / parts, ny * nx * parts**2, 1.0)
+            if len(finer) * ny * nx * parts**2 > _MOST_RESOLVED_NODES:
+                break
+            levels, halvings = finer, halvings + 1
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -157,10 +169,19 @@ def build_medium(
     origin, per_m, chart = chart_of(grid, frame)
     chart = chart * fineness
     ground_m = outside_ground_m(terrain) if frame.curved else 0.0
-    return Medium(
+    medium = Medium(
         frame, wavelengths_nm, species, extinction, levels, (dx, dy), terrain, axes, place, grid.periodic, origin,
         per_m, chart, ground_m, air_of(scene, wavelengths_nm, ground_m), fineness, LAYERS_DEGREE if layered else DEGREE,
     )  # fmt: skip
+    for _ in range(halvings):
+        medium = halved_medium(scene, medium)
+    return medium
+
+
+def _depth_across(total: F32 | None, cell_m: float) -> float:
+    """Scaled optical depth across a cell of cloud, of the ninth in ten."""
+    cloudy = total[total > 0] if total is not None else np.zeros(0)
+    return float(_SCALED * np.percentile(cloudy, 90) * cell_m) if cloudy.size else 0.0
 
 
 def halved_medium(scene: Scene, medium: Medium) -> Medium:
@@ -241,12 +262,15 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     flat = total.reshape(total.shape[0], -1)
     own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
     cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
-    depth = 0.4 / fineness * np.interp(0.5 * (levels[1:] + levels[:-1]), own, cloudy) * dz  # 1 - f is .3 to .55
+    beyond = 0.0 if heights.ndim == 1 else None  # below a model's lowest nodes on the mean lie those of its valleys
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    depth = _SCALED / fineness * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
     parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
     # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
-    beside = np.pad(dz / parts, 1, mode="edge")
+    in_cloud = depth > _CLOUDY_DEPTH
+    beside = np.pad(np.where(in_cloud, dz / parts, np.inf), 1, constant_values=np.inf)
     beside = np.minimum(beside[:-2], beside[2:])
-    parts = np.where(depth > _CLOUDY_DEPTH, np.maximum(parts, np.ceil(dz / beside - 0.3)), parts)
+    parts = np.where(in_cloud, np.maximum(parts, np.ceil(dz / beside - 0.3)), parts)
     while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
     pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]

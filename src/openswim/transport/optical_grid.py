@@ -44,13 +44,14 @@ class OpticalGrid(NamedTuple):
     levels_m: np.ndarray
     cell_m: np.ndarray
     periodic: bool
+    ends: bool  # there is no cloud beyond its sides, which may cut through some; else it goes on there a little
     ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
     cloudy: np.ndarray  # (nz, ny, packs) LANES nodes each, with cloud in or next to them
 
 
 def optical_grid(
-    extinction: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64, periodic: bool, ground_node: NDArray[np.int64],
-    coefficients: Coefficients, beam: F32,
+    extinction: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64, periodic: bool, ends: bool,
+    ground_node: NDArray[np.int64], coefficients: Coefficients, beam: F32,
 ) -> OpticalGrid:  # fmt: skip
     """`OpticalGrid` of arrays as wide as the grid."""
     c = coefficients
@@ -59,7 +60,7 @@ def optical_grid(
     return OpticalGrid(
         whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
         np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
-        ground_node, near_packs(np.asarray(cloud.any(axis=0)), periodic),
+        ends, ground_node, near_packs(np.asarray(cloud.any(axis=0)), periodic),
     )  # fmt: skip
 
 

@@ -42,6 +42,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast", "reference")
+_ASIDE = 1e-3  # above and below the horizon, rad
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _grid_field(
     fast = solver.name == "fast"
     setting = solver.setting
     medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1, frame=frame)
-    if fast and setting.halved:
+    if fast and setting.halved and (frame.curved or medium.fineness == 1):
         medium = halved_medium(scene, medium)
     landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
@@ -199,7 +200,7 @@ def _grid_field(
     elif fast and stand_alone(medium):
         _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
-        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count)
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, wider is None and not medium.periodic)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
@@ -237,20 +238,31 @@ def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) ->
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
-    """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level."""
-    q = ordinates.direction
+    """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level.
+
+    A level ordinate stands for directions above and below the horizon, where there is a step if there is no air: it
+    brings the mean of both sides.
+    """
     nz, ny, nx = medium.shape
     axes = medium.axes[ny // 2, nx // 2].astype(float)
-    direction = np.repeat(q @ axes, nz, axis=0)
-    height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(q))
-    origin = np.stack([0 * height, 0 * height, height], axis=-1)
-    return clear_radiance(origin, direction, sun, shells, 1.0).reshape(len(q), nz, PACK)
+    height = np.maximum(medium.levels_m, shells.ground_m + 0.5)
+    q = ordinates.direction
+    level = np.abs(q[:, 2]) < 1e-6
+    tilt = np.outer(level, [0.0, 0.0, _ASIDE])
+    halves = []
+    for way in (q + tilt, q - tilt):
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        direction = np.repeat(way @ axes, nz, axis=0)
+        heights = np.tile(height, len(q))
+        origin = np.stack([0 * heights, 0 * heights, heights], axis=-1)
+        halves.append(clear_radiance(origin, direction, sun, shells, 1.0))
+    return np.asarray(0.5 * (halves[0] + halves[1])).reshape(len(q), nz, PACK)
 
 
 def _diffuse(
-    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int
+    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int, ends: bool
 ) -> list[list[int]]:
-    """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on."""
+    """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
     compiling.wait()
     medium = light.medium
     nz, ny, nx = medium.shape
@@ -265,7 +277,7 @@ def _diffuse(
     counts: list[list[int]] = []
     first = optical_grid(
         medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
-        medium.periodic, ground_node, light.coefficients[0], light.beams[0],
+        medium.periodic, ends, ground_node, light.coefficients[0], light.beams[0],
     )  # fmt: skip
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)

@@ -91,7 +91,7 @@ def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _sweep_plane(
-    k, before, rows, now, last, axis, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted, extinction,
+    k, before, rows, now, last, axis, q, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted, extinction,
     work, scratch,
 ):  # fmt: skip
     """Rows (first, last) of one plane of an ordinate, the strip that the buffers hold.
@@ -105,11 +105,14 @@ def _sweep_plane(
     begin, end = rows
     now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
     along_x = axis == _ALONG_X
+    across_x = grid.ends and q[0] != 0.0 and nx > 1
+    across_y = grid.ends and side and q[1] != 0.0
+    entry = (nx - 1 if sx > 0 else 0) if across_x else -1
     near, near_e = (last, last_e) if axis == _ALONG_Z else (now, now_e)
     for m in range(end - begin):
         j = end - begin - m if sy > 0 else 1 + m
         row, aside = j * stride + 1, (j + sy) * stride + 1
-        if (axis == _ALONG_Z and top) or (axis == _ALONG_Y and m == 0 and side):
+        if (axis == _ALONG_Z and top) or (m == 0 and across_y):
             for i in range(-1, nx + 1):
                 put(light, now + row + i, inflow)
             continue
@@ -125,10 +128,29 @@ def _sweep_plane(
             at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
         carry_row(
             light, emitted, extinction, now + row, now_e + row, at, at_e, along_x, step, grid.cloudy,
-            (k * ny + begin + j - 1) * packs, nx, sx, work, scratch,
+            (k * ny + begin + j - 1) * packs, nx, sx, entry, inflow, work, scratch,
         )  # fmt: skip
-        if along_x and not grid.periodic:
-            put(light, now + row + (nx - 1 if sx > 0 else 0), inflow)
+        if across_x:
+            _enter(light, now + row + entry, -sx, extinction, now_e + row + entry, grid.cell_m[0] / abs(q[0]), inflow)
+    if across_y and end - begin > 1 and not (axis == _ALONG_Z and top):
+        row = (end - begin if sy > 0 else 1) * stride + 1
+        length = grid.cell_m[1] / abs(q[1])
+        for i in range(nx):
+            _enter(light, now + row + i, -sy * stride, extinction, now_e + row + i, length, inflow)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _enter(light, node, inward, extinction, node_e, length, inflow):
+    """Light at a ``node`` on a side through which it enters: what makes the mean of this node and the next one
+    ``inward`` that of the cell between them, of a length along the ordinate, if all of it emits alike."""
+    tau = 0.5 * (flat(extinction, node_e) + flat(extinction, node_e + inward)) * length
+    share = 0.0
+    if tau > 0.1:
+        lost = -math.expm1(-tau)
+        share = 2.0 * (1.0 / lost - 1.0 / tau) - 1.0
+    elif tau > 0.0:
+        share = tau / 6.0
+    put(light, node, np.float32(inflow + share * (flat(light, node + inward) - inflow)))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -262,8 +284,8 @@ def _carry_strip(
             _copy_row(room.front[t, 1, k], emitted[ahead])
         axis = _plan_step(q, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, step)
         _sweep_plane(
-            k, before, rows, now, last, axis, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid, step, at,
-            at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
+            k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid, step,
+            at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
         )  # fmt: skip
         if k <= highest:
             _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])

@@ -49,14 +49,16 @@ def _between(array, a, b, c, d, wa, wb, wc, wd):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def carry_row(
-    intensity, source, extinction, out, out_e, at, at_e, recurrent, step, cloudy, packs, nx, shift, work, room
+    intensity, source, extinction, out, out_e, at, at_e, recurrent, step, cloudy, packs, nx, shift, entry, inflow, work,
+    room,
 ):  # fmt: skip
     """One row of an ordinate, whose first node is flat element ``out`` of the buffers, ``out_e`` of ``extinction``.
 
     at, at_e (4,): the first upstream node of each corner. recurrent: corner a is the neighbour in this very row; all
     but its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_step`;
-    ``cloudy``, from flat element ``packs`` on: the packs of nodes whose steps differ. ``work``: scratch of two rows,
-    from flat element ``room`` on.
+    ``cloudy``, from flat element ``packs`` on: the packs of nodes whose steps differ. entry: the node where ``inflow``
+    enters the row from beside, there is no medium upstream of it; or -1. ``work``: scratch of two rows, from flat
+    element ``room`` on.
     """
     share = room + intensity.shape[3]
     wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
@@ -84,9 +86,14 @@ def carry_row(
         else:
             write(intensity, out + i, up)
     if recurrent:
+        if entry >= 0:
+            put(work, room + entry, inflow)
+            put(work, share + entry, _ZERO)
         _recur(intensity, out, work, room, share, nx, shift)
     else:
         put(intensity, out + nx, ghost)
+        if entry >= 0:
+            put(intensity, out + entry, inflow)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
