@@ -77,6 +77,8 @@ def run(request: RenderRequest) -> None:
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
     announce(scene, camera, solver.name, request.paths, solver.quality)
+    if solver.name == "reference":
+        scene = scene.alone()
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver)
     report(image)

@@ -155,7 +155,8 @@ def _read(
             from openswim.optics.phase import HenyeyGreenstein
 
             optics["aerosol"] = Optics(aerosol.albedo, HenyeyGreenstein(aerosol.asymmetry), "aerosol")
-        scene = Scene(grid, xr.Dataset(data), atmosphere, optics, valid, _source(files), notes)
+        cut = columns.laid.selection.cut
+        scene = Scene(grid, xr.Dataset(data), atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
 

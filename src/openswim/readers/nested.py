@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, rim_m, size_text
+from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, size_text, width_m
 from openswim.readers.covering import within
 from openswim.readers.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood, extent_text, part_of
 from openswim.scene import Grid, Scene
+from openswim.scene.rims import CORE_RIM, rim_m
 
 F64 = NDArray[np.float64]
 
@@ -22,7 +23,6 @@ _SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up on
 _MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
 _ASIDE = 0.12  # of a domain, that its grid may reach beyond it
 _HIGH = 0.8  # of the widest domain's top: a domain that needs none of its clouds above
-_CORE_RIM = 0.08  # of a grid, at each side, in which a wider one is seen instead
 
 
 def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
@@ -155,8 +155,8 @@ def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
         at = at[np.isfinite(at)]
         middle, half = 0.5 * (at.max() + at.min()), 0.5 * (at.max() - at.min())
         if len(scenes) > 1:
-            rim = rim_m(scenes[0], scenes[1])
-            half = (half - (rim > 0.7 * cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * _CORE_RIM)
+            rim = rim_m(cell_m(scenes[1]), width_m(scenes[0]))
+            half = (half - (rim > 0.7 * cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * CORE_RIM)
         first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (middle - half, middle + half + 1))
         kept.append(axis[first : last + 1] if last >= first + 2 else axis)
     return kept[0], kept[1]

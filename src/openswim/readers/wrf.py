@@ -23,7 +23,16 @@ from openswim.readers.base import (
 )
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
-from openswim.readers.wrf_particles import AEROSOL, CONTENTS, EXPECTED, aerosol, cover, hydrometeors, mixing_ratio
+from openswim.readers.wrf_particles import (
+    AEROSOL,
+    CONTENTS,
+    EXPECTED,
+    aerosol,
+    cover,
+    cover_guess,
+    hydrometeors,
+    mixing_ratio,
+)
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
@@ -69,9 +78,7 @@ class WRFReader:
                 levels["aerosol_extinction"] = haze.extinction_per_m
             surface = _surface(file, grid, notes)
             notes += _absences(file)
-            top_m = float(np.max(grid.height_m[-1]))
-            if top_m < LOW_TOP_M:
-                notes.append(f"levels end at {top_m / 1e3:.1f} km: no cloud above")
+            notes += _low_top(grid)
             fields: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in levels.items()}
             fields |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
             return Scene(
@@ -103,6 +110,11 @@ class WRFReader:
             notes: list[str] = []
             times = [iso(time) for time in file.times()]
             grid = None if lacking else wrf_grid(file, notes)
+            if grid is not None:
+                cloudy = "QVAPOR" in file and ("QCLOUD" in file or "QICE" in file)
+                guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
+                notes += [] if guessed is None else [guessed]
+                notes += _low_top(grid)
             notes += _absences(file)
             _atmosphere(notes)
             kind = projection_kind(file)
@@ -122,6 +134,11 @@ class WRFReader:
                 missing=[name for name in everything if name not in file],
                 assumed=notes,
             )
+
+
+def _low_top(grid: Grid) -> list[str]:
+    top_m = float(np.max(grid.height_m[-1]))
+    return [f"levels end at {top_m / 1e3:.1f} km: no cloud above"] if top_m < LOW_TOP_M else []
 
 
 def _need(file: WRFFile) -> None:

@@ -68,6 +68,7 @@ class Scene:
     source : where the fields come from; notes : what was assumed or repaired.
     ground : the user's own maps of albedo and height, which come before the scene's fields.
     wider : a scene on a wider, coarser grid, seen where this one's ends (not by solver "reference"; not saved with it).
+    cut : whether the grid is a part of a domain that goes on.
     """
 
     grid: Grid | None
@@ -79,6 +80,7 @@ class Scene:
     notes: list[str] = field(default_factory=list)
     ground: Ground | None = None
     wider: Scene | None = None
+    cut: bool = False
 
     def __post_init__(self) -> None:
         if self.wider is not None:
