@@ -60,9 +60,9 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
         return Daylight(frame.direction(*sun, frame.lat, frame.lon))
     when = scene.time if time is None else time
     if when is None:
-        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees")
+        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees (--sun)")
     if not frame.curved:
-        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees")
+        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees (--sun)")
     place = sun_position(when, frame.lat, frame.lon)
     direction = frame.enu(*subsolar_point(when))[2]
     lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)

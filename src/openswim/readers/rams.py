@@ -60,6 +60,8 @@ class RAMSReader(GriddedReader):
         if lacking:
             raise UserError(f"{path}: a RAMS file without {', '.join(lacking)}: every analysis file has them")
         check_sizes(path, data)
+        if min(data["THETA"].shape, default=0) < 2:
+            raise UserError(f"{path}: THETA has {' x '.join(map(str, data['THETA'].shape))} values: cut a wider part")
         y, x = (str(dim) for dim in data["GLAT"].dims)
         z = next(str(dim) for dim in data["THETA"].dims if dim not in (x, y))
         header = read_header(path)

@@ -21,6 +21,7 @@ from openswim.readers.base import (
     place_text,
     spacing_text,
 )
+from openswim.readers.opening import reading
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
 from openswim.readers.wrf_particles import (
@@ -65,7 +66,7 @@ class WRFReader:
 
     def read(self, path: Path, time: Time = None) -> Scene:
         """The scene at one time of the file (default: its first); only that time is read."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             _need(file)
             valid = file.go_to(time)
             notes: list[str] = []
@@ -93,19 +94,19 @@ class WRFReader:
 
     def times(self, path: Path) -> list[np.datetime64]:
         """Valid times of a file, UTC."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             return list(file.times())
 
     def grid(self, path: Path, time: Time = None) -> Grid:
         """The grid at one time (nests move)."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             _need(file)
             file.go_to(time)
             return wrf_grid(file, [])
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents of a file, from its header and the geopotential of the first time."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             lacking = [name for name in NEEDED if name not in file]
             notes: list[str] = []
             times = [iso(time) for time in file.times()]
