@@ -278,6 +278,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"openswim {openswim.__version__}",
         "view": camera.view,
         "source": lit.scene.source,
+        "assumptions": "\n".join(lit.scene.notes),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

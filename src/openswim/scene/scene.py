@@ -104,6 +104,16 @@ class Scene:
                     f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}"
                 )
 
+    def __repr__(self) -> str:
+        """One line: where from, when, how large, what is in it."""
+        size = "no grid"
+        if self.grid is not None:
+            dx, dy = (f"{step:.0f}" for step in self.grid.spacing_m())
+            size = "{2} x {1} x {0} nodes, cells of {dx} x {dy} m".format(*self.grid.shape, dx=dx, dy=dy)
+        parts = [self.source or "arrays", str(self.time or "no time"), size, ", ".join(self.species) or "clear sky"]
+        parts += [f"in {len(self.levels) - 1} wider"] * (self.wider is not None) + [f"{len(self.notes)} notes"]
+        return f"<Scene: {'; '.join(parts)}>"
+
     @property
     def levels(self) -> list[Scene]:
         """This scene and the wider ones around it."""
