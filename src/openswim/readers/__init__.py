@@ -51,6 +51,8 @@ def open_scene(
     groups, place = _by_reader(paths), _neighbourhood(around, radius_km)
     with np.errstate(all="ignore"):  # what comes of absurd numbers is checked in the end
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
+    if place is not None and scene.cut and scene.wider is None and not place.from_space:
+        scene.notes.append("nothing of the domain beyond this part is seen")
     if ground is not None:
         for level in scene.levels:
             level.ground = ground

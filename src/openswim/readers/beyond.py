@@ -20,17 +20,14 @@ def far_m(height_m: float) -> float:
 
 def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
     """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
-    if around is None or scene.grid is None or not scene.cut or around.radius_m >= MOST_RADIUS_M:
+    far = None if around is None else around.beyond
+    if far is None or scene.grid is None or not scene.cut:
         return scene
-    there = "nothing of the domain beyond this part is seen"
-    far = around.beyond
-    if far is not None:
-        wider = read(far)
-        assert wider.grid is not None
-        if _area(wider.grid) >= FARTHER**2 * _area(scene.grid):
-            scene.wider = wider
-            there = f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"
-    scene.notes = [*scene.notes, there]
+    wider = read(far)
+    assert wider.grid is not None
+    if _area(wider.grid) >= FARTHER**2 * _area(scene.grid):
+        scene.wider = wider
+        scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
     return scene
 
 

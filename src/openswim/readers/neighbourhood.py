@@ -34,6 +34,7 @@ WIDER_SIDE = 240  # columns along a side of what is seen beyond
 FARTHER = 1.25  # times a radius that is worth a wider grid
 _SEEN_FROM_SPACE_M = 3_000_000.0
 _SPACE_M = 1e5
+_SPACE_RADIUS_M = 1_330_000.0  # an eye so high sees as far
 _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
 _WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
@@ -64,6 +65,11 @@ class Neighbourhood:
             raise UserError(f"around: latitude {self.lat}, longitude {self.lon} is no place on Earth: give degrees")
         if not self.radius_m > 0:
             raise UserError(f"radius_km must be positive, got {self.radius_m / 1e3:g}")
+
+    @property
+    def from_space(self) -> bool:
+        """Whether all is seen that stands above the horizon, as from 100 km up and higher."""
+        return self.radius_m > _SPACE_RADIUS_M
 
     @property
     def beyond(self) -> Neighbourhood | None:
