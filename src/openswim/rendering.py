@@ -60,9 +60,9 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
         return Daylight(frame.direction(*sun, frame.lat, frame.lon))
     when = scene.time if time is None else time
     if when is None:
-        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees")
+        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees (--sun)")
     if not frame.curved:
-        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees")
+        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees (--sun)")
     place = sun_position(when, frame.lat, frame.lon)
     direction = frame.enu(*subsolar_point(when))[2]
     lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
@@ -278,6 +278,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"openswim {openswim.__version__}",
         "view": camera.view,
         "source": lit.scene.source,
+        "assumptions": "\n".join(lit.scene.notes),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

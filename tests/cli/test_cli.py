@@ -32,7 +32,7 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
 @pytest.fixture
 def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
-    calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[])
+    calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[], suns=[])
     scene = SimpleNamespace(grid=None, wider=None, notes=["no ice species in the file: none assumed"])
     scene.levels = [scene]
 
@@ -41,7 +41,8 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
         calls.places.append(around)
         return scene
 
-    def render(scene, camera, solver="fast"):
+    def render(scene, camera, solver="fast", **sun):
+        calls.suns.append(sun)
         calls.cameras.append(camera)
         calls.solvers.append(solver)
         return _image()
@@ -114,6 +115,12 @@ def test_the_quality_reaches_the_solver(world, options: list[str], quality: str)
     assert (world.solvers[0].name, world.solvers[0].quality) == ("fast", quality)
 
 
+def test_the_sun_of_another_time_or_place(world) -> None:
+    for given in ([], ["--sun", "2023-01-15T11:00Z"], ["--sun", "180,30.5"]):
+        assert run(["render", "f.nc", *ARGUMENTS, *given, "-o", "x.png"]) == 0
+    assert world.suns == [{}, {"time": np.datetime64("2023-01-15T11:00")}, {"sun": (180.0, 30.5)}]
+
+
 def test_a_flat_scene_takes_metres(world) -> None:
     assert run(["render", "f.nc", "--x", "100", "--y", "250", "-o", "x.png"]) == 0
     assert (world.cameras[0].x_m, world.cameras[0].y_m) == (100.0, 250.0)
@@ -132,6 +139,9 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--solver", "reference", "--error", "150"], "target_error"),
         (["-o", "x.png", "--size", "big"], "--size"),
         (["-o", "x.png", "--size", "20x30"], "square"),
+        (["-o", "x.png", "--sun", "south,3"], "--sun south,3"),
+        (["-o", "x.png", "--sun", "180,91"], "altitude of -90 to 90"),
+        (["-o", "x.png", "--sun", "noon"], "noon"),
         (["-o", "x.png", "--azimuth", "3"], "has no --azimuth"),
         (["-o", "x.png", "--altitude", "20"], "looks up"),
         (["-o", "x.png", "--view", "panorama", "--fov", "20"], "has no --fov"),

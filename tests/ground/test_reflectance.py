@@ -136,6 +136,14 @@ def test_fresnel():
     assert water.fresnel_reflectance(brewster) == pytest.approx(half_perpendicular)
 
 
+def test_foam_covers_what_was_measured():
+    """Monahan & O'Muircheartaigh's other fit to the same photographs, 3.84e-6 W^3.41; none in a calm."""
+    wind = np.array([5.0, 10.0, 15.0])
+    np.testing.assert_allclose(water.foam_fraction(wind), 3.84e-6 * wind**3.41, rtol=0.1)
+    assert water.foam_fraction(0.0) == 0
+    assert 0 < water.foam_fraction(60.0) <= 1
+
+
 def test_diffuse_albedo_of_water():
     """.066 calm (the classical value for a flat surface), less when rough, never above the calm one."""
     albedo = water.isotropic_sky_albedo([0.0, 5.0, 10.0, 20.0])

@@ -97,6 +97,14 @@ def test_description_names_what_was_found(case):
         assert f"\n{label}" in text
 
 
+def test_description_tells_what_opening_will_assume(case):
+    """But for what only the values of a time can tell."""
+    truth, scene = case
+    said = describe(truth.paths).assumed
+    of_values = ("values below 0", "set to 0", "missing values", "are zero")
+    assert [note for note in scene.notes if note not in said and not any(text in note for text in of_values)] == []
+
+
 def test_around_a_place_keeps_the_place(case):
     """Cut or laid around a place: the fields at nodes that are there are the same."""
     truth, scene = case

@@ -221,6 +221,15 @@ def test_info_says_what_is_there_and_what_is_not(tmp_path):
         assert said in text
 
 
+def test_description_tells_what_opening_will_assume(tmp_path):
+    """The GFS's one condensate becomes two, its cells are broken by humidity, and night's albedo is none."""
+    for name in ("GFS, GRIB1", "HRRR, native levels", "ICON"):
+        path = gf.write(tmp_path / name, PRODUCTS[name])
+        scene, info = open_scene(path), describe(path)
+        assert set(scene.notes) <= set(info.assumed), name
+        assert {one for one in scene.species if one != "aerosol"} <= set(info.species), name
+
+
 def test_other_readers_are_left_alone(tmp_path):
     from openswim.readers.grib import GRIBReader
 

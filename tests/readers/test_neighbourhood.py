@@ -213,6 +213,14 @@ def test_beyond_a_part_lies_what_may_be_seen_of_the_rest():
     assert not any("nothing beyond" in note for note in part.notes)
 
 
+def test_beyond_a_part_on_a_map_of_its_own_too():
+    whole = _scene_of(_globe(0.5))
+    near = Neighbourhood(80.0, 20.0, if_large=True, far_m=far_m(2.0))
+    assert select(_globe(0.5), near).nodes
+    part = with_beyond(part_of(whole, near), near, lambda beyond: part_of(whole, beyond))
+    assert 0.5 * np.ptp(part.wider.grid.x) == pytest.approx(far_m(2.0), rel=0.15)
+
+
 def test_wide_views_of_narrow_cells_are_averaged():
     whole = _scene_of(Mesh(1000.0 * np.arange(901), 1000.0 * np.arange(901), LAMBERT, 6371000.0))
     lon, lat = whole.grid.lonlat(450, 450)

@@ -139,7 +139,23 @@ def test_ground_that_only_the_finer_tells_of_is_its_own():
     assert near[:, 0].max() == 0  # beyond its rim as at it
     assert near[:, -1].min() == pytest.approx(1)
     assert np.isfinite(near).all()
-    assert "snow_area_fraction" not in list(scene.levels)[-1].data
+
+
+def test_snow_that_only_the_finer_knows_of_has_no_edge():
+    """It goes on outside as far as that of a domain alone does (`ground.albedo`): 30 of its cells, 15 km."""
+    outer, inner = domain(3000.0, 61, smooth), domain(500.0, 61, smooth)
+    inner.data["snow_area_fraction"] = (SURFACE_DIMS, np.ones((61, 61), np.float32))
+    scene = merged([outer, inner], NEAR)
+    assert len(scene.levels) > 1
+
+    def snow(east_m):
+        lon, lat = outer.grid.lonlat(30 + east_m / 3000.0, 30)
+        return values_at(scene, "snow_area_fraction", float(lat), float(lon))
+
+    along = [snow(x) for x in np.arange(0.0, 60e3, 3e3)]
+    assert along[0] == pytest.approx(1)
+    assert max(abs(np.diff(along))) < 0.25
+    assert along[-1] < 0.05
 
 
 def test_light_taken_out_is_blended():

@@ -21,6 +21,16 @@ def _scene(**fields) -> Scene:
     )
 
 
+def test_a_notebook_shows_a_line():
+    scene = _scene(liquid_content=np.zeros(SHAPE))
+    scene.wider = _scene(liquid_content=np.zeros(SHAPE))
+    text = repr(scene)
+    assert len(text) < 200
+    for said in ("4 x 3 x 2 nodes", "10 x 10 m", "liquid", "in 1 wider", "no time"):
+        assert said in text
+    assert "clear sky" in repr(Scene.clear(46.0, 8.0))
+
+
 def test_from_arrays_keeps_what_it_is_given():
     extinction = np.random.default_rng(0).uniform(0, 0.02, SHAPE)
     scene = Scene.from_arrays(

@@ -255,3 +255,8 @@ def test_flat_scenes_lie_in_nothing() -> None:
     flat = grid_scene(np.zeros((4, 5, 5)), (4, 5, 5))
     with pytest.raises(UserError, match="place on Earth"):
         Scene(flat.grid, flat.data, optics=flat.optics, wider=laid(clear_sky, half=4))
+
+
+def test_reference_says_that_it_sees_the_innermost_alone() -> None:
+    with pytest.warns(UserWarning, match="innermost"):
+        solved(nest(clear_sky, inner=4), Solver("reference", paths=2))

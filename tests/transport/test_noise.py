@@ -14,7 +14,7 @@ def places(count: int = 20_000, seed: int = 1) -> np.ndarray:
     return RADIUS_M * p / np.linalg.norm(p, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("spacing_m", [1000.0, 16_000.0])
+@pytest.mark.parametrize("spacing_m", [1000.0, 16_000.0, 128_000.0])
 def test_mean_and_variance(spacing_m: float) -> None:
     for height in (0.0, 1100.0, 9000.0):
         field = Octave(places(), spacing_m, 4000.0).at(height)
@@ -35,7 +35,21 @@ def test_it_is_smooth_at_once_and_forgotten_farther_off() -> None:
     for distance, low, high in ((800.0, 0.97, 1.0), (40_000.0, -0.03, 0.03)):
         step = np.cross(here, np.roll(here, 1, axis=0))
         step *= distance / np.linalg.norm(step, axis=1, keepdims=True)
-        assert low < np.mean(field * Octave(here + step, 8000.0, 4000.0).at(500.0)) < high
+        assert low < np.corrcoef(field, Octave(here + step, 8000.0, 4000.0).at(500.0))[0, 1] < high
+
+
+def test_wide_lumps_are_drawn_out_and_small_ones_are_not() -> None:
+    """Edges of the third of the sky that is cloudiest: longer than those of lumps as round as a model can have them."""
+
+    def edges(spacing_m: float) -> float:
+        axis = spacing_m / 8 * np.arange(400)
+        y, x = np.meshgrid(axis, axis, indexing="ij")
+        here = np.stack([x.ravel(), y.ravel(), np.full(x.size, RADIUS_M)], axis=-1)
+        cloud = (Octave(here, spacing_m, 4000.0).at(500.0) > 0.43).reshape(x.shape)
+        return float((cloud[1:] != cloud[:-1]).mean() + (cloud[:, 1:] != cloud[:, :-1]).mean())
+
+    small, wide = (np.mean([edges(spacing * f) for f in (1.0, 0.97, 1.03)]) for spacing in (2000.0, 64_000.0))
+    assert wide > 1.15 * small
 
 
 def test_height_is_forgotten_over_its_scale() -> None:

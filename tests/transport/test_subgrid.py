@@ -41,7 +41,7 @@ def broken(cover: float | np.ndarray, content: float | np.ndarray = 1e-3) -> tup
 @pytest.mark.parametrize("cover", [0.1, 0.4, 0.8])
 def test_clouds_cover_what_they_should(cover: float) -> None:
     fine, left, shown = broken(cover)
-    assert shown > 0.85
+    assert shown > 0.8  # or the grid could not tell cloud from sky
     assert left.mean() == pytest.approx(cover, rel=0.06)
     # where a node is mostly cloud there is cloud, and nowhere else
     assert (left > 0.5).mean() == pytest.approx(cover, abs=0.06)
@@ -60,6 +60,16 @@ def test_water_is_kept(cover: float) -> None:
         half = CELLS // 2
         for part in (np.s_[:, :half, :half], np.s_[:, half:, half:], np.s_[:, :half, half:]):
             assert kept[part].sum() == pytest.approx(coarse[part].sum(), rel=0.12)
+
+
+@pytest.mark.parametrize("wave", [4, 6])
+def test_what_the_model_shows_is_still_seen(wave: int) -> None:
+    """Bands four and six cells wide, which a file shows by itself, are not lost among the clouds within its cells."""
+    cover = 0.45 + 0.4 * np.sin(2 * np.pi * np.arange(CELLS + 1) / wave)
+    fine, _, _ = broken(cover, 1e-3 * cover)
+    kept = around_nodes(fine, FINENESS)[:, 2:-2, 2:-2]
+    alike = [np.corrcoef(row, cover[2:-2])[0, 1] for layer in kept for row in layer]
+    assert np.mean(alike) ** 2 > 0.75  # of the variance
 
 
 def test_no_cloud_where_there_is_none() -> None:
@@ -115,10 +125,10 @@ def test_what_falls_is_as_wide_as_the_widest_cloud_above() -> None:
 
 def test_octaves_end_at_what_the_grid_shows() -> None:
     shown, share = octaves(20_000.0, 1000.0)
-    assert shown == [2000.0, 4000.0, 8000.0, 16_000.0, 32_000.0]
+    assert shown == [2000.0, 4000.0, 8000.0]
     assert 0.7 < share < 1
     assert octaves(20_000.0, 20_000.0)[0] == []
-    assert octaves(500.0, 100.0)[1] == 1.0
+    assert octaves(4000.0, 100.0) == ([500.0, 1000.0, 2000.0], 1.0)
 
 
 def test_spread_of_boutle_et_al() -> None:

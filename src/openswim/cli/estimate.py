@@ -29,6 +29,7 @@ _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
 _START_S = 2.0
 _NODE_BYTES = 250  # optics, moments and scratch per node and wavelength
+_COLUMN_NODE_BYTES = 80  # the same without sweeps
 _PIXEL_BYTES = 60
 _COLUMN_S, _SEEN_PIXEL_S = 13e-6, 5e-6  # of large domains, whatever the solver
 _LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
@@ -79,7 +80,8 @@ def estimate(
     seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
     if halved:
         nodes *= 8
-    return Estimate(seconds, 2e8 + nodes * wavelengths * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
+    node_bytes = _COLUMN_NODE_BYTES if wide or solver == "swim" else _NODE_BYTES
+    return Estimate(seconds, 2e8 + nodes * wavelengths * node_bytes + pixels * wavelengths * _PIXEL_BYTES)
 
 
 def _drawn(scene: "Scene", fast: bool) -> tuple[int, bool]:

@@ -94,6 +94,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option(
+    "--sun",
+    help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
+)
 @click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
 @click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
 @click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")

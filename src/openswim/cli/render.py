@@ -36,6 +36,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    sun: str | None = None
     view: str = "allsky"
     azimuth_deg: float | None = None
     altitude_deg: float | None = None
@@ -59,6 +60,7 @@ def run(request: RenderRequest) -> None:
     for output in request.outputs:
         check_writable(output)
     camera = camera_of(request)
+    sun = sun_of(request.sun)
 
     import openswim
     from openswim.cli.estimate import announce, swept
@@ -77,11 +79,30 @@ def run(request: RenderRequest) -> None:
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
     announce(scene, camera, solver.name, request.paths, solver.quality)
+    if solver.name == "reference":
+        scene = scene.alone()
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver)
+    image = openswim.render(scene, camera, solver=solver, **sun)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def sun_of(text: str | None) -> dict[str, Any]:
+    """What `openswim.render` is told of the sun: a time, or its azimuth and altitude."""
+    from openswim.readers.base import parse_time
+
+    if text is None:
+        return {}
+    if "," not in text:
+        return {"time": parse_time(text)}
+    try:
+        azimuth, altitude = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise UserError(f"--sun {text}: write a time, or AZIMUTH,ALTITUDE in degrees") from error
+    if not (-360.0 <= azimuth <= 360.0 and -90.0 <= altitude <= 90.0):
+        raise UserError(f"--sun {text}: azimuth in degrees, and an altitude of -90 to 90")
+    return {"sun": (azimuth, altitude)}
 
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
@@ -200,7 +221,11 @@ def report(image: "xr.Dataset") -> None:
             f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
         )
         if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
-            click.echo("note: it is night there; moon, stars and city lights are not simulated yet", err=True)
+            click.echo(
+                "note: it is night there; moon, stars and city lights are not simulated yet (--sun TIME: light of "
+                "another time)",
+                err=True,
+            )
     if "mean_error_percent" in attributes:
         cut = ", interrupted" if attributes.get("interrupted") else ""
         click.echo(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, blurred, filled, normal_noise
 from openswim.ground.maps import Ground, mapped_albedo, textured
+from openswim.scene.rims import BEYOND_CELLS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +23,6 @@ FloatArray = NDArray[np.float64]
 
 DEFAULT_WIND_M_S = 5.0
 SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
-_FADE_CELLS = 30.0  # how far beyond the domain its wind, snow and brightness are felt
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
@@ -109,7 +109,7 @@ class _Places:
     @property
     def fade(self) -> FloatArray:
         """What is left of the model's say (n,): 1 inside, 0 far away."""
-        return np.exp(-((np.minimum(self.away, 1e3) / _FADE_CELLS) ** 2))
+        return np.exp(-((np.minimum(self.away, 1e3) / BEYOND_CELLS) ** 2))
 
     def where(self, some: NDArray[np.bool_]) -> _Places:
         arrays = (f.name for f in fields(self) if f.name != "cell_m")

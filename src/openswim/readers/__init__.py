@@ -10,6 +10,8 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
 from openswim.readers.beyond import with_beyond
@@ -47,7 +49,10 @@ def open_scene(
         ground.open()
     paths = files_of(path)
     groups, place = _by_reader(paths), _neighbourhood(around, radius_km)
-    scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
+    with np.errstate(all="ignore"):  # what comes of absurd numbers is checked in the end
+        scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
+    if place is not None and scene.cut and scene.wider is None and not place.from_space:
+        scene.notes.append("nothing of the domain beyond this part is seen")
     if ground is not None:
         for level in scene.levels:
             level.ground = ground
@@ -58,14 +63,15 @@ def describe(path: Paths) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
     paths = files_of(path)
     reader: Any = _reader_of_all(paths)
-    if len(paths) == 1:
-        info: SceneInfo = reader.describe(paths[0])
-    elif hasattr(reader, "describe_parts"):
-        info = reader.describe_parts(paths)
-    else:
-        from openswim.readers.series import describe_series
+    with np.errstate(all="ignore"):
+        if len(paths) == 1:
+            info: SceneInfo = reader.describe(paths[0])
+        elif hasattr(reader, "describe_parts"):
+            info = reader.describe_parts(paths)
+        else:
+            from openswim.readers.series import describe_series
 
-        info = describe_series(reader, paths)
+            info = describe_series(reader, paths)
     return info
 
 

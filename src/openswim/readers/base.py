@@ -18,6 +18,7 @@ from openswim.readers.classic import classic_length
 
 if TYPE_CHECKING:
     import netCDF4
+    import xarray as xr
 
     from openswim.scene import Grid, Scene
 
@@ -121,6 +122,12 @@ def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:
     if elements > PLAUSIBLE_ELEMENTS and elements > _VALUES_PER_BYTE * _packed_bytes(path):
         declared = " x ".join(map(str, shape))
         raise UserError(f"{path}: {name} declares {declared} values, more than the file can hold: damaged header")
+
+
+def check_sizes(path: Path, data: xr.Dataset) -> None:
+    """Refuse a file with such a variable, for readers that take all of it at once."""
+    for name in data.variables:
+        check_size(path, str(name), data[name].shape)
 
 
 def _packed_bytes(path: Path) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from openswim.readers.neighbourhood import END, FARTHER, MOST_RADIUS_M, Neighbourhood
+from openswim.readers.neighbourhood import FARTHER, MOST_RADIUS_M, Neighbourhood
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
 
@@ -21,15 +21,13 @@ def far_m(height_m: float) -> float:
 def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
     """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
     far = None if around is None else around.beyond
-    if far is None or scene.grid is None or not any(note.endswith(END) for note in scene.notes):
+    if far is None or scene.grid is None or not scene.cut:
         return scene
     wider = read(far)
     assert wider.grid is not None
-    if _area(wider.grid) < FARTHER**2 * _area(scene.grid):
-        return scene
-    scene.wider = wider
-    there = f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"
-    scene.notes = [note.replace(END, there) if note.endswith(END) else note for note in scene.notes]
+    if _area(wider.grid) >= FARTHER**2 * _area(scene.grid):
+        scene.wider = wider
+        scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
     return scene
 
 

@@ -16,6 +16,7 @@ from openswim.readers.neighbourhood import Mesh, Selection, onto
 from openswim.scene import Grid, Scene
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.levels import on_levels
+from openswim.scene.rims import BEYOND_CELLS, rim_m
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
 
 F32 = NDArray[np.float32]
@@ -23,8 +24,8 @@ F64 = NDArray[np.float64]
 
 _MOST_LEVELS = 80
 _MOST_OF_GRID = 0.6  # that a domain covers which tells of the ground what the coarsest does not
-_RIM_CELLS = 3.0  # of the next coarser grid, over which a finer one fades in
-_RIM_SHARE, _TOP_SHARE = 0.15, 0.15  # of its width and height, at most
+_NONE_UNKNOWN = ("snow_area_fraction", "snow_depth", "sea_ice_area_fraction")  # none where no file knows of it
+_TOP_SHARE = 0.15  # of a finer domain's height, over which it fades
 
 
 @dataclass
@@ -76,6 +77,14 @@ def cell_m(scene: Scene) -> float:
     return min(scene.grid.spacing_m())
 
 
+def width_m(scene: Scene) -> float:
+    """The shorter side of a domain."""
+    assert scene.grid is not None
+    _, ny, nx = scene.grid.shape
+    dx, dy = scene.grid.spacing_m()
+    return min(nx * dx, ny * dy)
+
+
 def mesh_of(scene: Scene) -> Mesh:
     grid = scene.grid
     assert grid is not None
@@ -124,14 +133,6 @@ def _smoothstep(t: Any) -> F64:
     return np.asarray(t * t * (3 - 2 * t))
 
 
-def rim_m(scene: Scene, coarser: Scene) -> float:
-    """Width of the rim over which a domain fades into a coarser one."""
-    assert scene.grid is not None
-    _, ny, nx = scene.grid.shape
-    dx, dy = scene.grid.spacing_m()
-    return min(_RIM_CELLS * cell_m(coarser), _RIM_SHARE * min(nx * dx, ny * dy))
-
-
 def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Laid:
     grid = scene.grid
     assert grid is not None
@@ -148,7 +149,7 @@ def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Lai
         _, ny, nx = grid.shape
         dx, dy = grid.spacing_m()
         edge = np.minimum(np.minimum(ix, nx - 1 - ix) * dx, np.minimum(iy, ny - 1 - iy) * dy)
-        rim = rim_m(scene, coarser)
+        rim = rim_m(cell_m(coarser), width_m(scene))
         top, low = heights[-1], heights[0]
         fade = _TOP_SHARE * np.maximum(top - low, 1.0)
         for k, z in enumerate(levels):
@@ -238,8 +239,9 @@ def _surface(laid: Sequence[_Laid]) -> dict[str, F32]:
             names += [name for name in own if name not in names]
     if any(WAVELENGTH_DIM in one.scene.data.dims for one in laid) and "surface_albedo" in names:
         names.remove("surface_albedo")
-    if any("surface_altitude" in one.scene.data for one in laid) and "surface_altitude" not in names:
-        names.append("surface_altitude")
+    for name in ("surface_altitude", *_NONE_UNKNOWN):
+        if name not in names and any(name in one.scene.data for one in laid):
+            names.append(name)
     for name in names:
         fields = [one.on_grid(name) if name in one.scene.data else None for one in laid]
         if fields[0] is None and name != "surface_altitude":
@@ -251,6 +253,11 @@ def _surface(laid: Sequence[_Laid]) -> dict[str, F32]:
 
 
 def _spread(one: _Laid, name: str) -> F32:
-    """A field on the ground, beyond its domain that of the nearest place in it."""
-    nearest = distance_transform_edt(one.weight[0] <= 0, return_distances=False, return_indices=True)
-    return np.asarray(one.on_grid(name)[tuple(nearest)], np.float32)
+    """A field on the ground, beyond its domain that of the nearest place in it; of snow and ice less and less."""
+    field = one.part.take(np.asarray(one.scene.data[name].values, np.float32))
+    away, nearest = distance_transform_edt(np.isnan(field) | (one.weight[0] <= 0), return_indices=True)
+    held = np.nan_to_num(field[tuple(nearest)])
+    if name in _NONE_UNKNOWN:
+        cells = away * float(one.part.x[1] - one.part.x[0]) / cell_m(one.scene)
+        held = held * np.exp(-((cells / BEYOND_CELLS) ** 2))
+    return np.asarray(held, np.float32)

@@ -97,6 +97,7 @@ class CFReader:
             notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
             with reading(path, _NOT_THE_LAYOUT):
                 grid = grid_of(data, notes)
+                atmosphere_of(data, notes)
             names = [str(name) for name in data.data_vars if is_known(str(name))]
             expected = [f"{species}_content" for species in HYDROMETEORS] + [
                 "air_pressure",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -192,9 +193,11 @@ def _dates(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Times
     if not np.isfinite(stamps.astype(np.float64)).all():
         raise UserError(f"{path}: times are missing (NaN or fill): damaged file")
     try:
-        dates = cftime.num2date(stamps.astype(np.float64), plain, calendar, True, True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of years before any calendar
+            dates = cftime.num2date(stamps.astype(np.float64), plain, calendar, True, True)
         return np.array([np.datetime64(datetime(*each.timetuple()[:6]), "ms") for each in np.atleast_1d(dates)])
-    except (ValueError, OverflowError, TypeError) as error:
+    except (ValueError, OverflowError, TypeError, Warning) as error:
         raise UserError(
             f"{path}: times in {units!r} ({calendar} calendar) are no dates: use the standard calendar"
         ) from error

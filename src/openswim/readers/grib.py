@@ -21,8 +21,20 @@ from openswim.readers.base import (
     place_text,
     spacing_text,
 )
+from openswim.readers.cover import XU_RANDALL
 from openswim.readers.grib_columns import Air, Columns, air_of, kind_and_grid, terrain_of
-from openswim.readers.grib_fields import aerosol_from_depth, condensate, ground, smoke, smoke_near_ground, smoke_optics
+from openswim.readers.grib_fields import (
+    SMOKE,
+    SPLIT,
+    aerosol_from_depth,
+    condensate,
+    cover_is_guessed,
+    ground,
+    of_both_phases,
+    smoke,
+    smoke_near_ground,
+    smoke_optics,
+)
 from openswim.readers.grib_file import Field, GRIBFile
 from openswim.readers.grib_grid import NAMES, grid_of
 from openswim.readers.grib_sections import is_grib
@@ -95,6 +107,7 @@ class GRIBReader:
                 valid,
                 f"{path.name}: {_model(columns.fields)}",
                 list(dict.fromkeys(columns.notes)),
+                cut=columns.selection.cut,
             )
 
     def describe(self, path: Path) -> SceneInfo:
@@ -104,12 +117,23 @@ class GRIBReader:
             mesh = columns.layout.mesh
             ny, nx = mesh.shape
             grid: Grid | None = None
-            if columns.kind:
-                columns, _ = _columns(file, None, _middle(mesh))
-                grid = columns.selection.grid(air_of(columns).height_m)
             names = Counter(one.name for one in columns.fields if one.kind == (columns.kind or one.kind))
-            species = [s for s in HYDROMETEORS if f"{s}_content" in names]
-            species += ["condensate of both phases"] if "total_content" in names else []
+            present = {s for s in HYDROMETEORS if f"{s}_content" in names}
+            middle, _ = _columns(file, None, _middle(mesh))
+            if columns.kind:
+                air = air_of(middle)
+                grid = middle.selection.grid(air.height_m)
+                if of_both_phases(middle) is not None:
+                    present |= {"liquid", "ice"}
+                    middle.notes.append(SPLIT)
+                if present & {"liquid", "ice"} and cover_is_guessed(middle, air):
+                    middle.notes.append(XU_RANDALL)
+                if middle.levels_of("smoke_density"):
+                    middle.notes.append(SMOKE)
+            else:
+                _on_flat_levels(middle)
+            columns.notes += middle.notes
+            species = [s for s in HYDROMETEORS if s in present]
             species += ["smoke"] if "smoke_density" in names else []
             species += ["aerosol"] if any(one.name == "aerosol_depth" for one in columns.fields) else []
             levels = f", {names['temperature']} {columns.kind} levels" if columns.kind else ", no levels"

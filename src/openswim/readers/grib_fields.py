@@ -18,6 +18,8 @@ F32 = NDArray[np.float32]
 
 _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
+SMOKE = "smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)"
+SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
 _SNOW_WATER_COVERS = 15.0  # kg m-2, ECMWF's TESSEL
 _SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
 SMOKE_EXTINCTION_M2_KG = 4500.0  # at 550 nm: scattering and absorption of aged smoke, Reid et al. 2005, Table 3
@@ -58,8 +60,7 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
         found["cloud_area_fraction"] = np.clip(values, 0, 1)
         return
     water = [found[name] for name in (_LIQUID, _ICE) if name in found]
-    humid = air.dry_density_kg_m3 is not air.density_kg_m3
-    if humid and np.any(water) and min(columns.layout.mesh.grid().spacing_m()) > WIDE_CELL_M:
+    if cover_is_guessed(columns, air) and np.any(water):
         given = columns.levels_of("relative_humidity")
         relative = columns.stack(given, air.levels) if given else None
         humidity = 1 - air.dry_density_kg_m3 / air.density_kg_m3
@@ -68,6 +69,13 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
             condensate, air.temperature_k, air.pressure_pa, humidity, relative
         )
         columns.notes.append(XU_RANDALL)
+
+
+def cover_is_guessed(columns: Columns, air: Air) -> bool:
+    """Whether cloud fraction follows from humidity: none in the file, whose cells are wide."""
+    humid = air.dry_density_kg_m3 is not air.density_kg_m3
+    wide = min(columns.layout.mesh.grid().spacing_m()) > WIDE_CELL_M
+    return humid and wide and not columns.levels_of("cloud_cover")
 
 
 def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field]) -> F32:
@@ -94,25 +102,27 @@ def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field
     return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
 
 
+def of_both_phases(columns: Columns) -> str | None:
+    """Name of a condensate that is liquid and ice in one; None where there is none, or ice by itself."""
+    liquid = columns.levels_of(_LIQUID)
+    if columns.levels_of(_ICE):
+        return None
+    if not liquid:
+        return TOTAL if columns.levels_of(TOTAL) else None
+    one = next(iter(liquid.values()))
+    own_phase = one.meaning.per != "dry" or one.centre not in (NCEP, FNMOC)
+    return None if own_phase or (one.centre == NCEP and one.process in _HRRR_RAP) else _LIQUID
+
+
 def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:
     """One condensate for both phases: ice grows from none at 0 degC to all at -20 degC, as in the GFS's radiation."""
-    total = found.pop(TOTAL, None)
-    if _ICE in found:
-        return
-    if _LIQUID in found:
-        fields = columns.levels_of(_LIQUID)
-        one = next(iter(fields.values()))
-        own_phase = one.meaning.per != "dry" or one.centre not in (NCEP, FNMOC)
-        if own_phase or (one.centre == NCEP and one.process in _HRRR_RAP):
-            return
-        total = found[_LIQUID]
-    if total is None:
-        return
-    share = np.clip((np.float32(273.16) - air.temperature_k) * np.float32(0.05), 0.0, 1.0)
-    found[_ICE], found[_LIQUID] = total * share, total * (1 - share)
-    columns.notes.append(
-        "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
-    )
+    name = of_both_phases(columns)
+    total = None if name is None else found[name]
+    found.pop(TOTAL, None)
+    if total is not None:
+        share = np.clip((np.float32(273.16) - air.temperature_k) * np.float32(0.05), 0.0, 1.0)
+        found[_ICE], found[_LIQUID] = total * share, total * (1 - share)
+        columns.notes.append(SPLIT)
 
 
 def smoke(columns: Columns, air: Air) -> F32 | None:
@@ -135,7 +145,7 @@ def smoke_near_ground(columns: Columns, height_m: F32, terrain: F32 | None) -> F
 
 
 def _smoke_extinction(columns: Columns, density: F32) -> F32:
-    columns.notes.append("smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)")
+    columns.notes.append(SMOKE)
     return np.asarray(np.maximum(density, 0.0) * SMOKE_EXTINCTION_M2_KG, np.float32)
 
 

@@ -24,7 +24,7 @@ from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity,
 from openswim.readers.fileset import FileSet, Part, opened_set
 from openswim.readers.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, matches
 from openswim.readers.neighbourhood import Neighbourhood
-from openswim.readers.opening import opened
+from openswim.readers.opening import opened, reading
 from openswim.readers.units import canonical
 from openswim.readers.vertical import Levels, levels_of
 from openswim.scene import Grid, Optics, Scene
@@ -126,7 +126,7 @@ def _is_model(files: FileSet) -> bool:
 def _read(
     reader: GriddedReader, paths: Sequence[Path], time: Time, around: Neighbourhood | None
 ) -> tuple[Scene, Columns, list[str]]:
-    with opened_set(paths, reader.adapt) as files, naming(files.path):
+    with opened_set(paths, reader.adapt) as files, naming(files.path), reading(files.path):
         notes = [line for line in str(files.attrs("openswim_notes")).split("\n") if line]
         if not files.dated:
             files.start_at(start_of_undated(None if around is None else around.lon))
@@ -155,7 +155,8 @@ def _read(
             from openswim.optics.phase import HenyeyGreenstein
 
             optics["aerosol"] = Optics(aerosol.albedo, HenyeyGreenstein(aerosol.asymmetry), "aerosol")
-        scene = Scene(grid, xr.Dataset(data), atmosphere, optics, valid, _source(files), notes)
+        cut = columns.laid.selection.cut
+        scene = Scene(grid, xr.Dataset(data), atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from openswim.errors import UserError
 from openswim.readers.air import standard_height_m
-from openswim.readers.base import check_size
+from openswim.readers.base import check_size, check_sizes
 from openswim.readers.gridded import GriddedReader
 
 _COPIES = 7  # columns of the curtain either side of the meridian
@@ -41,6 +41,7 @@ class IFSColumnsReader(GriddedReader):
         """Columns as rows of a grid that is a few columns wide; pressure and temperature from half levels."""
         if not {"lat", "lon"} <= set(data.variables):
             raise UserError(f"{path}: columns without lat and lon cannot be placed: add them")
+        check_sizes(path, data)
         lat, lon = (np.asarray(data[name].values, np.float64) for name in ("lat", "lon"))
         if lat.size < 2 or np.ptp(lon) > 0.1 or not (np.abs(np.sign(np.diff(lat)).sum()) == lat.size - 1):
             raise UserError(

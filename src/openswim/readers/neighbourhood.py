@@ -32,9 +32,9 @@ GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees hig
 MOST_RADIUS_M = 10_000_000.0  # a hemisphere
 WIDER_SIDE = 240  # columns along a side of what is seen beyond
 FARTHER = 1.25  # times a radius that is worth a wider grid
-END = "nothing beyond is seen"
 _SEEN_FROM_SPACE_M = 3_000_000.0
 _SPACE_M = 1e5
+_SPACE_RADIUS_M = 1_330_000.0  # an eye so high sees as far
 _MOST_WINDOW_M = 9_900_000.0  # cut from the model's own map
 LARGE_COLUMNS = 300_000
 _WIDE_CELL_M = 5000.0  # broken into clouds, which takes a finer grid the smaller the part is
@@ -65,6 +65,11 @@ class Neighbourhood:
             raise UserError(f"around: latitude {self.lat}, longitude {self.lon} is no place on Earth: give degrees")
         if not self.radius_m > 0:
             raise UserError(f"radius_km must be positive, got {self.radius_m / 1e3:g}")
+
+    @property
+    def from_space(self) -> bool:
+        """Whether all is seen that stands above the horizon, as from 100 km up and higher."""
+        return self.radius_m > _SPACE_RADIUS_M
 
     @property
     def beyond(self) -> Neighbourhood | None:
@@ -144,6 +149,7 @@ class Selection:
     columns: tuple[slice, ...]  # of the file that are needed; two where the part goes over the seam of a global grid
     nodes: tuple[tuple[NDArray[np.int32], F32], ...] = ()  # resampling: (4, ny nx) flat indices and weights, averaged
     note: str = ""
+    cut: bool = False  # whether the domain goes on beyond it
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -236,7 +242,8 @@ def part_of(scene: Scene, around: Neighbourhood) -> Scene:
         fields[name] = (values.dims, np.moveaxis(taken, 0, -1) if spectral else taken)
     coords = {name: data.coords[name] for name in data.coords}
     return replace(
-        scene, grid=part.grid(height), data=xr.Dataset(fields, coords, data.attrs), notes=[*scene.notes, part.note]
+        scene, grid=part.grid(height), data=xr.Dataset(fields, coords, data.attrs), notes=[*scene.notes, part.note],
+        cut=scene.cut or part.cut,
     )
 
 
@@ -299,12 +306,13 @@ def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selectio
     if (east - west) * (north - south) > most:
         return None
     x = mesh.x[0] + step * np.arange(west, east + 1)
-    note = "" if (north - south + 1, east - west + 1) == mesh.shape else _note(around, "cut from")
-    return Selection(x, even, mesh.crs, mesh.earth_radius_m, slice(south, north + 1), columns, note=note)
+    cut = (north - south + 1, east - west + 1) != mesh.shape
+    note = _note(around, "cut from") if cut else ""
+    return Selection(x, even, mesh.crs, mesh.earth_radius_m, slice(south, north + 1), columns, (), note, cut)
 
 
 def _note(around: Neighbourhood, how: str) -> str:
-    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain: {END}"
+    return f"a neighbourhood of {around.lat:.2f}, {around.lon:.2f} {how} the domain"
 
 
 def _cell_m(grid: Grid, i: float, j: float) -> tuple[float, float]:
@@ -335,7 +343,7 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
         kept_x, kept_y = within(mesh, target, 0.5) or (kept_x, kept_y)
     target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
     note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
-    return onto(mesh, target, note)
+    return replace(onto(mesh, target, note), cut=_farthest_m(mesh, around) > wanted)
 
 
 def _farthest_m(mesh: Mesh, around: Neighbourhood) -> float:

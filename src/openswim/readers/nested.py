@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, rim_m, size_text
+from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, size_text, width_m
 from openswim.readers.covering import within
 from openswim.readers.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood, extent_text, part_of
 from openswim.scene import Grid, Scene
+from openswim.scene.rims import CORE_RIM, rim_m
 
 F64 = NDArray[np.float64]
 
-_SPACE_RADIUS_M = 1_330_000.0  # an eye 100 km up sees as far; from higher up one looks at domains, not around oneself
 _MOST_WIDER, _RATIO = 3, 12.0  # wider grids at most, and how much wider than the one inside
 _ASIDE = 0.12  # of a domain, that its grid may reach beyond it
 _HIGH = 0.8  # of the widest domain's top: a domain that needs none of its clouds above
-_CORE_RIM = 0.08  # of a grid, at each side, in which a wider one is seen instead
 
 
 def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
@@ -39,7 +38,7 @@ def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
     over = [n for n, scene in enumerate(order) if mesh_of(scene).covers(*mesh_of(scene).index(around.lon, around.lat))]
     if over:
         order = order[: over[-1] + 1]
-    elif not _from_space(around):
+    elif not around.from_space:
         raise UserError(f"the observer is outside all the domains: {extent_text(mesh_of(order[-1]))}")
     beyond = [scene.levels[-1] for scene in order]
     reach = min(0.5 * _diagonal_m(beyond[-1]), max(around.radius_m, around.far_m))
@@ -57,7 +56,7 @@ def _innermost(order: Sequence[Scene], around: Neighbourhood, reach: float) -> S
     """The finest domain near an eye, or that an eye in space sees, and what lies around it."""
     for scene in order:
         cell = cell_m(scene)
-        if _from_space(around):
+        if around.from_space:
             place = replace(around, lat=scene.place[0], lon=scene.place[1])
             radius = (1 + 2 * _ASIDE) * _half_m(scene)
         else:
@@ -91,9 +90,9 @@ def _wider(
     far = _RATIO * before
     if "cloud_area_fraction" not in scene.data or not last:
         far = max(far, 0.5 * (WIDER_SIDE - 1) * cell)
-    far = reach if last and (left == 0 or reach < 2 * far or _from_space(around)) else min(reach, far)
+    far = reach if last and (left == 0 or reach < 2 * far or around.from_space) else min(reach, far)
     place = replace(around, radius_m=far, most_side=WIDER_SIDE)
-    if _from_space(around):
+    if around.from_space:
         lat, lon = scene.place
         place = Neighbourhood(lat, lon, min(far, _half_m(scene)), most_side=WIDER_SIDE)
         if last:  # the Earth below the eye, or the domain where it is but a part of that
@@ -104,10 +103,6 @@ def _wider(
         return None
     there = [one for one in order if _meets(one, target)]
     return on_one_grid(there, target, levels_of(there[there.index(scene) :]))
-
-
-def _from_space(around: Neighbourhood) -> bool:
-    return around.radius_m > _SPACE_RADIUS_M
 
 
 def _top_m(scene: Scene) -> float:
@@ -155,8 +150,8 @@ def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
         at = at[np.isfinite(at)]
         middle, half = 0.5 * (at.max() + at.min()), 0.5 * (at.max() - at.min())
         if len(scenes) > 1:
-            rim = rim_m(scenes[0], scenes[1])
-            half = (half - (rim > 0.7 * cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * _CORE_RIM)
+            rim = rim_m(cell_m(scenes[1]), width_m(scenes[0]))
+            half = (half - (rim > 0.7 * cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * CORE_RIM)
         first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (middle - half, middle + half + 1))
         kept.append(axis[first : last + 1] if last >= first + 2 else axis)
     return kept[0], kept[1]

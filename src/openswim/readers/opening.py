@@ -41,6 +41,8 @@ def reading(path: Path, remedy: str = "damaged, or not as docs/models.md describ
     """Turn what the back ends raise on damaged or unexpected content into one line."""
     try:
         yield
+    except MemoryError as error:
+        raise UserError(f"{path}: takes more memory than there is: damaged, or open a part of it") from error
     except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError) as error:
         raise UserError(f"{path}: cannot be read ({one_line(error)}): {remedy}") from error
 

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.base import Time, check_size
+from openswim.readers.base import Time, check_sizes
 from openswim.readers.clock import start_of_undated
 from openswim.readers.gridded import GriddedReader
 from openswim.readers.neighbourhood import Neighbourhood
@@ -59,6 +59,9 @@ class RAMSReader(GriddedReader):
         lacking = [name for name in NEEDED if name not in data.variables]
         if lacking:
             raise UserError(f"{path}: a RAMS file without {', '.join(lacking)}: every analysis file has them")
+        check_sizes(path, data)
+        if min(data["THETA"].shape, default=0) < 2:
+            raise UserError(f"{path}: THETA has {' x '.join(map(str, data['THETA'].shape))} values: cut a wider part")
         y, x = (str(dim) for dim in data["GLAT"].dims)
         z = next(str(dim) for dim in data["THETA"].dims if dim not in (x, y))
         header = read_header(path)
@@ -67,12 +70,10 @@ class RAMSReader(GriddedReader):
         notes: list[str] = []
 
         def field(name: str) -> F32:
-            check_size(path, name, data[name].shape)
             return np.asarray(data[name].transpose(z, y, x).values[levels], np.float32)
 
         terrain = np.asarray(data["TOPT"].transpose(y, x).values, np.float32)
         exner, theta = np.asarray(data["PI"].transpose(z, y, x).values, np.float64), data["THETA"].transpose(z, y, x)
-        check_size(path, "PI", exner.shape)
         if not (exner > 0).all():
             raise UserError(f"{path}: PI is not positive everywhere: damaged file")
         vapour = np.asarray(data["RV"].transpose(z, y, x).values) if "RV" in data.variables else np.zeros(exner.shape)

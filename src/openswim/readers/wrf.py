@@ -21,9 +21,19 @@ from openswim.readers.base import (
     place_text,
     spacing_text,
 )
+from openswim.readers.opening import reading
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
-from openswim.readers.wrf_particles import AEROSOL, CONTENTS, EXPECTED, aerosol, cover, hydrometeors, mixing_ratio
+from openswim.readers.wrf_particles import (
+    AEROSOL,
+    CONTENTS,
+    EXPECTED,
+    aerosol,
+    cover,
+    cover_guess,
+    hydrometeors,
+    mixing_ratio,
+)
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
@@ -56,7 +66,7 @@ class WRFReader:
 
     def read(self, path: Path, time: Time = None) -> Scene:
         """The scene at one time of the file (default: its first); only that time is read."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             _need(file)
             valid = file.go_to(time)
             notes: list[str] = []
@@ -69,9 +79,7 @@ class WRFReader:
                 levels["aerosol_extinction"] = haze.extinction_per_m
             surface = _surface(file, grid, notes)
             notes += _absences(file)
-            top_m = float(np.max(grid.height_m[-1]))
-            if top_m < LOW_TOP_M:
-                notes.append(f"levels end at {top_m / 1e3:.1f} km: no cloud above")
+            notes += _low_top(grid)
             fields: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in levels.items()}
             fields |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
             return Scene(
@@ -86,23 +94,28 @@ class WRFReader:
 
     def times(self, path: Path) -> list[np.datetime64]:
         """Valid times of a file, UTC."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             return list(file.times())
 
     def grid(self, path: Path, time: Time = None) -> Grid:
         """The grid at one time (nests move)."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             _need(file)
             file.go_to(time)
             return wrf_grid(file, [])
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents of a file, from its header and the geopotential of the first time."""
-        with WRFFile(path) as file, naming(path):
+        with WRFFile(path) as file, naming(path), reading(path):
             lacking = [name for name in NEEDED if name not in file]
             notes: list[str] = []
             times = [iso(time) for time in file.times()]
             grid = None if lacking else wrf_grid(file, notes)
+            if grid is not None:
+                cloudy = "QVAPOR" in file and ("QCLOUD" in file or "QICE" in file)
+                guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
+                notes += [] if guessed is None else [guessed]
+                notes += _low_top(grid)
             notes += _absences(file)
             _atmosphere(notes)
             kind = projection_kind(file)
@@ -122,6 +135,11 @@ class WRFReader:
                 missing=[name for name in everything if name not in file],
                 assumed=notes,
             )
+
+
+def _low_top(grid: Grid) -> list[str]:
+    top_m = float(np.max(grid.height_m[-1]))
+    return [f"levels end at {top_m / 1e3:.1f} km: no cloud above"] if top_m < LOW_TOP_M else []
 
 
 def _need(file: WRFFile) -> None:

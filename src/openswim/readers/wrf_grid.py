@@ -143,6 +143,8 @@ def _axes_from_lonlat(
     probe = Grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.array([0.0, 1.0]), crs)
     x, y = probe.index(lon, lat)
     ny, nx = x.shape
+    if min(ny, nx) < 2:
+        raise UserError(f"{file.path}: {nx} x {ny} columns: a scene takes two and more each way: cut a wider part")
     steps = np.diff(x, axis=1)
     if probe.in_degrees:  # longitude may wrap inside the domain
         steps = (steps + 180.0) % 360.0 - 180.0

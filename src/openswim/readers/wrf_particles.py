@@ -83,19 +83,29 @@ def cover(file: WRFFile, cell_m: float, air: dict[str, F32], dry_density: F32, n
 
     air: scene variables read so far, pressure, temperature and contents among them.
     """
-    if "CLDFRA" in file:
+    guessed = cover_guess(file, cell_m)
+    if "CLDFRA" in file and guessed is None:
         fraction = checked_values("CLDFRA", file.field("CLDFRA", MASS_LEVELS, ""), _FRACTION, notes)
-        if ((fraction > 0) & (fraction < 1)).any() or cell_m <= WIDE_CELL_M:
-            return {"cloud_area_fraction": fraction}
+        return {"cloud_area_fraction": fraction}
     water = [air[f"{kind}_content"] for kind in ("liquid", "ice") if f"{kind}_content" in air]
-    if cell_m <= WIDE_CELL_M or not np.any(water) or "QVAPOR" not in file:
+    if guessed is None or not np.any(water) or "QVAPOR" not in file:
         return {}
     vapour = mixing_ratio(file, "QVAPOR", [])
-    notes.append(XU_RANDALL + (", since CLDFRA is 0 or 1" if "CLDFRA" in file else ""))
+    notes.append(guessed)
     condensate = np.sum(water, axis=0) / dry_density
     humidity = np.asarray(vapour / (1 + vapour), np.float32)
     temperature, pressure = air["air_temperature"], air["air_pressure"]
     return {"cloud_area_fraction": cover_from_humidity(condensate, temperature, pressure, humidity, None)}
+
+
+def cover_guess(file: WRFFile, cell_m: float) -> str | None:
+    """A note if cloud fraction is to follow from humidity: cells are wide, and CLDFRA is missing or only 0 and 1."""
+    if cell_m <= WIDE_CELL_M:
+        return None
+    if "CLDFRA" not in file:
+        return XU_RANDALL
+    fraction = file.field("CLDFRA", MASS_LEVELS, "")
+    return None if ((fraction > 0) & (fraction < 1)).any() else f"{XU_RANDALL}, since CLDFRA is 0 or 1"
 
 
 def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) -> AerosolSum | None:

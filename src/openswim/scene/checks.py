@@ -72,6 +72,8 @@ def _checked(name: str, field: xr.DataArray, sizes: dict[str, int], notes: list[
             raise UserError(
                 f"scene: {name} has {field.sizes[dim]} values along {dim}; the grid has {sizes[dim]}"
             )
+    if field.dtype.kind not in "fiub":
+        raise UserError(f"scene: {name} holds no numbers")
     values = np.asarray(field.transpose(*dims).values, dtype=np.float32, order="C")
     values = checked_values(f"scene: {name}", values, spec, notes)
     attrs = {"long_name": spec.long_name, "units": spec.units}

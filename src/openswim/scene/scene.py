@@ -68,6 +68,7 @@ class Scene:
     source : where the fields come from; notes : what was assumed or repaired.
     ground : the user's own maps of albedo and height, which come before the scene's fields.
     wider : a scene on a wider, coarser grid, seen where this one's ends (not by solver "reference"; not saved with it).
+    cut : whether the grid is a part of a domain that goes on.
     """
 
     grid: Grid | None
@@ -79,6 +80,7 @@ class Scene:
     notes: list[str] = field(default_factory=list)
     ground: Ground | None = None
     wider: Scene | None = None
+    cut: bool = False
 
     def __post_init__(self) -> None:
         if self.wider is not None:
@@ -101,6 +103,16 @@ class Scene:
                 raise UserError(
                     f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}"
                 )
+
+    def __repr__(self) -> str:
+        """One line: where from, when, how large, what is in it."""
+        size = "no grid"
+        if self.grid is not None:
+            dx, dy = (f"{step:.0f}" for step in self.grid.spacing_m())
+            size = "{2} x {1} x {0} nodes, cells of {dx} x {dy} m".format(*self.grid.shape, dx=dx, dy=dy)
+        parts = [self.source or "arrays", str(self.time or "no time"), size, ", ".join(self.species) or "clear sky"]
+        parts += [f"in {len(self.levels) - 1} wider"] * (self.wider is not None) + [f"{len(self.notes)} notes"]
+        return f"<Scene: {'; '.join(parts)}>"
 
     @property
     def levels(self) -> list[Scene]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from openswim.transport.column_light import column_light
 from openswim.transport.column_solve import harmonics_of_mode, mode_tables
 from openswim.transport.eye_source import columns_of
-from openswim.transport.medium import Medium
+from openswim.transport.medium import WIDE_CELL_M, Medium
 from openswim.transport.optical_grid import Coefficients
 from openswim.transport.pack import LANES, PACK
 from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
@@ -33,7 +33,6 @@ F64 = NDArray[np.float64]
 
 _COLUMN_SUNS = 33
 _AZIMUTHS = np.cos((np.arange(4) + 0.5) * np.pi / 4)
-WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 
 
 @dataclass

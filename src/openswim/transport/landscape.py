@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.cameras.rays import Rays
 from openswim.ground import earth
 from openswim.ground.relief import height_maps, mapped_height
+from openswim.scene.rims import rim_m
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium
 from openswim.transport.relief import HeightField, Relief
@@ -31,7 +32,6 @@ _WEDGE_DEG = 25.0  # rays that rise more steeply meet no mountains
 _ASIDE = 0.1  # of a field's half width, that it reaches beyond what rays see
 _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
-_RIM_CELLS, _RIM_SHARE = 3.0, 0.15  # of a wider grid, and of the one in it, over which terrain changes
 _RIM = 0.2  # of the reach, over which all fades to the level ground beyond
 _FLAT_M = 100.0  # lower ground is level
 _KNOTS = 8  # nodes between places that maps and projections are asked for
@@ -188,8 +188,7 @@ class Landscape:
         dx, dy = medium.cell_m
         if self.wider is not None:  # which knows what is beyond
             within = np.minimum(np.minimum(ix, nx - 1 - ix) * dx, np.minimum(iy, ny - 1 - iy) * dy)
-            rim = min(_RIM_CELLS * max(self.wider.medium.cell_m), _RIM_SHARE * min(nx * dx, ny * dy))
-            share = np.clip(within / rim, 0.0, 1.0)
+            share = np.clip(within / rim_m(max(self.wider.medium.cell_m), min(nx * dx, ny * dy)), 0.0, 1.0)
         else:
             away = np.hypot(np.maximum(np.maximum(-ix, ix - (nx - 1)), 0) * dx,
                             np.maximum(np.maximum(-iy, iy - (ny - 1)), 0) * dy)  # fmt: skip

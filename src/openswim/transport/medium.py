@@ -33,6 +33,8 @@ _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
 _MOST_HALVED_NODES, _MOST_RESOLVED_NODES = 10_000_000, 4_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
+_MOST_WIDE_NODES = 18_000_000  # of such clouds in wide cells, each column lit by itself
+WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
 _MOST_DEGREES = 200.0  # of longitude
@@ -214,7 +216,10 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
     if broken:
         wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
     fineness = 1
-    while cell_m / fineness > wanted and (2 * fineness * ny) * (2 * fineness * nx) < most // nz:
+    while cell_m / fineness > wanted:
+        wide = broken and refine and cell_m / (2 * fineness) >= WIDE_CELL_M
+        if (2 * fineness * ny) * (2 * fineness * nx) >= (_MOST_WIDE_NODES if wide else most) // nz:
+            break
         fineness *= 2
     return fineness
 

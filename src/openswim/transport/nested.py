@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.rims import CORE_RIM, LEAST_CORE_RIM
 from openswim.transport.march import DARK
 from openswim.transport.pack import PACK
 from openswim.transport.surface import bilinear
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_RIM, _LEAST_RIM = 0.08, 2  # share of a grid's columns at each side that its core does without, and how many at least
 _SHORTEST_M = 1.0  # way through a grid that is worth a look
 _SAME_M = 0.01  # distances that differ by less are the same
 
@@ -66,7 +66,7 @@ class Core:
         """All of a grid but its rim."""
         radius = medium.frame.radius_m
         ny, nx = medium.place.shape[:2]
-        y, x = (min(max(_LEAST_RIM, round(_RIM * n)), (n - 2) // 2) for n in (ny, nx))
+        y, x = (min(max(LEAST_CORE_RIM, round(CORE_RIM * n)), (n - 2) // 2) for n in (ny, nx))
         up = (medium.place[y : ny - y, x : nx - x] + np.array([0.0, 0.0, radius])) / radius
         centre = up[up.shape[0] // 2, up.shape[1] // 2]
         normals, offsets = [], []

@@ -12,6 +12,7 @@ F64 = NDArray[np.float64]
 # What is left of the variance of a uniform number, 1/12, by quadratic B-splines (mean of the sum of squares .55) in 3-D
 _SCALE = np.sqrt(12.0 / 0.55**3)
 _SLICES = 64
+_STIRRED, _CUMULUS_M, _MESOSCALE_M = 0.6, 4000.0, 32_000.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -46,16 +47,30 @@ def _lattice(place, salt, out):
         out[n] = total
 
 
+def _stirred(place: F64, octave: int, spacing_m: float) -> F64:
+    """Places (n, 3) in spacings, moved by a smooth field of lumps twice as wide: what is mesoscale has been drawn out
+    by the flow, small cumulus has not."""
+    share = _STIRRED * np.clip(np.log2(spacing_m / _CUMULUS_M) / np.log2(_MESOSCALE_M / _CUMULUS_M), 0, 1)
+    if share == 0:
+        return place
+    moved = place.copy()
+    out = np.empty(len(place))
+    for axis in range(3):
+        _lattice(np.ascontiguousarray(0.5 * place), (octave + 200) * _SLICES + axis, out)
+        moved[:, axis] += share * _SCALE * out
+    return moved
+
+
 class Octave:
     """A smooth field of zero mean and unit variance over places (n, 3) in Earth-fixed metres and heights.
 
-    Its lumps are two to six `spacing_m` wide. Over a height of `tall_m` it forgets what it was.
+    Its lumps are two to six `spacing_m` wide, wide ones drawn out to wisps. Over a height of `tall_m` it forgets.
     """
 
     def __init__(self, place_m: F64, spacing_m: float, tall_m: float) -> None:
         self._octave = round(np.log2(spacing_m))
         turn = np.linalg.qr(np.random.default_rng(self._octave + 100).standard_normal((3, 3)))[0]
-        self._place = np.ascontiguousarray(place_m @ turn / spacing_m)
+        self._place = _stirred(np.ascontiguousarray(place_m @ turn / spacing_m), self._octave, spacing_m)
         self._tall_m = tall_m
         self._known: dict[int, F32] = {}
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +109,8 @@ class Solver:
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
         if self.name == "reference":
+            if scene.wider is not None:
+                warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=2)
             return solve_reference(self, scene, sun, wl)
         parts = [wl[a : a + PACK] for a in range(0, wl.size, PACK)]
         solve = _clear_field if scene.grid is None else solve_large if lit_in_parts(scene) else _nested_field
