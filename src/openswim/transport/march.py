@@ -14,9 +14,19 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
+from openswim.transport.detail import (
+    NO_DETAIL,
+    NOISE,
+    Detail,
+    noise_at,
+    scalar_at,
+    seen_octaves,
+    sunward,
+    thickened,
+)
 from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
-from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
+from openswim.transport.scalar import height_of_square_m, share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume, blank_fields, tidy
 from openswim.transport.walk import (
@@ -34,7 +44,9 @@ from openswim.transport.walk import (
     PLACE_STEP,
     PLACE_X,
     PLACE_Y,
+    RISE,
     SAMPLES,
+    SQUARE,
     START,
     STATE,
     WALK,
@@ -59,7 +71,10 @@ _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5)
 # stands, mean distance of unit cloud depth (sum)
 RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
 BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
-CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, GATHERED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 14 * PACK
+CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 13 * PACK + 3
+WEIGHTS, GATHERED = 14 * PACK, 17 * PACK
+LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
+FAINT = 0.03  # transmission below which detail is not seen
 LANES = 4  # rays that walk in turn
 
 
@@ -85,8 +100,71 @@ def _start(got, species_depth):
         species_depth[n] = _ZERO
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _detailed_step(
+    radiance, through, ds, footprint, extinction, extinction_far, diffuse, diffuse_far, single, single_far, beam,
+    beam_far, air, cloud, cloud_far, refined, refined_far, w, place, last, places, weights, radius, cell_x, cell_y,
+    detail,
+):  # fmt: skip
+    """A step of ``ds`` in parts, whose cloud is as `Detail` has it: all is linear along the step but for that."""
+    s = flat(places, place + PLACE_S)
+    ix, iy, level = flat(places, place + PLACE_X), flat(places, place + PLACE_Y), flat(places, place + PLACE_LEVEL)
+    jx, jy, below = flat(places, last + PLACE_X), flat(places, last + PLACE_Y), flat(places, last + PLACE_LEVEL)
+    t = s - ds
+    z_far = height_of_square_m(w[SQUARE] + s * (2.0 * w[RISE] + s), radius)
+    z = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), radius)
+    x, y = jx * cell_x, jy * cell_y
+    dx, dy, dz = ix * cell_x - x, iy * cell_y - y, z_far - z
+    dense, dense_far = scalar_at(detail.in_cloud, jx, jy, below), scalar_at(detail.in_cloud, ix, iy, level)
+    finest = max(1.5 * footprint, flat(detail.wavelength_m, 0) * detail.fineness)
+    least = np.float32(min(finest / ds, 1.0))
+    count, edge = seen_octaves(detail, 1.6 * finest, weights)
+    clear = largest(air) + np.float32(1e-12)
+    lump = np.float32(0.25 * flat(detail.wavelength_m, 0))
+    e_near, s_near = extinction, diffuse
+    a = _ZERO
+    part = _ZERO
+    while True:
+        noise_at(detail, count, weights, x + a * dx, y + a * dy, z + a * dz, weights)
+        mean = refined + a * (refined_far - refined)
+        all_cloud = cloud + a * (cloud_far - cloud)
+        within = dense + a * (dense_far - dense)
+        factor = thickened(flat(weights, NOISE), mean / max(within, np.float32(1e-12)), edge, detail.quantile)
+        ratio = (all_cloud + mean * (factor - _ONE) + clear) / (all_cloud + clear)
+        slope = flat(weights, NOISE + 1) + flat(weights, NOISE + 2) + flat(weights, NOISE + 3)
+        bright = sunward(slope, within * lump, detail.shading)
+        whole = beam + a * (beam_far - beam)
+        lit = whole * bright
+        even = (bright - _ONE) * np.float32(detail.diffuse) * whole + _ONE
+        e = ratio * (extinction + a * (extinction_far - extinction))
+        source = ratio * (
+            join(even, even) * (diffuse + a * (diffuse_far - diffuse))
+            + (single + a * (single_far - single)) * join(lit, lit)
+        )
+        if part > _ZERO:
+            step = part * ds
+            depth = (e_near + e) * (_HALF * step)
+            trans = transmission(depth)
+            radiance += through * step_emission(depth, trans, step, s_near, source, e_near, e)
+            through *= trans
+        if a >= _ONE:
+            break
+        e_near, s_near = e, source
+        left = largest(low(through))
+        part = least * (np.float32(7.0) - np.float32(6.0) * left)
+        if left < np.float32(FAINT) or a + np.float32(1.2) * part > _ONE:
+            part = _ONE - a
+            a = _ONE
+        else:
+            a += part
+    return radiance, through
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, volume, depth_limit, species_depth):
+def _gather(
+    w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, volume, depth_limit, species_depth, cone, growth,
+    detail,
+):  # fmt: skip
     """Look at the places that a ray has walked to, and add up. Returns how many, fewer where it became dark."""
     ns = volume.species
     dark = np.float32(DARK if depth_limit >= NO_LIMIT else -1.0)
@@ -100,6 +178,9 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
     cloud_depth, near_cloud, distance = flat(got, CLOUD_DEPTH), flat(got, NEAR_CLOUD), flat(got, DISTANCE)
     count = int(w[COUNT])
     looked = count
+    refined = flat(got, REFINED)
+    widest = flat(detail.wavelength_m, 0) / 2.4 if detail.wavelength_m.shape[0] > 0 and growth > 0.0 else 0.0
+    last = LAST
     for n in range(count):
         place = n * PLACE
         s, level = flat(places, place + PLACE_S), flat(places, place + PLACE_LEVEL)
@@ -140,8 +221,23 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
             source -= bend
             source_far -= bend
         depth = (extinction + extinction_far) * half_step
+        refined_far = _ZERO
+        if cloud > _ZERO and widest > 0.0:
+            for m in range(ns):
+                refined_far += flat(detail.liquid, m) * flat(nodes, 2 * PACK + m)
         trans = transmission(depth)
-        if cloud_depth + added <= depth_limit:
+        footprint = cone + growth * (w[START] + s)
+        if (
+            footprint < widest and refined + refined_far > _ZERO and ds > _ZERO and level >= 0.0
+            and flat(places, last + PLACE_LEVEL) >= 0.0 and largest(low(through)) > np.float32(FAINT)
+        ):  # fmt: skip
+            radiance, through = _detailed_step(
+                radiance, through, ds, footprint, extinction, extinction_far, diffuse, diffuse_far, single, single_far,
+                beam, beam_far, air, near_cloud, cloud, refined, refined_far, w, place, last, places, got[WEIGHTS:],
+                radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1), detail,
+            )  # fmt: skip
+            trans = transmission(_ZERO * depth)
+        elif cloud_depth + added <= depth_limit:
             radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
         elif cloud_depth < depth_limit:
             # the source ends within the step
@@ -156,7 +252,7 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
         through *= trans
         front += (fronting * half_step) * (air + air_far)
         extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
-        air, near_cloud = air_far, cloud
+        air, near_cloud, refined, last = air_far, cloud, refined_far, place
         if largest(low(through)) < dark:
             looked = n + 1
             break
@@ -171,6 +267,10 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
     put(got, CLOUD_DEPTH, cloud_depth)
     put(got, NEAR_CLOUD, near_cloud)
     put(got, DISTANCE, distance)
+    put(got, REFINED, refined)
+    if count > 0:
+        for n in range(PLACE):
+            put(places, LAST + n, flat(places, (count - 1) * PLACE + n))
     return looked
 
 
@@ -189,8 +289,8 @@ def _finish(n, w, got, out):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _march_tile(
-    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, walks,
-    places, got, nodes, rays, peaks, which, angles, shares,
+    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, cone,
+    detail, walks, places, got, nodes, rays, peaks, which, angles, shares,
 ):  # fmt: skip
     """March rays ``first`` to ``last`` of ``order``: see `march_rays`. LANES of them walk in turn."""
     following = first
@@ -211,6 +311,7 @@ def _march_tile(
                 end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
+                places[lane, LAST + PLACE_LEVEL] = -1.0
             going = going or which[lane] >= 0
         if not going:
             break
@@ -225,7 +326,7 @@ def _march_tile(
             w = walks[lane]
             looked = _gather(
                 w, places[lane], got[lane], nodes[lane], shares[lane], rays[lane], peaks[lane], sun, angles[lane],
-                shells, volume, depth_limit, out.species_depth[n],
+                shells, volume, depth_limit, out.species_depth[n], cone[n, 0], cone[n, 1], detail,
             )  # fmt: skip
             if looked < w[COUNT]:
                 w[SAMPLES] -= w[COUNT] - looked
@@ -238,18 +339,19 @@ def _march_tile(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def _march_share(
-    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out
+    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out,
+    cone, detail,
 ):  # fmt: skip
     """Thread t's tiles, see `march_rays`: every so-manieth, for sky and ground do not cost the same."""
     count = direction.shape[0]
     nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
-    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, BATCH * PLACE))
+    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, (BATCH + 1) * PLACE))
     peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
     which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
     for tile in range(t, (count + TILE - 1) // TILE, threads):
         _march_tile(
             tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, ends, sun, table, shells, volume,
-            highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
+            highest_m, depth_limit, scale, out, cone, detail, walks, places, got, nodes, rays, peaks, which, angles, shares,
         )  # fmt: skip
 
 
@@ -271,7 +373,7 @@ def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
 
 def march_rays(
     origin: F64, direction: F64, sun: F64, table: F32, shells: Shells, volume: Volume, scale: float,
-    depth_limit: float = NO_LIMIT, ends: F64 | None = None,
+    depth_limit: float = NO_LIMIT, ends: F64 | None = None, cone: F64 | None = None, detail: Detail = NO_DETAIL,
 ) -> Marched:  # fmt: skip
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
     PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
@@ -294,6 +396,7 @@ def march_rays(
     in_threads(
         _march_share, order, scratch, o, d, own, np.array(sun, float), np.array(table, np.float32, order="C"),
         tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale), out,
+        np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
     )  # fmt: skip
     return out
 

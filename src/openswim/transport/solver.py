@@ -50,6 +50,8 @@ class Solver:
 
     name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo).
     step: eye-ray step in cells.
+    detail: whether clouds of liquid water that a model gives are refined below its grid where an eye is near
+        (docs/decisions/0017).
 
     Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
     change of the field, relative, at which sweeps end, before a last correction; .02, the standard's, leaves about 1 %
@@ -64,6 +66,7 @@ class Solver:
     tolerance: float | None = None
     step: float = 1.0
     most_sweeps: int = 60
+    detail: bool = True
     paper_phases: bool = False
     paths: int | None = None
     seed: int = 0
