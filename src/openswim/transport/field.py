@@ -16,7 +16,8 @@ from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport import nested, swim_view
-from openswim.transport.detail import NO_DETAIL, Detail, detail_of
+from openswim.transport.detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
+from openswim.transport.detail_step import widest_m
 from openswim.transport.grid_light import GridLight, SunDepth
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
@@ -36,7 +37,6 @@ F64 = NDArray[np.float64]
 
 CLEAR_REACH_DEG = 14.0  # from the ground to the horizon of an eye 14 km up, and through the air beyond
 CLEAR_STEP = 0.5  # where there is but air, views are cheap and haze may be stepped finely
-OPTIONS: dict = {}
 _TILE_RAYS = 1_200_000
 
 
@@ -150,7 +150,7 @@ class PackField:
     own_sky: Shells | None = None  # and the shells that its rays go through
     wider: PackField | None = None  # the field of a wider grid, seen beyond the core of this
     core: Core | None = None
-    own_detail: Detail | None = None
+    detail: Detail | None = None  # below the grid, once an eye was near
     depths: SunDepth | None = None  # until the grids within it are solved
 
     @property
@@ -239,25 +239,27 @@ class PackField:
             return nested.march(self, origin, direction, ends, cone)
         return self.march_alone(origin, direction, ends, cone)
 
-    @property
-    def detail(self) -> Detail:
-        """What clouds are like between the nodes."""
-        if self.own_detail is None:
-            self.own_detail = self._detail()
-        return self.own_detail
-
-    def _detail(self) -> Detail:
+    def _detail_for(self, origin: F64, cone: F64 | None) -> Detail:
+        """What clouds are like between the nodes, where any ray is narrow enough to see it."""
         m = self.medium
-        if not self.solver.detail or m is None or self.light is None or m.periodic or min(m.shape) < 2:
+        if cone is None or not (self.solver.detail and cone[:, 1].any()) or m is None or self.light is None:
             return NO_DETAIL
-        liquid = [s.kind == "liquid" and s.name not in self.scene.optics for s in m.species]
-        if not any(liquid):
+        if m.periodic or min(m.shape) < 2:
             return NO_DETAIL
-        _, ny, nx = m.shape
-        return detail_of(
-            m.extinction[liquid].sum(axis=0), np.array(liquid, np.float32), min(m.cell_m),
-            self.light.local_sun[ny // 2, nx // 2], OPTIONS
-        )
+        up = np.array([0.0, 0.0, self.frame.radius_m])
+        above_m = np.linalg.norm(origin + up, axis=-1) - self.frame.radius_m - m.levels_m[-1]
+        width_m = cone[:, 0] + cone[:, 1] * np.maximum(above_m, 0.0)
+        if width_m.min() >= widest_m(first_wavelength_m(min(m.cell_m))):
+            return NO_DETAIL
+        if self.detail is None:
+            # what is given as extinction is given as it is
+            refined = [s.kind == "liquid" and s.name not in self.scene.optics for s in m.species]
+            _, ny, nx = m.shape
+            self.detail = NO_DETAIL if not any(refined) else detail_of(
+                m.extinction[refined].sum(axis=0), np.array(refined, np.float32), min(m.cell_m),
+                self.light.local_sun[ny // 2, nx // 2],
+            )  # fmt: skip
+        return self.detail
 
     def march_alone(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
         """`march` in this grid and the air beside it."""
@@ -266,8 +268,10 @@ class PackField:
             radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, self.sky, ends)
             return Seen(radiance, full, full, distance, depth, int(samples.sum()), level)
         step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
-        seen = march_rays(origin, direction, self.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
-            detail=self.detail if cone is not None else NO_DETAIL)
+        seen = march_rays(
+            origin, direction, self.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
+            detail=self._detail_for(origin, cone),
+        )  # fmt: skip
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return Seen(
             radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level

@@ -14,19 +14,11 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from openswim.transport.detail import (
-    NO_DETAIL,
-    NOISE,
-    Detail,
-    noise_at,
-    scalar_at,
-    seen_octaves,
-    sunward,
-    thickened,
-)
+from openswim.transport.detail import NO_DETAIL, SCRATCH, Detail
+from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
 from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
-from openswim.transport.scalar import height_of_square_m, share_of_step, step_emission, table_index, transmission
+from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume, blank_fields, tidy
 from openswim.transport.walk import (
@@ -44,9 +36,7 @@ from openswim.transport.walk import (
     PLACE_STEP,
     PLACE_X,
     PLACE_Y,
-    RISE,
     SAMPLES,
-    SQUARE,
     START,
     STATE,
     WALK,
@@ -68,13 +58,12 @@ _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5)
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
 # and through the whole extinction); where it stands extinction, diffuse source and what is scattered of the beam, the
 # beam, the air's extinction; depth in front of unit cloud depth; then depth of cloud, cloud's extinction where it
-# stands, mean distance of unit cloud depth (sum)
+# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; scratch of detail
 RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
 BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
 CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 13 * PACK + 3
-WEIGHTS, GATHERED = 14 * PACK, 17 * PACK
+DETAIL, GATHERED = 14 * PACK, 14 * PACK + SCRATCH
 LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
-FAINT = 0.03  # transmission below which detail is not seen
 LANES = 4  # rays that walk in turn
 
 
@@ -100,66 +89,6 @@ def _start(got, species_depth):
         species_depth[n] = _ZERO
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _detailed_step(
-    radiance, through, ds, footprint, extinction, extinction_far, diffuse, diffuse_far, single, single_far, beam,
-    beam_far, air, cloud, cloud_far, refined, refined_far, w, place, last, places, weights, radius, cell_x, cell_y,
-    detail,
-):  # fmt: skip
-    """A step of ``ds`` in parts, whose cloud is as `Detail` has it: all is linear along the step but for that."""
-    s = flat(places, place + PLACE_S)
-    ix, iy, level = flat(places, place + PLACE_X), flat(places, place + PLACE_Y), flat(places, place + PLACE_LEVEL)
-    jx, jy, below = flat(places, last + PLACE_X), flat(places, last + PLACE_Y), flat(places, last + PLACE_LEVEL)
-    t = s - ds
-    z_far = height_of_square_m(w[SQUARE] + s * (2.0 * w[RISE] + s), radius)
-    z = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), radius)
-    x, y = jx * cell_x, jy * cell_y
-    dx, dy, dz = ix * cell_x - x, iy * cell_y - y, z_far - z
-    dense, dense_far = scalar_at(detail.in_cloud, jx, jy, below), scalar_at(detail.in_cloud, ix, iy, level)
-    finest = max(1.5 * footprint, flat(detail.wavelength_m, 0) * detail.fineness)
-    least = np.float32(min(finest / ds, 1.0))
-    count, edge = seen_octaves(detail, 1.6 * finest, weights)
-    clear = largest(air) + np.float32(1e-12)
-    lump = np.float32(0.25 * flat(detail.wavelength_m, 0))
-    e_near, s_near = extinction, diffuse
-    a = _ZERO
-    part = _ZERO
-    while True:
-        noise_at(detail, count, weights, x + a * dx, y + a * dy, z + a * dz, weights)
-        mean = refined + a * (refined_far - refined)
-        all_cloud = cloud + a * (cloud_far - cloud)
-        within = dense + a * (dense_far - dense)
-        factor = thickened(flat(weights, NOISE), mean / max(within, np.float32(1e-12)), edge, detail.quantile)
-        ratio = (all_cloud + mean * (factor - _ONE) + clear) / (all_cloud + clear)
-        slope = flat(weights, NOISE + 1) + flat(weights, NOISE + 2) + flat(weights, NOISE + 3)
-        bright = sunward(slope, within * lump, detail.shading)
-        whole = beam + a * (beam_far - beam)
-        lit = whole * bright
-        even = (bright - _ONE) * np.float32(detail.diffuse) * whole + _ONE
-        e = ratio * (extinction + a * (extinction_far - extinction))
-        source = ratio * (
-            join(even, even) * (diffuse + a * (diffuse_far - diffuse))
-            + (single + a * (single_far - single)) * join(lit, lit)
-        )
-        if part > _ZERO:
-            step = part * ds
-            depth = (e_near + e) * (_HALF * step)
-            trans = transmission(depth)
-            radiance += through * step_emission(depth, trans, step, s_near, source, e_near, e)
-            through *= trans
-        if a >= _ONE:
-            break
-        e_near, s_near = e, source
-        left = largest(low(through))
-        part = least * (np.float32(7.0) - np.float32(6.0) * left)
-        if left < np.float32(FAINT) or a + np.float32(1.2) * part > _ONE:
-            part = _ONE - a
-            a = _ONE
-        else:
-            a += part
-    return radiance, through
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _gather(
     w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, volume, depth_limit, species_depth, cone, growth,
@@ -179,8 +108,8 @@ def _gather(
     count = int(w[COUNT])
     looked = count
     refined = flat(got, REFINED)
-    widest = flat(detail.wavelength_m, 0) / 2.4 if detail.wavelength_m.shape[0] > 0 and growth > 0.0 else 0.0
-    last = LAST
+    widest_m = flat(detail.wavelength_m, 0) * WIDEST if detail.wavelength_m.shape[0] > 0 and growth > 0.0 else 0.0
+    before = LAST
     for n in range(count):
         place = n * PLACE
         s, level = flat(places, place + PLACE_S), flat(places, place + PLACE_LEVEL)
@@ -221,38 +150,38 @@ def _gather(
             source -= bend
             source_far -= bend
         depth = (extinction + extinction_far) * half_step
+        width_m = cone + growth * (w[START] + s)
         refined_far = _ZERO
-        if cloud > _ZERO and widest > 0.0:
+        if cloud > _ZERO and width_m < widest_m:
             for m in range(ns):
-                refined_far += flat(detail.liquid, m) * flat(nodes, 2 * PACK + m)
-        trans = transmission(depth)
-        footprint = cone + growth * (w[START] + s)
+                refined_far += flat(detail.refined, m) * flat(nodes, 2 * PACK + m)
         if (
-            footprint < widest and refined + refined_far > _ZERO and ds > _ZERO and level >= 0.0
-            and flat(places, last + PLACE_LEVEL) >= 0.0 and largest(low(through)) > np.float32(FAINT)
+            refined + refined_far > _ZERO and ds > _ZERO and level >= 0.0 and flat(places, before + PLACE_LEVEL) >= 0.0
+            and largest(low(through)) > np.float32(FAINT)
         ):  # fmt: skip
-            radiance, through = _detailed_step(
-                radiance, through, ds, footprint, extinction, extinction_far, diffuse, diffuse_far, single, single_far,
-                beam, beam_far, air, near_cloud, cloud, refined, refined_far, w, place, last, places, got[WEIGHTS:],
+            radiance, through = detailed_step(
+                radiance, through, ds, width_m, extinction, extinction_far, diffuse, diffuse_far, single, single_far,
+                beam, beam_far, air, near_cloud, cloud, refined, refined_far, w, places, before, place, got[DETAIL:],
                 radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1), detail,
             )  # fmt: skip
-            trans = transmission(_ZERO * depth)
-        elif cloud_depth + added <= depth_limit:
-            radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
-        elif cloud_depth < depth_limit:
-            # the source ends within the step
-            part = share_of_step(near_cloud, cloud, ds, np.float32(depth_limit) - cloud_depth)
-            last = extinction + part * (extinction_far - extinction)
-            ended = (extinction + last) * (part * half_step)
-            source_end = source + part * (source_far - source)
-            radiance += through * step_emission(
-                ended, transmission(ended), part * ds, source, source_end, extinction, last
-            )
+        else:
+            trans = transmission(depth)
+            if cloud_depth + added <= depth_limit:
+                radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
+            elif cloud_depth < depth_limit:
+                # the source ends within the step
+                part = share_of_step(near_cloud, cloud, ds, np.float32(depth_limit) - cloud_depth)
+                last = extinction + part * (extinction_far - extinction)
+                ended = (extinction + last) * (part * half_step)
+                source_end = source + part * (source_far - source)
+                radiance += through * step_emission(
+                    ended, transmission(ended), part * ds, source, source_end, extinction, last
+                )
+            through *= trans
         cloud_depth += added
-        through *= trans
         front += (fronting * half_step) * (air + air_far)
         extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
-        air, near_cloud, refined, last = air_far, cloud, refined_far, place
+        air, near_cloud, refined, before = air_far, cloud, refined_far, place
         if largest(low(through)) < dark:
             looked = n + 1
             break
@@ -351,7 +280,8 @@ def _march_share(
     for tile in range(t, (count + TILE - 1) // TILE, threads):
         _march_tile(
             tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, ends, sun, table, shells, volume,
-            highest_m, depth_limit, scale, out, cone, detail, walks, places, got, nodes, rays, peaks, which, angles, shares,
+            highest_m, depth_limit, scale, out, cone, detail, walks, places, got, nodes, rays, peaks, which, angles,
+            shares,
         )  # fmt: skip
 
 
@@ -378,7 +308,8 @@ def march_rays(
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
     PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
     shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it. Negative ones stop
-    rays there that have not met the grid's ground or the shells' before."""
+    rays there that have not met the grid's ground or the shells' before. ``cone`` (n, 2): what rays are wide at their
+    origins (m), and what they widen per metre; clouds have ``detail`` where rays that widen are narrow enough."""
     if shells.phase.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
     n = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))

@@ -99,7 +99,7 @@ class Core:
 
 
 def march(field: PackField, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
-    """What rays (n, 3) see of a field and of the wider ones around it; ``ends`` and ``cone`` as `march_rays` has them."""
+    """What rays (n, 3) see of a field and of the wider ones around it; ``ends``, ``cone`` as `march_rays` has them."""
     wider, core = field.wider, field.core
     assert wider is not None
     assert core is not None
