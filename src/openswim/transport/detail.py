@@ -24,17 +24,19 @@ F64 = NDArray[np.float64]
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
-# The noise: nodes of its period, a power of two; nodes from dome to dome; its integers per standard deviation
-TILE, _DOME, _STEPS = 64, 6.0, 32
+# The noise: nodes of its period, a power of two; domes in it, each way; its integers per standard deviation
+TILE, _DOMES, _STEPS = 64, 11, 32
 _OCTAVES, _RATIO, _SHORTEST_M = 5, 2.17, 5.0
 _LONGEST_M = 500.0  # eddies and layers are no larger, however wide the cells
 _PER_CELL = 1.4  # wavelength of the first octave: a grid tells what is two cells long, vaguely
-_EDGE = 0.25  # standard deviation of the octaves that are left out
+_EDGE = 0.2  # standard deviation of the octaves that are left out
 _SURPLUS = 1.1  # extinction within cloud over the greatest mean around, so that no cloud is quite even
+_THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
 _QUANTILES = 256
 _SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
-NOISE = 2 * PACK  # where, behind the octaves' weights, `noise_at` leaves what it finds
-SCRATCH = 3 * PACK
+# Scratch: the octaves' weights, what `noise_at` finds; extinction and source where a detailed step ended, and whether
+# the next begins there
+NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 7 * PACK, 8 * PACK
 
 
 class Detail(NamedTuple):
@@ -58,16 +60,16 @@ NO_DETAIL = Detail(
 
 @cache
 def _tile() -> NDArray[np.int8]:
-    """Noise of domes with creases between them, as cauliflower has: distance to the nearest of scattered points
-    (Worley 1996), made normal by rank."""
+    """Noise of domes with creases between them, as cauliflower has: distance to the nearest of scattered points, one
+    for each dome (Worley 1996), made normal by rank."""
     from scipy.ndimage import map_coordinates
     from scipy.spatial import cKDTree
     from scipy.special import ndtri
 
     rng = np.random.default_rng(17)
-    points = rng.random((round((TILE / _DOME) ** 3), 3)) * TILE
-    nodes = np.stack(np.meshgrid(*[np.arange(TILE, dtype=float)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    distance, _ = cKDTree(points, boxsize=TILE).query(nodes)
+    cells, nodes = (np.argwhere(np.ones((n, n, n))).astype(float) for n in (_DOMES, TILE))
+    points = (cells + rng.random(cells.shape)) * (TILE / _DOMES)
+    distance, _ = cKDTree(points % TILE, boxsize=TILE).query(nodes)
     rank = np.empty(distance.size)
     rank[np.argsort(-distance, kind="stable")] = (np.arange(distance.size) + 0.5) / distance.size
     value = ndtri(rank).reshape(TILE, TILE, TILE)
@@ -95,11 +97,10 @@ def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
     turns = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in wavelength])
     weight = wavelength ** (1 / 3)  # k^-5/3
     weight *= np.sqrt((1 - _EDGE**2) / (weight**2).sum())
-    # the geometric mean of mean and greatest extinction is what is within cloud: thin edges are thin and wide
-    share = np.sqrt(np.linspace(0, 1, _QUANTILES))
+    share = np.linspace(0, 1, _QUANTILES) ** _THINNING
     least = 0.5 / _QUANTILES
     return Detail(
-        _tile(), np.ascontiguousarray(turns * (_DOME / wavelength)[:, None, None]),
+        _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
         np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(np.float32), wavelength,
         weight.astype(np.float32), ndtri(np.clip(share, least, 1 - least)).astype(np.float32), refined,
         np.asarray(np.float32(_SURPLUS) * maximum_filter(extinction, 3, mode="nearest"), np.float32),

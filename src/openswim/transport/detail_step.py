@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from openswim.transport.detail import NOISE, lerp, noise_at, scalar_at, seen_octaves, sunward, thickened
-from openswim.transport.pack import flat, join, largest, low
+from openswim.transport.detail import FRESH, HERE, NOISE, lerp, noise_at, scalar_at, seen_octaves, sunward, thickened
+from openswim.transport.pack import PACK, flat, join, largest, low, put, read_double, write
 from openswim.transport.scalar import height_of_square_m, step_emission, transmission
 from openswim.transport.walk import PLACE_LEVEL, PLACE_S, PLACE_X, PLACE_Y, RISE, SQUARE
 
@@ -28,6 +28,16 @@ def widest_m(wavelength_m: float) -> float:
 
 
 WIDEST = widest_m(1.0)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _next_part(a, least, left):
+    """How much of a step is done after its next part, and that part; ``left``: transmission so far."""
+    part = least * (_ONE + _HASTE * (_ONE - left))
+    rest = _ONE - a
+    if left < np.float32(FAINT) or np.float32(1.2) * part > rest:
+        return _ONE, rest
+    return a + part, part
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -54,8 +64,10 @@ def detailed_step(
     count, edge = seen_octaves(detail, _BLUR * finest, scratch)
     least, lump_m = np.float32(min(finest / ds, 1.0)), np.float32(0.25 * first_m)
     clear = largest(air) + _NOTHING
-    near, near_source = extinction, diffuse
+    near, near_source = read_double(scratch, HERE), read_double(scratch, HERE + 2 * PACK)
     a, part = _ZERO, _ZERO
+    if flat(scratch, FRESH) > _ZERO:
+        a, part = _next_part(a, least, largest(low(through)))
     while True:
         noise_at(detail, count, x + a * dx, y + a * dy, z + a * dz, scratch)
         mean, all_cloud, most = lerp(refined, refined_far, a), lerp(cloud, cloud_far, a), lerp(dense, dense_far, a)
@@ -79,11 +91,8 @@ def detailed_step(
         if a >= _ONE:
             break
         near, near_source = here, source
-        left = largest(low(through))
-        part = least * (_ONE + _HASTE * (_ONE - left))
-        if left < np.float32(FAINT) or a + np.float32(1.2) * part > _ONE:
-            part = _ONE - a
-            a = _ONE
-        else:
-            a += part
+        a, part = _next_part(a, least, largest(low(through)))
+    write(scratch, HERE, here)
+    write(scratch, HERE + 2 * PACK, source)
+    put(scratch, FRESH, _ONE)
     return radiance, through

@@ -14,7 +14,7 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from openswim.transport.detail import NO_DETAIL, SCRATCH, Detail
+from openswim.transport.detail import FRESH, NO_DETAIL, SCRATCH, Detail
 from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
 from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
@@ -165,6 +165,7 @@ def _gather(
                 radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1), detail,
             )  # fmt: skip
         else:
+            put(got, DETAIL + FRESH, _ZERO)
             trans = transmission(depth)
             if cloud_depth + added <= depth_limit:
                 radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
