@@ -16,6 +16,8 @@ from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport import nested, swim_view
+from openswim.transport.detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
+from openswim.transport.detail_step import widest_m
 from openswim.transport.grid_light import GridLight, SunDepth
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
@@ -148,6 +150,7 @@ class PackField:
     own_sky: Shells | None = None  # and the shells that its rays go through
     wider: PackField | None = None  # the field of a wider grid, seen beyond the core of this
     core: Core | None = None
+    detail: Detail | None = None  # below the grid, once an eye was near
     depths: SunDepth | None = None  # until the grids within it are solved
 
     @property
@@ -205,11 +208,12 @@ class PackField:
     def _view_tile(self, rays: Rays, part: Any, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()
         n = len(rays)
-        seen = self._seen(origin, direction)
+        width_rad = np.broadcast_to(np.asarray(rays.width_rad, float), n)
+        seen = self._seen(origin, direction, np.stack([np.zeros(n), width_rad], axis=-1))
         hit = seen.distance >= 0
         position = np.full((n, 3), np.nan)
         position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
-        width = np.broadcast_to(rays.width_rad, n) * seen.distance
+        width = width_rad * seen.distance
         eye = origin[0] if np.ptp(origin, axis=0).max() < 1e-3 else None
         self._add_ground(seen, position, direction, width, eye)
         out.radiance[part], out.transmittance[part], out.distance_m[part] = seen.radiance, seen.full, seen.distance
@@ -224,24 +228,50 @@ class PackField:
                 ground = shade(level, level.sky, place[hit], direction[hit], width_m[hit], eye)
                 seen.radiance[hit] += seen.through[hit] * ground
 
-    def _seen(self, origin: F64, direction: F64) -> Seen:
+    def _seen(self, origin: F64, direction: F64, cone: F64 | None = None) -> Seen:
         """What rays see, but for the ground's own light."""
-        return self.march(origin, direction, None if self.relief is None else self.relief.meet(origin, direction))
+        ends = None if self.relief is None else self.relief.meet(origin, direction)
+        return self.march(origin, direction, ends, cone)
 
-    def march(self, origin: F64, direction: F64, ends: F64 | None) -> Seen:
-        """`_seen` by rays that end as `march_rays` has it."""
+    def march(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
+        """`_seen` by rays that end, and widen, as `march_rays` has it."""
         if self.wider is not None:
-            return nested.march(self, origin, direction, ends)
-        return self.march_alone(origin, direction, ends)
+            return nested.march(self, origin, direction, ends, cone)
+        return self.march_alone(origin, direction, ends, cone)
 
-    def march_alone(self, origin: F64, direction: F64, ends: F64 | None) -> Seen:
+    def _detail_for(self, origin: F64, cone: F64 | None) -> Detail:
+        """What clouds are like between the nodes, where any ray is narrow enough to see it."""
+        m = self.medium
+        if cone is None or not (self.solver.detail and cone[:, 1].any()) or m is None or self.light is None:
+            return NO_DETAIL
+        if m.periodic or min(m.shape) < 2:
+            return NO_DETAIL
+        up = np.array([0.0, 0.0, self.frame.radius_m])
+        above_m = np.linalg.norm(origin + up, axis=-1) - self.frame.radius_m - m.levels_m[-1]
+        width_m = cone[:, 0] + cone[:, 1] * np.maximum(above_m, 0.0)
+        if width_m.min() >= widest_m(first_wavelength_m(min(m.cell_m))):
+            return NO_DETAIL
+        if self.detail is None:
+            # what is given as extinction is given as it is
+            refined = [s.kind == "liquid" and s.name not in self.scene.optics for s in m.species]
+            _, ny, nx = m.shape
+            self.detail = NO_DETAIL if not any(refined) else detail_of(
+                m.extinction[refined].sum(axis=0), np.array(refined, np.float32), min(m.cell_m),
+                self.light.local_sun[ny // 2, nx // 2],
+            )  # fmt: skip
+        return self.detail
+
+    def march_alone(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
         """`march` in this grid and the air beside it."""
         level = np.zeros(len(direction), np.int8)
         if self.solver.name == "swim" and self.medium is not None:
             radiance, full, depth, distance, samples = swim_view.view(self, origin, direction, self.sky, ends)
             return Seen(radiance, full, full, distance, depth, int(samples.sum()), level)
         step = self.solver.step * (CLEAR_STEP if self.medium is None else 1.0)
-        seen = march_rays(origin, direction, self.sun, self.table, self.sky, self.volume, step, ends=ends)
+        seen = march_rays(
+            origin, direction, self.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
+            detail=self._detail_for(origin, cone),
+        )  # fmt: skip
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return Seen(
             radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level

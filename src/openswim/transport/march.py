@@ -14,6 +14,8 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
+from openswim.transport.detail import FRESH, NO_DETAIL, SCRATCH, Detail
+from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
 from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
@@ -56,10 +58,12 @@ _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5)
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
 # and through the whole extinction); where it stands extinction, diffuse source and what is scattered of the beam, the
 # beam, the air's extinction; depth in front of unit cloud depth; then depth of cloud, cloud's extinction where it
-# stands, mean distance of unit cloud depth (sum)
+# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; scratch of detail
 RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
 BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
-CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, GATHERED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 14 * PACK
+CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 13 * PACK + 3
+DETAIL, GATHERED = 14 * PACK, 14 * PACK + SCRATCH
+LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
 LANES = 4  # rays that walk in turn
 
 
@@ -86,7 +90,10 @@ def _start(got, species_depth):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, volume, depth_limit, species_depth):
+def _gather(
+    w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, volume, depth_limit, species_depth, cone, growth,
+    detail,
+):  # fmt: skip
     """Look at the places that a ray has walked to, and add up. Returns how many, fewer where it became dark."""
     ns = volume.species
     dark = np.float32(DARK if depth_limit >= NO_LIMIT else -1.0)
@@ -100,6 +107,9 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
     cloud_depth, near_cloud, distance = flat(got, CLOUD_DEPTH), flat(got, NEAR_CLOUD), flat(got, DISTANCE)
     count = int(w[COUNT])
     looked = count
+    refined = flat(got, REFINED)
+    widest_m = flat(detail.wavelength_m, 0) * WIDEST if detail.wavelength_m.shape[0] > 0 and growth > 0.0 else 0.0
+    before = LAST
     for n in range(count):
         place = n * PLACE
         s, level = flat(places, place + PLACE_S), flat(places, place + PLACE_LEVEL)
@@ -140,23 +150,39 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
             source -= bend
             source_far -= bend
         depth = (extinction + extinction_far) * half_step
-        trans = transmission(depth)
-        if cloud_depth + added <= depth_limit:
-            radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
-        elif cloud_depth < depth_limit:
-            # the source ends within the step
-            part = share_of_step(near_cloud, cloud, ds, np.float32(depth_limit) - cloud_depth)
-            last = extinction + part * (extinction_far - extinction)
-            ended = (extinction + last) * (part * half_step)
-            source_end = source + part * (source_far - source)
-            radiance += through * step_emission(
-                ended, transmission(ended), part * ds, source, source_end, extinction, last
-            )
+        width_m = cone + growth * (w[START] + s)
+        refined_far = _ZERO
+        if cloud > _ZERO and width_m < widest_m:
+            for m in range(ns):
+                refined_far += flat(detail.refined, m) * flat(nodes, 2 * PACK + m)
+        if (
+            refined + refined_far > _ZERO and ds > _ZERO and level >= 0.0 and flat(places, before + PLACE_LEVEL) >= 0.0
+            and largest(low(through)) > np.float32(FAINT)
+        ):  # fmt: skip
+            radiance, through = detailed_step(
+                radiance, through, ds, width_m, extinction, extinction_far, diffuse, diffuse_far, single, single_far,
+                beam, beam_far, air, near_cloud, cloud, refined, refined_far, w, places, before, place, got[DETAIL:],
+                radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1), detail,
+            )  # fmt: skip
+        else:
+            put(got, DETAIL + FRESH, _ZERO)
+            trans = transmission(depth)
+            if cloud_depth + added <= depth_limit:
+                radiance += through * step_emission(depth, trans, ds, source, source_far, extinction, extinction_far)
+            elif cloud_depth < depth_limit:
+                # the source ends within the step
+                part = share_of_step(near_cloud, cloud, ds, np.float32(depth_limit) - cloud_depth)
+                last = extinction + part * (extinction_far - extinction)
+                ended = (extinction + last) * (part * half_step)
+                source_end = source + part * (source_far - source)
+                radiance += through * step_emission(
+                    ended, transmission(ended), part * ds, source, source_end, extinction, last
+                )
+            through *= trans
         cloud_depth += added
-        through *= trans
         front += (fronting * half_step) * (air + air_far)
         extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
-        air, near_cloud = air_far, cloud
+        air, near_cloud, refined, before = air_far, cloud, refined_far, place
         if largest(low(through)) < dark:
             looked = n + 1
             break
@@ -171,6 +197,10 @@ def _gather(w, places, got, nodes, share, ray, peak, sun, cos_angle, shells, vol
     put(got, CLOUD_DEPTH, cloud_depth)
     put(got, NEAR_CLOUD, near_cloud)
     put(got, DISTANCE, distance)
+    put(got, REFINED, refined)
+    if count > 0:
+        for n in range(PLACE):
+            put(places, LAST + n, flat(places, (count - 1) * PLACE + n))
     return looked
 
 
@@ -189,8 +219,8 @@ def _finish(n, w, got, out):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _march_tile(
-    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, walks,
-    places, got, nodes, rays, peaks, which, angles, shares,
+    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, cone,
+    detail, walks, places, got, nodes, rays, peaks, which, angles, shares,
 ):  # fmt: skip
     """March rays ``first`` to ``last`` of ``order``: see `march_rays`. LANES of them walk in turn."""
     following = first
@@ -211,6 +241,7 @@ def _march_tile(
                 end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
+                places[lane, LAST + PLACE_LEVEL] = -1.0
             going = going or which[lane] >= 0
         if not going:
             break
@@ -225,7 +256,7 @@ def _march_tile(
             w = walks[lane]
             looked = _gather(
                 w, places[lane], got[lane], nodes[lane], shares[lane], rays[lane], peaks[lane], sun, angles[lane],
-                shells, volume, depth_limit, out.species_depth[n],
+                shells, volume, depth_limit, out.species_depth[n], cone[n, 0], cone[n, 1], detail,
             )  # fmt: skip
             if looked < w[COUNT]:
                 w[SAMPLES] -= w[COUNT] - looked
@@ -238,18 +269,20 @@ def _march_tile(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def _march_share(
-    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out
+    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out,
+    cone, detail,
 ):  # fmt: skip
     """Thread t's tiles, see `march_rays`: every so-manieth, for sky and ground do not cost the same."""
     count = direction.shape[0]
     nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
-    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, BATCH * PLACE))
+    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, (BATCH + 1) * PLACE))
     peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
     which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
     for tile in range(t, (count + TILE - 1) // TILE, threads):
         _march_tile(
             tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, ends, sun, table, shells, volume,
-            highest_m, depth_limit, scale, out, walks, places, got, nodes, rays, peaks, which, angles, shares,
+            highest_m, depth_limit, scale, out, cone, detail, walks, places, got, nodes, rays, peaks, which, angles,
+            shares,
         )  # fmt: skip
 
 
@@ -271,12 +304,13 @@ def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
 
 def march_rays(
     origin: F64, direction: F64, sun: F64, table: F32, shells: Shells, volume: Volume, scale: float,
-    depth_limit: float = NO_LIMIT, ends: F64 | None = None,
+    depth_limit: float = NO_LIMIT, ends: F64 | None = None, cone: F64 | None = None, detail: Detail = NO_DETAIL,
 ) -> Marched:  # fmt: skip
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
     PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
     shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it. Negative ones stop
-    rays there that have not met the grid's ground or the shells' before."""
+    rays there that have not met the grid's ground or the shells' before. ``cone`` (n, 2): what rays are wide at their
+    origins (m), and what they widen per metre; clouds have ``detail`` where rays that widen are narrow enough."""
     if shells.phase.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
     n = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))
@@ -294,6 +328,7 @@ def march_rays(
     in_threads(
         _march_share, order, scratch, o, d, own, np.array(sun, float), np.array(table, np.float32, order="C"),
         tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale), out,
+        np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
     )  # fmt: skip
     return out
 

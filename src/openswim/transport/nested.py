@@ -98,8 +98,8 @@ class Core:
         return np.where(beside, FAR_M, enter), np.where(beside, FAR_M, leave)
 
 
-def march(field: PackField, origin: F64, direction: F64, ends: F64 | None) -> Seen:
-    """What rays (n, 3) see of a field and of the wider ones around it; ``ends`` as `march_rays` has them."""
+def march(field: PackField, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
+    """What rays (n, 3) see of a field and of the wider ones around it; ``ends``, ``cone`` as `march_rays` has them."""
     wider, core = field.wider, field.core
     assert wider is not None
     assert core is not None
@@ -120,7 +120,8 @@ def march(field: PackField, origin: F64, direction: F64, ends: F64 | None) -> Se
         length = stop[going] - first
         o = origin[going] + first[:, None] * direction[going]
         limit = np.where(ends[going] < 0, -length, length)
-        part = (field.march_alone if level is field else wider.march)(o, direction[going], limit)
+        widths = None if cone is None else np.stack([cone[going, 0] + cone[going, 1] * first, cone[going, 1]], axis=-1)
+        part = (field.march_alone if level is field else wider.march)(o, direction[going], limit, widths)
         samples += part.samples
         through = seen.through[going]
         seen.radiance[going] += through * part.radiance

@@ -146,6 +146,19 @@ def read_quadruple(typingctx, array, n):
 
 
 @intrinsic
+def read_bytes(typingctx, array, n):
+    """The PACK numbers from flat element n of an int8 array, n a multiple of PACK."""
+    _flat_array(array)
+
+    def lower(context, builder, sig, args):
+        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        kind = _vector(_NARROW, ir.IntType(8))
+        return builder.sitofp(builder.load(builder.bitcast(pointer, kind.as_pointer()), align=4), _vector(_NARROW))
+
+    return _NARROW(array, types.intp), lower
+
+
+@intrinsic
 def read_lanes(typingctx, array, start, rows):
     """Lane by lane its own row of a table (rows, PACK) that begins at flat element ``start``; ``rows`` a pack >= 0."""
     _flat_array(array)

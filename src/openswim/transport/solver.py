@@ -55,7 +55,8 @@ class Solver:
 
     Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
     change of the field, relative, at which sweeps end, before a last correction; .02, the standard's, leaves about 1 %
-    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
+    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE); detail: whether near clouds of
+    a model's liquid water are refined below its grid (docs/decisions/0017); what a scene has as extinction never is.
 
     Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
     seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
@@ -66,6 +67,7 @@ class Solver:
     tolerance: float | None = None
     step: float = 1.0
     most_sweeps: int = 60
+    detail: bool = True
     paper_phases: bool = False
     paths: int | None = None
     seed: int = 0
