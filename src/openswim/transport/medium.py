@@ -141,7 +141,8 @@ def build_medium(
         levels = _refined(
             levels, heights, total, coarseness * min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0
         )  # fmt: skip
-        thick = 0.0 if frame.curved or sideless or coarseness > 1 else _depth_across(total, cell_m)
+        as_given = not frame.curved and not sideless and coarseness == 1 and cell_m < WIDE_CELL_M
+        thick = _depth_across(total, cell_m) if as_given else 0.0
         while thick > _CELL_DEPTH * 2**halvings:
             parts = 2 ** (halvings + 1)
             finer = _refined(own_levels, heights, total, cell_m / parts, ny * nx * parts**2, 1.0)
