@@ -205,7 +205,8 @@ def _grid_field(
     elif fast and stand_alone(medium):
         _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
-        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, wider is None and not medium.periodic)
+        ends = wider is None and not scene.cut and not medium.periodic
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, ends)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
