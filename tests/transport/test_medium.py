@@ -42,6 +42,16 @@ def test_levels_are_divided_without_changing_the_cloud() -> None:
     np.testing.assert_allclose(ours[::f, ::f], columns_m(lumps(), scene.grid.height_m), rtol=1e-5)
 
 
+def test_air_under_a_cloud_is_not_divided_as_cloud() -> None:
+    """A deck that begins with the lowest level of its file: only its own layers are thick."""
+    x, z = 50.0 * np.arange(8), 438.0 + 25.0 * np.arange(8)
+    deck = np.full((8, 8, 8), 0.1, np.float32)
+    medium = build_medium(Scene.from_arrays(deck, x, x, z), WL, 0.8)
+    below, within = (np.diff(medium.levels_m[part]) for part in (medium.levels_m <= 437, medium.levels_m >= 438))
+    assert below.min() > 100.0
+    assert within.max() < 25.0
+
+
 def test_without_refinement_the_levels_are_the_scenes_own() -> None:
     scene = grid_scene(lumps(), SHAPE)
     medium = build_medium(scene, WL, 0.8, refine=False)
