@@ -93,3 +93,16 @@ def test_from_space_water_mirrors_the_clear_sky(lake) -> None:
     radiance = lake.view(rays).radiance
     assert np.isfinite(radiance).all()
     assert (radiance[0] < 0.6).all()
+
+
+def test_the_aureole_is_left_to_the_glitter(lake) -> None:
+    """What is scattered close to the sun counts as sunlight on waves: mirrored as sky, too, it would count twice, and a
+    wave's facet that meets it would draw a line of light."""
+    toward = lake.packs[0].sun * [1.0, 1.0, -1.0]
+    eye = np.array([0.0, 0.0, 300.0])
+    place = eye + toward * (300.0 / -toward[2])
+    seen = mirrored(lake, eye, place[None], toward[None], 0.01)
+    whole = sky(lake, place[None], toward[None])
+    aside = sky(lake, place[None], (toward + 0.18 * np.cross(toward, [0.0, 0.0, 1.0]))[None])
+    assert (seen < 0.9 * whole).all()
+    np.testing.assert_allclose(seen, aside, rtol=0.25)

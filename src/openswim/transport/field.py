@@ -23,6 +23,7 @@ from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.nested import Core, Seen
 from openswim.transport.pack import PACK
+from openswim.transport.peak import blunted
 from openswim.transport.shells import build_shells
 from openswim.transport.surface import Lighting, shade
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
@@ -38,6 +39,7 @@ F64 = NDArray[np.float64]
 CLEAR_REACH_DEG = 14.0  # from the ground to the horizon of an eye 14 km up, and through the air beyond
 CLEAR_STEP = 0.5  # where there is but air, views are cheap and haze may be stepped finely
 _TILE_RAYS = 1_200_000
+_AUREOLE_DEG = 10.0  # as far as one facet of a wave is from the next, or a little farther
 
 
 @dataclass
@@ -279,7 +281,7 @@ class PackField:
 
     def look(self, origin: F64, direction: F64, eye: F64) -> tuple[F32, F64]:
         """Radiance (n, PACK), lit ground included, of rays that seem to come from an eye (3,), and the distance (n,) to
-        the ground or -1; what water mirrors."""
+        the ground or -1; what water mirrors. Peaks are cut: they are in the beam, which glitters by itself."""
         if self.light is not None and self.light.layers is not None:
             if len(direction) > 1:
                 each = [self.look(o[None], d[None], eye) for o, d in zip(origin, direction, strict=True)]
@@ -287,10 +289,15 @@ class PackField:
             self._aim(direction[0], True)
         elif self.light is not None:
             self._aim(eye, False)
-        seen = self._seen(origin, direction)
+        seen = self._with_blunt_peaks()._seen(origin, direction)
         place = origin + direction * seen.distance[:, None]
         self._add_ground(seen, place, direction, 0.01 * seen.distance)
         return seen.radiance, seen.distance
+
+    def _with_blunt_peaks(self) -> PackField:
+        """This field, and those around it, without the narrow aureole that the delta-scaled beam has kept."""
+        wider = None if self.wider is None else self.wider._with_blunt_peaks()
+        return replace(self, table=blunted(self.table, _AUREOLE_DEG), wider=wider)
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid. A

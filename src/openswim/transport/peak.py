@@ -62,6 +62,14 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     return table.astype(np.float32)
 
 
+def blunted(tables: NDArray[np.float32], angle_deg: float) -> NDArray[np.float32]:
+    """`peak_tables` no higher within an angle of the sun than at it."""
+    first = round((tables.shape[1] - 1) * np.sqrt(angle_deg / 180.0))
+    out = tables.copy()
+    out[:, :first] = out[:, first : first + 1]
+    return out
+
+
 def peak_tables(phases: Sequence[Sequence[PhaseFunction]], degree: int) -> NDArray[np.float32]:
     """Stacked tables (scatterer, angle, depth, wavelength) for the kernels."""
     return np.stack([np.stack([peak_table(p, degree) for p in row], axis=-1) for row in phases])
