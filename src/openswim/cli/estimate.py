@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from openswim.progress import PATIENCE_S
-from openswim.transport.columns import WIDE_CELL_M
 from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import fineness_of
+from openswim.transport.medium import WIDE_CELL_M, fineness_of
 from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -297,7 +298,11 @@ class PackField:
     def _with_blunt_peaks(self) -> PackField:
         """This field, and those around it, without the narrow aureole that the delta-scaled beam has kept."""
         wider = None if self.wider is None else self.wider._with_blunt_peaks()
-        return replace(self, table=blunted(self.table, _AUREOLE_DEG), wider=wider)
+        return replace(self, table=self._blunt_table, wider=wider)
+
+    @cached_property
+    def _blunt_table(self) -> F32:
+        return blunted(self.table, _AUREOLE_DEG)
 
     def beam(self, place: F64) -> F32:
         """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid. A

@@ -80,6 +80,11 @@ class Medium:
         return self.degree == LAYERS_DEGREE
 
     @property
+    def divided(self) -> bool:
+        """Whether columns of a flat scene are halved, since they would be too thick."""
+        return not self.frame.curved and self.fineness > 1
+
+    @property
     def level_lookup(self) -> tuple[float, float, F64]:
         """Origin, entries per metre, and table of fractional levels."""
         z = self.levels_m
@@ -137,18 +142,12 @@ def build_medium(
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        own_levels = levels
+        if not frame.curved and not sideless and coarseness == 1 and cell_m < WIDE_CELL_M:
+            halvings = _halvings(levels, heights, total, cell_m, ny * nx)
         levels = _refined(
-            levels, heights, total, coarseness * min(dx, dy), ny * nx, 0.35 * max(mu_sun, 0.12) if sideless else 1.0
+            levels, heights, total, coarseness * min(dx, dy) / 2**halvings, ny * nx * 4**halvings,
+            0.35 * max(mu_sun, 0.12) if sideless else 1.0,
         )  # fmt: skip
-        as_given = not frame.curved and not sideless and coarseness == 1 and cell_m < WIDE_CELL_M
-        thick = _depth_across(total, cell_m) if as_given else 0.0
-        while thick > _CELL_DEPTH * 2**halvings:
-            parts = 2 ** (halvings + 1)
-            finer = _refined(own_levels, heights, total, cell_m / parts, ny * nx * parts**2, 1.0)
-            if len(finer) * ny * nx * parts**2 > _MOST_RESOLVED_NODES:
-                break
-            levels, halvings = finer, halvings + 1
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -181,10 +180,17 @@ def build_medium(
     return medium
 
 
-def _depth_across(total: F32 | None, cell_m: float) -> float:
-    """Scaled optical depth across a cell of cloud, of the ninth in ten."""
+def _halvings(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
+    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many."""
     cloudy = total[total > 0] if total is not None else np.zeros(0)
-    return float(_SCALED * np.percentile(cloudy, 90) * cell_m) if cloudy.size else 0.0
+    depth = _SCALED * np.percentile(cloudy, 90) * cell_m if cloudy.size else 0.0
+    halvings = 0
+    while depth > _CELL_DEPTH * 2**halvings:
+        parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
+        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > _MOST_RESOLVED_NODES:
+            break
+        halvings += 1
+    return halvings
 
 
 def halved_medium(scene: Scene, medium: Medium) -> Medium:

@@ -165,7 +165,7 @@ def _grid_field(
     fast = solver.name == "fast"
     setting = solver.setting
     medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1, frame=frame)
-    if fast and setting.halved and (frame.curved or medium.fineness == 1):
+    if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
@@ -251,18 +251,17 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
     """
     nz, ny, nx = medium.shape
     axes = medium.axes[ny // 2, nx // 2].astype(float)
-    height = np.maximum(medium.levels_m, shells.ground_m + 0.5)
-    q = ordinates.direction
-    level = np.abs(q[:, 2]) < 1e-6
-    tilt = np.outer(level, [0.0, 0.0, _ASIDE])
-    halves = []
-    for way in (q + tilt, q - tilt):
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        direction = np.repeat(way @ axes, nz, axis=0)
-        heights = np.tile(height, len(q))
-        origin = np.stack([0 * heights, 0 * heights, heights], axis=-1)
-        halves.append(clear_radiance(origin, direction, sun, shells, 1.0))
-    return np.asarray(0.5 * (halves[0] + halves[1])).reshape(len(q), nz, PACK)
+    count = len(ordinates.direction)
+    level = np.flatnonzero(np.abs(ordinates.direction[:, 2]) < 1e-6)
+    way = np.concatenate([ordinates.direction, ordinates.direction[level]])
+    way[level, 2] += _ASIDE
+    way[count:, 2] -= _ASIDE
+    direction = np.repeat(way @ axes, nz, axis=0)
+    height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(way))
+    origin = np.stack([0 * height, 0 * height, height], axis=-1)
+    radiance = clear_radiance(origin, direction, sun, shells, 1.0).reshape(len(way), nz, PACK)
+    radiance[level] = 0.5 * (radiance[level] + radiance[count:])
+    return radiance[:count]
 
 
 def _diffuse(
