@@ -30,6 +30,7 @@ from openswim.transport.surface import Lighting, shade
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
 
 if TYPE_CHECKING:
+    from openswim.transport.beyond import Beyond
     from openswim.transport.landscape import Landscape
     from openswim.transport.relief import Relief
     from openswim.transport.solver import Solver
@@ -155,6 +156,7 @@ class PackField:
     core: Core | None = None
     detail: Detail | None = None  # below the grid, once an eye was near
     depths: SunDepth | None = None  # until the grids within it are solved
+    beyond: Beyond | None = None  # where a grid ends and its sides' light is known
 
     @property
     def quality(self) -> str:

@@ -1,0 +1,282 @@
+"""Light that a grid's clouds send to the ground beyond its sides, and that of the clear sky which they hide from it.
+
+Light is solved within the grid. What leaves its sides downward differs from the clear sky's light there, and lights
+ground at a distance u from a side and at v along it by
+
+    E(u, v) = 1/(4 pi) int int [L(v + u tan p, z; a, p) - L_clear(z; a, p)] e^-tau  sin a cos a da dp,
+
+over the altitudes a and bearings p (from the side's normal) at which it is seen; z = u tan a / cos p is the height
+where a line of sight meets the side, tau the air's depth in between. At u = 0 all of it is the light of the side's foot.
+
+L is carried to the sides once more, through the solved field, along ordinates that are more and lower than those of the
+sweeps, which leave half of all distances to level ones; and through the coarsest columns that tell all that scatters
+(four to one, usually): beyond a side light soon is even. It comes in straight lines, as the sides are taken to be on
+the Earth and the Earth to be flat, as far as it matters. What the air outside scatters of it is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from openswim.transport.diffuse import Sweeper
+from openswim.transport.grid_light import GridLight
+from openswim.transport.mean_light import beam_around
+from openswim.transport.optical_grid import OpticalGrid, optical_grid
+from openswim.transport.ordinates import Ordinates
+from openswim.transport.pack import PACK
+from openswim.transport.pool import Pool
+from openswim.transport.products import BLOCK
+from openswim.transport.shells import clear_radiance
+from openswim.transport.surface import bilinear
+from openswim.transport.volume import Shells
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_ALTITUDES = np.radians([2.5, 8.0, 16.0, 27.0, 42.0, 64.0])
+_AZIMUTHS = 12  # a multiple of four: every side has the same bearings
+_SEEN = 8  # of them, those up to a quarter of a circle and half a step from a side's normal
+_REACH = 16.0  # heights of the highest cloud: a wall lights 1/1000 of what it does at its foot
+_DISTANCES = 24
+_BEARINGS = 36
+_SLICES = 48  # of a side's height
+
+
+class _Columns(NamedTuple):
+    """The grid's medium on columns coarser by ``factor``, with the diffuse moments in all of its blocks."""
+
+    grid: OpticalGrid
+    moments: F32
+    factor: int
+
+
+class _Table(NamedTuple):
+    """Flux (PACK, u, v) beyond a side, at distances from it and at places along it, m."""
+
+    distance_m: F64
+    along_m: F64
+    flux: F64
+
+
+@dataclass(eq=False)
+class Beyond:
+    """What clouds of a grid with an end do to the diffuse light on the ground around it, tabled when it is needed."""
+
+    light: GridLight
+    shells: Shells
+    ends: bool  # see `OpticalGrid`
+
+    def flux(self, ix: F64, iy: F64, clear: F64, inside: F32) -> F64:
+        """Diffuse flux (n, PACK) at fractional indices (n,) outside the grid, where the clear sky's is ``clear``.
+
+        On the sides it is that ``inside`` (PACK, ny, nx). The tables, of coarser columns and other ordinates, differ a
+        little; that is spread over a few columns.
+        """
+        if self._highest_m <= 0:
+            return clear
+        (dx, dy), (_, ny, nx) = self.light.medium.cell_m, self.light.medium.shape
+        jx, jy = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
+        apart = np.hypot(dx * (ix - jx), dy * (iy - jy))
+        out = clear.copy()
+        near = np.flatnonzero(apart < self._reach_m)
+        share = np.clip(2 - 2 * apart[near] / self._reach_m, 0, 1)[:, None]
+        out[near] += share * self._excess(ix[near], iy[near])
+        fade_m = 2 * max(self._columns[0].factor, 1) * max(dx, dy)
+        near = np.flatnonzero(apart < 10 * fade_m)
+        lacking = bilinear(inside, jx[near], jy[near]) - clear[near] - self._excess(jx[near], jy[near])
+        out[near] += lacking * np.exp(-apart[near] / fade_m)[:, None]
+        return np.maximum(out, 0)
+
+    def _excess(self, ix: F64, iy: F64) -> F64:
+        """What the sides add (n, PACK) to the clear sky's flux."""
+        (dx, dy), (_, ny, nx) = self.light.medium.cell_m, self.light.medium.shape
+        x, y = dx * ix, dy * iy
+        ways = ((-x, y), (x - dx * (nx - 1), y), (-y, x), (y - dy * (ny - 1), x))
+        out = np.zeros((len(ix), PACK))
+        for table, (distance, along) in zip(self._tables, ways, strict=True):
+            front = np.flatnonzero(distance >= 0)
+            u = np.interp(distance[front], table.distance_m, np.arange(len(table.distance_m)))
+            v = np.interp(along[front], table.along_m, np.arange(len(table.along_m)))
+            out[front] += bilinear(table.flux, v, u)
+        return out
+
+    @cached_property
+    def _levels(self) -> int:
+        """How many hold all clouds."""
+        cloudy = np.flatnonzero(self.light.medium.extinction.any(axis=(0, 2, 3)))
+        return min(int(cloudy[-1]) + 3, len(self.light.medium.levels_m)) if cloudy.size else 0
+
+    @cached_property
+    def _highest_m(self) -> float:
+        medium = self.light.medium
+        return float(medium.levels_m[self._levels - 1] - medium.ground_m) if self._levels else 0.0
+
+    @property
+    def _reach_m(self) -> float:
+        return _REACH * self._highest_m
+
+    @cached_property
+    def _columns(self) -> list[_Columns]:
+        """Of every wavelength."""
+        return [_columns_of(self.light, w, self._levels, self.ends) for w in range(self.light.count)]
+
+    @cached_property
+    def _tables(self) -> list[_Table]:
+        """Of the sides west, east, south and north."""
+        medium, count = self.light.medium, self.light.count
+        factor = max(self._columns[0].factor, 1)
+        distance = np.concatenate([[0.0], np.geomspace(0.25 * min(medium.cell_m), self._reach_m, _DISTANCES)])
+        radiance = [_through_sides(self.light, self.shells, w, columns) for w, columns in enumerate(self._columns)]
+        height = medium.levels_m[: self._levels] - medium.ground_m
+        seen = [_View.of(u, height, self._air_depth(height)) for u in distance]
+        tables = []
+        for side, (cell, nodes) in enumerate(2 * [(medium.cell_m[1], medium.shape[1])] + 2 * [(medium.cell_m[0], medium.shape[2])]):
+            length = cell * (nodes - 1)
+            coarse = radiance[0][side].shape[1]
+            edges = np.clip(cell * (factor * np.arange(coarse + 1) - 0.5), 0, length)
+            edges[-1] = length
+            inner = 0.5 * (edges[1:] + edges[:-1])
+            along = np.concatenate([-distance[:0:-1], [0.0], inner, [length], length + distance[1:]])
+            flux = np.empty((PACK, len(distance), len(along)))
+            for w in range(PACK):
+                if w >= count:
+                    flux[w] = flux[w - 1]
+                    continue
+                for n, view in enumerate(seen):
+                    flux[w, n] = view.flux(radiance[w][side], w, edges, along)
+            tables.append(_Table(distance, along, flux))
+        return tables
+
+    def _air_depth(self, height: F64) -> F64:
+        """Delta-scaled vertical depth (PACK, nz) of the air between the ground and heights above it."""
+        extinction = np.stack([c.air_extinction[: len(height)] for c in self.light.coefficients])
+        steps = 0.5 * (extinction[:, 1:] + extinction[:, :-1]) * np.diff(height)
+        depth = np.cumsum(np.pad(steps, ((0, 0), (1, 0))), axis=1)
+        return np.stack([own - np.interp(0.0, height, own) for own in depth])
+
+
+class _View(NamedTuple):
+    """How ground at a distance sees a side: per wavelength the weights (bearings, levels x ordinates) of the light that
+    leaves it, and where along the side a bearing begins and ends, m."""
+
+    weights: list[csr_array]
+    first_m: F64
+    last_m: F64
+
+    @classmethod
+    def of(cls, u: float, height: F64, depth: F64) -> _View:
+        ends = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _BEARINGS + 1)
+        bearing = 0.5 * (ends[1:] + ends[:-1])
+        # in slices of sin^2 a, of which 2 sin a cos a da is the measure
+        rise = height[-1] * np.cos(bearing)
+        most = rise**2 / (rise**2 + u**2)
+        square = most[:, None] * (np.arange(_SLICES) + 0.5) / _SLICES
+        tangent = np.sqrt(square / (1 - square))
+        z = u * tangent / np.cos(bearing)[:, None]
+        weight = np.repeat(0.5 * most / _SLICES * (ends[1] - ends[0]) / (4 * np.pi), _SLICES).reshape(z.shape)
+        k, e = _between(np.interp(z, height, np.arange(len(height))), len(height))
+        a, b = _between(np.interp(np.arctan(tangent), _ALTITUDES, np.arange(len(_ALTITUDES))), len(_ALTITUDES))
+        step = 2 * np.pi / _AZIMUTHS
+        c, d = _between(np.repeat(bearing / step + 0.5 * (_SEEN - 1), _SLICES).reshape(z.shape), _SEEN)
+        rows = np.repeat(np.arange(_BEARINGS), _SLICES)
+        shape = (_BEARINGS, len(height) * len(_ALTITUDES) * _SEEN)
+        entries, columns = [], []
+        for dk, sk in ((0, 1 - e), (1, e)):
+            for da, sa in ((0, 1 - b), (1, b)):
+                for dc, sc in ((0, 1 - d), (1, d)):
+                    entries.append(weight * sk * sa * sc)
+                    columns.append(((k + dk) * len(_ALTITUDES) + a + da) * _SEEN + c + dc)
+        weights = []
+        for own in depth:
+            left = np.exp(-np.interp(z, height, own) / np.sqrt(square))
+            parts = np.concatenate([(left * entry).ravel() for entry in entries])
+            at = np.concatenate([column.ravel() for column in columns])
+            weights.append(csr_array((parts, (np.tile(rows, len(entries)), at)), shape=shape))
+        across = u * np.tan(np.clip(ends, -1.57, 1.57))
+        return cls(weights, across[:-1] - 0.5, across[1:] + 0.5)
+
+    def flux(self, radiance: F32, w: int, edges: F64, along: F64) -> F64:
+        """Flux at places along a side, of which columns between ``edges`` send ``radiance`` (levels x ordinates, m)."""
+        light = self.weights[w] @ radiance
+        sums = np.cumsum(np.pad(light * np.diff(edges), ((0, 0), (1, 0))), axis=1)
+        out = np.zeros(len(along))
+        for total, first, last in zip(sums, self.first_m, self.last_m, strict=True):
+            out += (np.interp(along + last, edges, total) - np.interp(along + first, edges, total)) / (last - first)
+        return out
+
+
+def _between(at: F64, count: int) -> tuple[NDArray[np.int64], F64]:
+    """The node before a fractional index, and the share of the next."""
+    before = np.clip(at.astype(int), 0, max(count - 2, 0))
+    return before, at - before
+
+
+def _columns_of(light: GridLight, w: int, levels: int, ends: bool) -> _Columns:
+    """The solved field on the columns of the coarser grid that tells all that scatters, or on the grid's own."""
+    assert light.moments is not None
+    medium, c, coarser = light.medium, light.coefficients[w], light.coarser[w]
+    factor = coarser.factor
+    ground_node = np.minimum((medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0), levels - 1)
+    extinction, beam, harmonics = medium.extinction, light.beams[w], np.moveaxis(light.sun_harmonics, 0, 1)
+    place, values = light.moments[w]
+    if factor:
+        nx = coarser.columns
+        extinction, beam, harmonics = (f[..., :nx] for f in (coarser.extinction, coarser.beam, coarser.sun_harmonics))
+        place, values = coarser.place, coarser.values
+        ground_node = np.ascontiguousarray(ground_node[::factor, ::factor])
+    own = type(c)(c.scaled, c.scattering, c.air_extinction[:levels], c.air_scattering[:levels])
+    grid = optical_grid(
+        extinction[:, :levels], harmonics, medium.levels_m[:levels], max(factor, 1) * np.array(medium.cell_m, float),
+        False, ends, ground_node.astype(np.int64), own, beam[:levels],
+    )  # fmt: skip
+    if not factor:
+        grid = grid._replace(beam=beam_around(grid))
+    kept = place[:levels]
+    moments = np.zeros((kept.size, values.shape[1], BLOCK), np.float32)
+    moments[kept.ravel() >= 0] = values[kept[kept >= 0]]
+    return _Columns(grid, moments, factor)
+
+
+def _through_sides(light: GridLight, shells: Shells, w: int, columns: _Columns) -> list[F32]:
+    """Radiance less that of the clear sky (levels x altitudes x `_SEEN` bearings, columns along it) through each side."""
+    grid, medium = columns.grid, light.medium
+    ny, nx = grid.ground_node.shape
+    azimuth = (np.arange(_AZIMUTHS) + 0.5) * 2 * np.pi / _AZIMUTHS
+    axes = medium.axes[medium.shape[1] // 2, medium.shape[2] // 2].astype(float)
+    height = np.maximum(grid.levels_m, shells.ground_m + 0.5)
+    pool = Pool()
+    blank = np.zeros((ny, nx), np.float32)
+    out: list[list[F32]] = [[], [], [], []]
+    for altitude in _ALTITUDES:
+        flat = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=-1) * np.cos(altitude)
+        direction = np.concatenate([flat + [0, 0, np.sin(altitude)], flat - [0, 0, np.sin(altitude)]])
+        down = np.repeat(direction[:_AZIMUTHS] @ axes, len(height), axis=0)
+        at = np.tile(np.stack([0 * height, 0 * height, height], axis=-1), (_AZIMUTHS, 1))
+        clear = clear_radiance(at, down, light.sun, shells, 1.0)[:, w].reshape(_AZIMUTHS, -1)
+        sweeper = Sweeper.of(
+            grid, np.concatenate([clear, 0 * clear]), blank, blank, Ordinates(direction, np.ones(2 * _AZIMUTHS)), pool
+        )
+        radiance = sweeper.descending(columns.moments)
+        for n, side in enumerate((radiance[..., 0], radiance[..., -1], radiance[:, :, 0], radiance[:, :, -1])):
+            ground = (grid.ground_node[:, 0], grid.ground_node[:, -1], grid.ground_node[0], grid.ground_node[-1])[n]
+            excess = side - clear[:, :, None]
+            excess[:, np.arange(len(height))[:, None] < ground] = 0
+            out[n].append(excess[_bearings(n)])
+    # (altitude, bearing, level, m) -> (level, altitude, bearing, m)
+    return [np.moveaxis(np.stack(o), 2, 0).reshape(-1, o[0].shape[-1]) for o in out]
+
+
+def _bearings(side: int) -> NDArray[np.int64]:
+    """Which of the azimuths are the bearings seen through a side, from its normal inward toward where it runs."""
+    step = 2 * np.pi / _AZIMUTHS
+    inward = np.array([1, -1, 1j, -1j])[side]
+    bearing = (np.arange(_SEEN) - 0.5 * (_SEEN - 1)) * step
+    runs = 1j if side < 2 else 1.0
+    azimuth = np.angle(inward * np.cos(bearing) + runs * np.sin(bearing))
+    return np.round(azimuth / step - 0.5).astype(int) % _AZIMUTHS
