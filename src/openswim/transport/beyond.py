@@ -6,7 +6,7 @@ ground at a distance u from a side and at v along it by
     E(u, v) = 1/(4 pi) int int [L(v + u tan p, z; a, p) - L_clear(z; a, p)] e^-tau  sin a cos a da dp,
 
 over the altitudes a and bearings p (from the side's normal) at which it is seen; z = u tan a / cos p is the height
-where a line of sight meets the side, tau the air's depth in between. At u = 0 all of it is the light of the side's foot.
+where a line of sight meets the side, tau the depth of the air in between. At u = 0 all of it comes from the foot.
 
 L is carried to the sides once more, through the solved field, along ordinates that are more and lower than those of the
 sweeps, which leave half of all distances to level ones; and through the coarsest columns that tell all that scatters
@@ -26,8 +26,8 @@ from scipy.sparse import csr_array
 
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.grid_light import GridLight
-from openswim.transport.mean_light import beam_around
-from openswim.transport.optical_grid import OpticalGrid, optical_grid
+from openswim.transport.mean_light import SWEPT, beam_around, light_around
+from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid, total_extinction, with_ghosts
 from openswim.transport.ordinates import Ordinates
 from openswim.transport.pack import PACK
 from openswim.transport.pool import Pool
@@ -39,7 +39,7 @@ from openswim.transport.volume import Shells
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_ALTITUDES = np.radians([2.5, 8.0, 16.0, 27.0, 42.0, 64.0])
+_ALTITUDES = np.radians([3.0, 10.0, 20.0, 35.0, 58.0])
 _AZIMUTHS = 12  # a multiple of four: every side has the same bearings
 _SEEN = 8  # of them, those up to a quarter of a circle and half a step from a side's normal
 _REACH = 16.0  # heights of the highest cloud: a wall lights 1/1000 of what it does at its foot
@@ -87,7 +87,7 @@ class Beyond:
         near = np.flatnonzero(apart < self._reach_m)
         share = np.clip(2 - 2 * apart[near] / self._reach_m, 0, 1)[:, None]
         out[near] += share * self._excess(ix[near], iy[near])
-        fade_m = 2 * max(self._columns[0].factor, 1) * max(dx, dy)
+        fade_m = max(self._columns[0].factor, 1) * max(dx, dy)
         near = np.flatnonzero(apart < 10 * fade_m)
         lacking = bilinear(inside, jx[near], jy[near]) - clear[near] - self._excess(jx[near], jy[near])
         out[near] += lacking * np.exp(-apart[near] / fade_m)[:, None]
@@ -132,30 +132,23 @@ class Beyond:
         medium, count = self.light.medium, self.light.count
         factor = max(self._columns[0].factor, 1)
         distance = np.concatenate([[0.0], np.geomspace(0.25 * min(medium.cell_m), self._reach_m, _DISTANCES)])
-        radiance = [_through_sides(self.light, self.shells, w, columns) for w, columns in enumerate(self._columns)]
         height = medium.levels_m[: self._levels] - medium.ground_m
-        seen = [_View.of(u, height, self._air_depth(height)) for u in distance]
+        views = [_View.of(u, height, self._air_depth(height)) for u in distance]
         tables = []
-        for side, (cell, nodes) in enumerate(2 * [(medium.cell_m[1], medium.shape[1])] + 2 * [(medium.cell_m[0], medium.shape[2])]):
+        for side, radiance in enumerate(_through_sides(self.light, self.shells, self._columns)):
+            cell, nodes = (medium.cell_m[1], medium.shape[1]) if side < 2 else (medium.cell_m[0], medium.shape[2])
             length = cell * (nodes - 1)
-            coarse = radiance[0][side].shape[1]
-            edges = np.clip(cell * (factor * np.arange(coarse + 1) - 0.5), 0, length)
+            edges = np.clip(cell * (factor * np.arange(radiance.shape[-1] + 1) - 0.5), 0, length)
             edges[-1] = length
-            inner = 0.5 * (edges[1:] + edges[:-1])
-            along = np.concatenate([-distance[:0:-1], [0.0], inner, [length], length + distance[1:]])
-            flux = np.empty((PACK, len(distance), len(along)))
-            for w in range(PACK):
-                if w >= count:
-                    flux[w] = flux[w - 1]
-                    continue
-                for n, view in enumerate(seen):
-                    flux[w, n] = view.flux(radiance[w][side], w, edges, along)
-            tables.append(_Table(distance, along, flux))
+            middle = 0.5 * (edges[1:] + edges[:-1])
+            along = np.concatenate([-distance[:0:-1], [0.0], middle, [length], length + distance[1:]])
+            flux = np.stack([view.flux(radiance, edges, along) for view in views], axis=1)
+            tables.append(_Table(distance, along, np.pad(flux, ((0, PACK - count), (0, 0), (0, 0)), "edge")))
         return tables
 
     def _air_depth(self, height: F64) -> F64:
-        """Delta-scaled vertical depth (PACK, nz) of the air between the ground and heights above it."""
-        extinction = np.stack([c.air_extinction[: len(height)] for c in self.light.coefficients])
+        """Delta-scaled vertical depth (nw, nz) of the air between the ground and heights above it."""
+        extinction = np.stack([c.air_extinction[: len(height)] for c in self.light.coefficients[: self.light.count]])
         steps = 0.5 * (extinction[:, 1:] + extinction[:, :-1]) * np.diff(height)
         depth = np.cumsum(np.pad(steps, ((0, 0), (1, 0))), axis=1)
         return np.stack([own - np.interp(0.0, height, own) for own in depth])
@@ -201,14 +194,21 @@ class _View(NamedTuple):
         across = u * np.tan(np.clip(ends, -1.57, 1.57))
         return cls(weights, across[:-1] - 0.5, across[1:] + 0.5)
 
-    def flux(self, radiance: F32, w: int, edges: F64, along: F64) -> F64:
-        """Flux at places along a side, of which columns between ``edges`` send ``radiance`` (levels x ordinates, m)."""
-        light = self.weights[w] @ radiance
-        sums = np.cumsum(np.pad(light * np.diff(edges), ((0, 0), (1, 0))), axis=1)
-        out = np.zeros(len(along))
-        for total, first, last in zip(sums, self.first_m, self.last_m, strict=True):
-            out += (np.interp(along + last, edges, total) - np.interp(along + first, edges, total)) / (last - first)
-        return out
+    def flux(self, radiance: F32, edges: F64, along: F64) -> F64:
+        """Flux (nw, n) at places along a side, of which columns between ``edges`` send ``radiance`` (nw, levels x
+        ordinates, m)."""
+        light = np.stack([weights @ own for weights, own in zip(self.weights, radiance, strict=True)])
+        sums = np.cumsum(np.pad(light * np.diff(edges), ((0, 0), (0, 0), (1, 0))), axis=-1)
+        wide = self.last_m - self.first_m
+        between = _at(sums, edges, along + self.last_m[:, None]) - _at(sums, edges, along + self.first_m[:, None])
+        return np.asarray((between / wide[:, None]).sum(axis=1))
+
+
+def _at(values: F64, nodes: F64, places: F64) -> F64:
+    """Rows of values (nw, rows, m) at nodes (m,), linearly, at each row's own places (rows, n)."""
+    before, share = _between(np.interp(places, nodes, np.arange(len(nodes))), len(nodes))
+    row = np.arange(len(places))[:, None]
+    return np.asarray(values[:, row, before] * (1 - share) + values[:, row, before + 1] * share)
 
 
 def _between(at: F64, count: int) -> tuple[NDArray[np.int64], F64]:
@@ -223,53 +223,59 @@ def _columns_of(light: GridLight, w: int, levels: int, ends: bool) -> _Columns:
     medium, c, coarser = light.medium, light.coefficients[w], light.coarser[w]
     factor = coarser.factor
     ground_node = np.minimum((medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0), levels - 1)
-    extinction, beam, harmonics = medium.extinction, light.beams[w], np.moveaxis(light.sun_harmonics, 0, 1)
-    place, values = light.moments[w]
     if factor:
         nx = coarser.columns
         extinction, beam, harmonics = (f[..., :nx] for f in (coarser.extinction, coarser.beam, coarser.sun_harmonics))
         place, values = coarser.place, coarser.values
         ground_node = np.ascontiguousarray(ground_node[::factor, ::factor])
-    own = type(c)(c.scaled, c.scattering, c.air_extinction[:levels], c.air_scattering[:levels])
+    else:
+        extinction, beam, harmonics = medium.extinction, light.beams[w], np.moveaxis(light.sun_harmonics, 0, 1)
+        place, values = light.moments[w]
+    own = Coefficients(c.scaled, c.scattering, c.air_extinction[:levels], c.air_scattering[:levels])
     grid = optical_grid(
         extinction[:, :levels], harmonics, medium.levels_m[:levels], max(factor, 1) * np.array(medium.cell_m, float),
         False, ends, ground_node.astype(np.int64), own, beam[:levels],
     )  # fmt: skip
-    if not factor:
-        grid = grid._replace(beam=beam_around(grid))
     kept = place[:levels]
     moments = np.zeros((kept.size, values.shape[1], BLOCK), np.float32)
     moments[kept.ravel() >= 0] = values[kept[kept >= 0]]
+    if factor:
+        ghosts = with_ghosts(total_extinction(grid), grid.ground_node.shape[1], False)
+        every = np.arange(kept.size, dtype=np.int32).reshape(kept.shape)
+        moments = light_around(grid, every, moments, ghosts, np.empty_like(moments), SWEPT)
+    else:  # these moments are what an eye sees scattered
+        grid = grid._replace(beam=beam_around(grid))
     return _Columns(grid, moments, factor)
 
 
-def _through_sides(light: GridLight, shells: Shells, w: int, columns: _Columns) -> list[F32]:
-    """Radiance less that of the clear sky (levels x altitudes x `_SEEN` bearings, columns along it) through each side."""
-    grid, medium = columns.grid, light.medium
-    ny, nx = grid.ground_node.shape
-    azimuth = (np.arange(_AZIMUTHS) + 0.5) * 2 * np.pi / _AZIMUTHS
+def _through_sides(light: GridLight, shells: Shells, columns: list[_Columns]) -> list[F32]:
+    """Radiance less that of the clear sky through each side (nw, levels x altitudes x `_SEEN` bearings, columns)."""
+    grid, medium, step = columns[0].grid, light.medium, 2 * np.pi / _AZIMUTHS
     axes = medium.axes[medium.shape[1] // 2, medium.shape[2] // 2].astype(float)
     height = np.maximum(grid.levels_m, shells.ground_m + 0.5)
-    pool = Pool()
-    blank = np.zeros((ny, nx), np.float32)
-    out: list[list[F32]] = [[], [], [], []]
+    place = np.tile(np.stack([0 * height, 0 * height, height], axis=-1), (_AZIMUTHS, 1))
+    azimuth = (np.arange(_AZIMUTHS) + 0.5) * step
+    node, blank, pool = grid.ground_node, np.zeros(grid.ground_node.shape, np.float32), Pool()
+    ground = (node[:, 0], node[:, -1], node[0], node[-1])
+    out: list[list[list[F32]]] = [[[] for _ in columns] for _ in ground]
     for altitude in _ALTITUDES:
-        flat = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=-1) * np.cos(altitude)
-        direction = np.concatenate([flat + [0, 0, np.sin(altitude)], flat - [0, 0, np.sin(altitude)]])
-        down = np.repeat(direction[:_AZIMUTHS] @ axes, len(height), axis=0)
-        at = np.tile(np.stack([0 * height, 0 * height, height], axis=-1), (_AZIMUTHS, 1))
-        clear = clear_radiance(at, down, light.sun, shells, 1.0)[:, w].reshape(_AZIMUTHS, -1)
-        sweeper = Sweeper.of(
-            grid, np.concatenate([clear, 0 * clear]), blank, blank, Ordinates(direction, np.ones(2 * _AZIMUTHS)), pool
-        )
-        radiance = sweeper.descending(columns.moments)
-        for n, side in enumerate((radiance[..., 0], radiance[..., -1], radiance[:, :, 0], radiance[:, :, -1])):
-            ground = (grid.ground_node[:, 0], grid.ground_node[:, -1], grid.ground_node[0], grid.ground_node[-1])[n]
-            excess = side - clear[:, :, None]
-            excess[:, np.arange(len(height))[:, None] < ground] = 0
-            out[n].append(excess[_bearings(n)])
-    # (altitude, bearing, level, m) -> (level, altitude, bearing, m)
-    return [np.moveaxis(np.stack(o), 2, 0).reshape(-1, o[0].shape[-1]) for o in out]
+        level = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=-1) * np.cos(altitude)
+        rise = np.array([0.0, 0.0, np.sin(altitude)])
+        clear = clear_radiance(place, np.repeat((level + rise) @ axes, len(height), axis=0), light.sun, shells, 1.0)
+        clear = clear.reshape(_AZIMUTHS, -1, PACK)
+        # a sweeper has ordinates of both hemispheres; of these but one is carried
+        ordinates = Ordinates(np.concatenate([level + rise, level - rise]), np.ones(2 * _AZIMUTHS))
+        for w, each in enumerate(columns):
+            inflow = np.ascontiguousarray(np.tile(clear[..., w], (2, 1)))
+            radiance, way = Sweeper.of(each.grid, inflow, blank, blank, ordinates, pool).descending(each.moments)
+            order = np.argsort(np.arctan2(way[:, 1], way[:, 0]) % (2 * np.pi))
+            sides = (radiance[..., 0], radiance[..., -1], radiance[:, 0].swapaxes(1, 2), radiance[:, -1].swapaxes(1, 2))
+            for n, side in enumerate(sides):
+                # (bearing, level, column)
+                excess = np.moveaxis(side, 2, 0)[order] - clear[:, :, None, w]
+                excess[:, np.arange(len(height))[:, None] < ground[n]] = 0
+                out[n][w].append(excess[_bearings(n)])
+    return [np.stack([np.moveaxis(np.stack(o), 2, 0).reshape(-1, o[0].shape[-1]) for o in side]) for side in out]
 
 
 def _bearings(side: int) -> NDArray[np.int64]:

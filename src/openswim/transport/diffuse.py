@@ -172,20 +172,18 @@ class Sweeper:
             set_num_threads(threads)
         return new
 
-    def descending(self, values: F32) -> F32:
-        """Radiance (ordinates, nz, ny, nx) that one sweep of moments kept in all blocks leaves along the downward
-        ordinates, which are one group, in their own order."""
+    def descending(self, values: F32) -> tuple[F32, F64]:
+        """Radiance (nz, ny, ordinates, nx) along the downward ordinates, if they are one group, through moments kept in
+        all blocks; and the ordinates in that order."""
         nz, (ny, nx) = len(self.grid.levels_m), self.grid.ground_node.shape
         whole = replace(self, place=places(np.ones(self.place.shape, bool)))
         room = whole._room(get_num_threads())
         (half, group), _ = self.halves
         half_sweep(
-            True, self.grid, half, group, whole.place, whole._around(values), self.coarser,
-            np.zeros_like(self.ground_albedo), whole.nothing(), room,
+            True, self.grid, half, group, whole.place, values, self.coarser, np.zeros_like(self.ground_albedo),
+            whole.nothing(), room,
         )  # fmt: skip
-        radiance = np.moveaxis(room.emission.reshape(nz, ny, len(half.direction), -1)[..., :nx], 2, 0)
-        down = self.ordinates.direction[self.ordinates.direction[:, 2] >= 0]
-        return radiance[[int(np.abs(half.direction - q).sum(axis=-1).argmin()) for q in down]]
+        return room.emission.reshape(nz, ny, len(half.direction), -1)[..., :nx], half.direction
 
     def _around(self, values: F32) -> F32:
         """The light that scatters around the nodes, in scratch."""

@@ -261,7 +261,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
             normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
-            beam[shaded] = light_field.beam(place[shaded])
+            beam[shaded] *= light_field.through_clouds(place[shaded])
     sample = surface_properties(scene, lat, lon, wl, footprint)
     maps = height_maps(scene)
     if maps and relief is None:
