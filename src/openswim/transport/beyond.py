@@ -131,7 +131,8 @@ class Beyond:
         """Of the sides west, east, south and north."""
         medium, count = self.light.medium, self.light.count
         factor = max(self._columns[0].factor, 1)
-        distance = np.concatenate([[0.0], np.geomspace(0.25 * min(medium.cell_m), self._reach_m, _DISTANCES)])
+        least = min(0.25 * min(medium.cell_m), 0.01 * self._reach_m)
+        distance = np.concatenate([[0.0], np.geomspace(least, self._reach_m, _DISTANCES)])
         height = medium.levels_m[: self._levels] - medium.ground_m
         views = [_View.of(u, height, self._air_depth(height)) for u in distance]
         tables = []

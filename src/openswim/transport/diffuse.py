@@ -38,7 +38,7 @@ from openswim.transport.ordinates import Ordinates, double_gauss, lebedev
 from openswim.transport.pack import LANES
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
-from openswim.transport.sweep import Half, Room, half_sweep
+from openswim.transport.sweep import Half, Room, half_sweep, share_ordinates, share_rows
 from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
@@ -179,10 +179,11 @@ class Sweeper:
         whole = replace(self, place=places(np.ones(self.place.shape, bool)))
         room = whole._room(get_num_threads())
         (half, group), _ = self.halves
-        half_sweep(
-            True, self.grid, half, group, whole.place, values, self.coarser, np.zeros_like(self.ground_albedo),
-            whole.nothing(), room,
-        )  # fmt: skip
+        blank, highest = np.zeros_like(self.ground_albedo), int(self.grid.ground_node.max())
+        in_threads(share_rows, 0, True, self.grid, group, whole.place, values, self.coarser, values, room)
+        in_threads(
+            share_ordinates, 0, True, self.grid, half, group.first, whole.place, self.coarser, blank, highest, room
+        )
         return room.emission.reshape(nz, ny, len(half.direction), -1)[..., :nx], half.direction
 
     def _around(self, values: F32) -> F32:

@@ -307,8 +307,8 @@ class PackField:
         return blunted(self.table, _AUREOLE_DEG)
 
     def through_clouds(self, place: F64) -> F64:
-        """Delta-scaled transmission (n, nw) of the grid's species from the sun to places, by rays; for ground beyond the
-        grid. A relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
+        """Delta-scaled transmission (n, nw) of the grid's species from the sun to places, by rays: ground beyond it.
+        A relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
         lifted = place + np.array([0.0, 0.0, 1.0])
         dark, ends = np.zeros_like(self.table), np.full(len(place), FAR_M)
         met = march_rays(lifted, self.sun, self.sun, dark, self.shells, self.volume, 1.0, ends=ends)
