@@ -42,18 +42,10 @@ F64 = NDArray[np.float64]
 _ALTITUDES = np.radians([3.0, 10.0, 20.0, 35.0, 58.0])
 _AZIMUTHS = 12  # a multiple of four: every side has the same bearings
 _SEEN = 8  # of them, those up to a quarter of a circle and half a step from a side's normal
-_REACH = 16.0  # heights of the highest cloud: a wall lights 1/1000 of what it does at its foot
+_REACH = 16.0  # heights of the highest cloud: there a wall's light is 1/500 of that at its foot
 _DISTANCES = 24
 _BEARINGS = 36
 _SLICES = 48  # of a side's height
-
-
-class _Columns(NamedTuple):
-    """The grid's medium on columns coarser by ``factor``, with the diffuse moments in all of its blocks."""
-
-    grid: OpticalGrid
-    moments: F32
-    factor: int
 
 
 class _Table(NamedTuple):
@@ -87,7 +79,7 @@ class Beyond:
         near = np.flatnonzero(apart < self._reach_m)
         share = np.clip(2 - 2 * apart[near] / self._reach_m, 0, 1)[:, None]
         out[near] += share * self._excess(ix[near], iy[near])
-        fade_m = max(self._columns[0].factor, 1) * max(dx, dy)
+        fade_m = self._factor * max(dx, dy)
         near = np.flatnonzero(apart < 10 * fade_m)
         lacking = bilinear(inside, jx[near], jy[near]) - clear[near] - self._excess(jx[near], jy[near])
         out[near] += lacking * np.exp(-apart[near] / fade_m)[:, None]
@@ -121,31 +113,62 @@ class Beyond:
     def _reach_m(self) -> float:
         return _REACH * self._highest_m
 
-    @cached_property
-    def _columns(self) -> list[_Columns]:
-        """Of every wavelength."""
-        return [_columns_of(self.light, w, self._levels, self.ends) for w in range(self.light.count)]
+    @property
+    def _factor(self) -> int:
+        """Columns of the grid, each way, to one that light is carried through."""
+        return max(self.light.coarser[0].factor, 1)
 
     @cached_property
     def _tables(self) -> list[_Table]:
         """Of the sides west, east, south and north."""
         medium, count = self.light.medium, self.light.count
-        factor = max(self._columns[0].factor, 1)
         least = min(0.25 * min(medium.cell_m), 0.01 * self._reach_m)
         distance = np.concatenate([[0.0], np.geomspace(least, self._reach_m, _DISTANCES)])
         height = medium.levels_m[: self._levels] - medium.ground_m
         views = [_View.of(u, height, self._air_depth(height)) for u in distance]
+        leaving = [self._through_sides(w) for w in range(count)]
         tables = []
-        for side, radiance in enumerate(_through_sides(self.light, self.shells, self._columns)):
+        for side in range(4):
+            radiance = np.stack([own[side] for own in leaving])
             cell, nodes = (medium.cell_m[1], medium.shape[1]) if side < 2 else (medium.cell_m[0], medium.shape[2])
             length = cell * (nodes - 1)
-            edges = np.clip(cell * (factor * np.arange(radiance.shape[-1] + 1) - 0.5), 0, length)
+            edges = np.clip(cell * (self._factor * np.arange(radiance.shape[-1] + 1) - 0.5), 0, length)
             edges[-1] = length
             middle = 0.5 * (edges[1:] + edges[:-1])
             along = np.concatenate([-distance[:0:-1], [0.0], middle, [length], length + distance[1:]])
             flux = np.stack([view.flux(radiance, edges, along) for view in views], axis=1)
             tables.append(_Table(distance, along, np.pad(flux, ((0, PACK - count), (0, 0), (0, 0)), "edge")))
         return tables
+
+    @cached_property
+    def _clear(self) -> F32:
+        """Radiance (altitudes, azimuths, nz, PACK) of the clear sky along the ordinates."""
+        medium = self.light.medium
+        axes = medium.axes[medium.shape[1] // 2, medium.shape[2] // 2].astype(float)
+        height = np.maximum(medium.levels_m[: self._levels], self.shells.ground_m + 0.5)
+        way = np.repeat(_ordinates().reshape(-1, 3) @ axes, len(height), axis=0)
+        place = np.stack([0 * height, 0 * height, height], axis=-1)
+        place = np.tile(place, (len(way) // len(height), 1))
+        radiance = clear_radiance(place, way, self.light.sun, self.shells, 1.0)
+        return radiance.reshape(len(_ALTITUDES), _AZIMUTHS, -1, PACK)
+
+    def _through_sides(self, w: int) -> list[F32]:
+        """Radiance (levels x altitudes x `_SEEN` bearings, columns) less that of the clear sky, through each side."""
+        grid, moments = _on_columns(self.light, w, self._levels, self.ends)
+        node, pool, level = grid.ground_node, Pool(), np.arange(self._levels)[:, None]
+        blank = np.zeros(node.shape, np.float32)
+        out: list[list[F32]] = [[], [], [], []]
+        for down, clear in zip(_ordinates(), self._clear[..., w], strict=True):
+            # a sweeper has ordinates of both hemispheres, though but one is carried
+            ordinates = Ordinates(np.concatenate([down, down * [1, 1, -1]]), np.ones(2 * _AZIMUTHS))
+            sweeper = Sweeper.of(grid, np.tile(clear, (2, 1)), blank, blank, ordinates, pool)
+            radiance, order = sweeper.descending(moments)
+            sides = (radiance[..., 0], radiance[..., -1], radiance[:, 0].swapaxes(1, 2), radiance[:, -1].swapaxes(1, 2))
+            for n, (side, ground) in enumerate(zip(sides, (node[:, 0], node[:, -1], node[0], node[-1]), strict=True)):
+                excess = np.moveaxis(side, 2, 0)[order] - clear[:, :, None]  # (azimuth, level, column)
+                excess[:, level < ground] = 0
+                out[n].append(excess[_bearings(n)])
+        return [np.moveaxis(np.stack(side), 2, 0).reshape(-1, side[0].shape[-1]) for side in out]
 
     def _air_depth(self, height: F64) -> F64:
         """Delta-scaled vertical depth (nw, nz) of the air between the ground and heights above it."""
@@ -165,6 +188,7 @@ class _View(NamedTuple):
 
     @classmethod
     def of(cls, u: float, height: F64, depth: F64) -> _View:
+        """From a distance, of a side up to the last of its levels' heights (nz,) above the ground; see `_air_depth`."""
         ends = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _BEARINGS + 1)
         bearing = 0.5 * (ends[1:] + ends[:-1])
         # in slices of sin^2 a, of which 2 sin a cos a da is the measure
@@ -173,25 +197,22 @@ class _View(NamedTuple):
         square = most[:, None] * (np.arange(_SLICES) + 0.5) / _SLICES
         tangent = np.sqrt(square / (1 - square))
         z = u * tangent / np.cos(bearing)[:, None]
-        weight = np.repeat(0.5 * most / _SLICES * (ends[1] - ends[0]) / (4 * np.pi), _SLICES).reshape(z.shape)
-        k, e = _between(np.interp(z, height, np.arange(len(height))), len(height))
-        a, b = _between(np.interp(np.arctan(tangent), _ALTITUDES, np.arange(len(_ALTITUDES))), len(_ALTITUDES))
-        step = 2 * np.pi / _AZIMUTHS
-        c, d = _between(np.repeat(bearing / step + 0.5 * (_SEEN - 1), _SLICES).reshape(z.shape), _SEEN)
-        rows = np.repeat(np.arange(_BEARINGS), _SLICES)
-        shape = (_BEARINGS, len(height) * len(_ALTITUDES) * _SEEN)
-        entries, columns = [], []
-        for dk, sk in ((0, 1 - e), (1, e)):
-            for da, sa in ((0, 1 - b), (1, b)):
-                for dc, sc in ((0, 1 - d), (1, d)):
-                    entries.append(weight * sk * sa * sc)
-                    columns.append(((k + dk) * len(_ALTITUDES) + a + da) * _SEEN + c + dc)
-        weights = []
-        for own in depth:
-            left = np.exp(-np.interp(z, height, own) / np.sqrt(square))
-            parts = np.concatenate([(left * entry).ravel() for entry in entries])
-            at = np.concatenate([column.ravel() for column in columns])
-            weights.append(csr_array((parts, (np.tile(rows, len(entries)), at)), shape=shape))
+        weight = np.broadcast_to(0.5 * most[:, None] / _SLICES * (ends[1] - ends[0]) / (4 * np.pi), z.shape)
+        at_height = _between(np.interp(z, height, np.arange(len(height))), len(height))
+        at_altitude = _between(np.interp(np.arctan(tangent), _ALTITUDES, np.arange(len(_ALTITUDES))), len(_ALTITUDES))
+        turn = bearing / (2 * np.pi / _AZIMUTHS) + 0.5 * (_SEEN - 1)
+        at_bearing = _between(np.broadcast_to(turn[:, None], z.shape), _SEEN)
+        shares, columns = [], []
+        for k, of_height in _both(*at_height):
+            for a, of_altitude in _both(*at_altitude):
+                for b, of_bearing in _both(*at_bearing):
+                    shares.append(weight * of_height * of_altitude * of_bearing)
+                    columns.append((k * len(_ALTITUDES) + a) * _SEEN + b)
+        rows = np.broadcast_to(np.arange(_BEARINGS)[:, None], (len(shares), *z.shape))
+        place = rows.ravel(), np.ravel(columns)
+        shape = _BEARINGS, len(height) * len(_ALTITUDES) * _SEEN
+        left = [np.exp(-np.interp(z, height, own) / np.sqrt(square)) for own in depth]
+        weights = [csr_array(((own * np.array(shares)).ravel(), place), shape=shape) for own in left]
         across = u * np.tan(np.clip(ends, -1.57, 1.57))
         return cls(weights, across[:-1] - 0.5, across[1:] + 0.5)
 
@@ -218,8 +239,21 @@ def _between(at: F64, count: int) -> tuple[NDArray[np.int64], F64]:
     return before, at - before
 
 
-def _columns_of(light: GridLight, w: int, levels: int, ends: bool) -> _Columns:
-    """The solved field on the columns of the coarser grid that tells all that scatters, or on the grid's own."""
+def _both(before: NDArray[np.int64], share: F64) -> tuple[tuple[NDArray[np.int64], F64], ...]:
+    """Two nodes and what counts of each."""
+    return (before, 1 - share), (before + 1, share)
+
+
+def _ordinates() -> F64:
+    """Directions (altitudes, azimuths, 3) to where light comes from."""
+    azimuth = (np.arange(_AZIMUTHS) + 0.5) * 2 * np.pi / _AZIMUTHS
+    a, p = np.meshgrid(_ALTITUDES, azimuth, indexing="ij")
+    return np.stack([np.cos(a) * np.cos(p), np.cos(a) * np.sin(p), np.sin(a)], axis=-1)
+
+
+def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[OpticalGrid, F32]:
+    """The medium, and the diffuse light around the nodes of all its blocks, on the columns of the coarser grid that
+    tells all that scatters, or on the grid's own."""
     assert light.moments is not None
     medium, c, coarser = light.medium, light.coefficients[w], light.coarser[w]
     factor = coarser.factor
@@ -246,37 +280,7 @@ def _columns_of(light: GridLight, w: int, levels: int, ends: bool) -> _Columns:
         moments = light_around(grid, every, moments, ghosts, np.empty_like(moments), SWEPT)
     else:  # these moments are what an eye sees scattered
         grid = grid._replace(beam=beam_around(grid))
-    return _Columns(grid, moments, factor)
-
-
-def _through_sides(light: GridLight, shells: Shells, columns: list[_Columns]) -> list[F32]:
-    """Radiance less that of the clear sky through each side (nw, levels x altitudes x `_SEEN` bearings, columns)."""
-    grid, medium, step = columns[0].grid, light.medium, 2 * np.pi / _AZIMUTHS
-    axes = medium.axes[medium.shape[1] // 2, medium.shape[2] // 2].astype(float)
-    height = np.maximum(grid.levels_m, shells.ground_m + 0.5)
-    place = np.tile(np.stack([0 * height, 0 * height, height], axis=-1), (_AZIMUTHS, 1))
-    azimuth = (np.arange(_AZIMUTHS) + 0.5) * step
-    node, blank, pool = grid.ground_node, np.zeros(grid.ground_node.shape, np.float32), Pool()
-    ground = (node[:, 0], node[:, -1], node[0], node[-1])
-    out: list[list[list[F32]]] = [[[] for _ in columns] for _ in ground]
-    for altitude in _ALTITUDES:
-        level = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=-1) * np.cos(altitude)
-        rise = np.array([0.0, 0.0, np.sin(altitude)])
-        clear = clear_radiance(place, np.repeat((level + rise) @ axes, len(height), axis=0), light.sun, shells, 1.0)
-        clear = clear.reshape(_AZIMUTHS, -1, PACK)
-        # a sweeper has ordinates of both hemispheres; of these but one is carried
-        ordinates = Ordinates(np.concatenate([level + rise, level - rise]), np.ones(2 * _AZIMUTHS))
-        for w, each in enumerate(columns):
-            inflow = np.ascontiguousarray(np.tile(clear[..., w], (2, 1)))
-            radiance, way = Sweeper.of(each.grid, inflow, blank, blank, ordinates, pool).descending(each.moments)
-            order = np.argsort(np.arctan2(way[:, 1], way[:, 0]) % (2 * np.pi))
-            sides = (radiance[..., 0], radiance[..., -1], radiance[:, 0].swapaxes(1, 2), radiance[:, -1].swapaxes(1, 2))
-            for n, side in enumerate(sides):
-                # (bearing, level, column)
-                excess = np.moveaxis(side, 2, 0)[order] - clear[:, :, None, w]
-                excess[:, np.arange(len(height))[:, None] < ground[n]] = 0
-                out[n][w].append(excess[_bearings(n)])
-    return [np.stack([np.moveaxis(np.stack(o), 2, 0).reshape(-1, o[0].shape[-1]) for o in side]) for side in out]
+    return grid, moments
 
 
 def _bearings(side: int) -> NDArray[np.int64]:

@@ -172,9 +172,9 @@ class Sweeper:
             set_num_threads(threads)
         return new
 
-    def descending(self, values: F32) -> tuple[F32, F64]:
-        """Radiance (nz, ny, ordinates, nx) along the downward ordinates, if they are one group, through moments kept in
-        all blocks; and the ordinates in that order."""
+    def descending(self, values: F32) -> tuple[F32, NDArray[np.int64]]:
+        """Radiance (nz, ny, ordinates, nx) along the downward ordinates, if they are one group, from the light around
+        the nodes of all blocks, ``values``; and where in it each of them is, in the order of `ordinates`."""
         nz, (ny, nx) = len(self.grid.levels_m), self.grid.ground_node.shape
         whole = replace(self, place=places(np.ones(self.place.shape, bool)))
         room = whole._room(get_num_threads())
@@ -184,7 +184,9 @@ class Sweeper:
         in_threads(
             share_ordinates, 0, True, self.grid, half, group.first, whole.place, self.coarser, blank, highest, room
         )
-        return room.emission.reshape(nz, ny, len(half.direction), -1)[..., :nx], half.direction
+        down = self.ordinates.direction[self.ordinates.direction[:, 2] >= 0]
+        order = np.array([np.abs(half.direction - q).sum(axis=-1).argmin() for q in down])
+        return room.emission.reshape(nz, ny, len(down), -1)[..., :nx], order
 
     def _around(self, values: F32) -> F32:
         """The light that scatters around the nodes, in scratch."""
