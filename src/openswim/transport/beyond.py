@@ -16,17 +16,19 @@ the Earth and the Earth to be flat, as far as it matters. What the air outside s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.grid_light import GridLight
 from openswim.transport.mean_light import SWEPT, beam_around, light_around
+from openswim.transport.moments import places
 from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid, total_extinction, with_ghosts
 from openswim.transport.ordinates import Ordinates
 from openswim.transport.pack import PACK
@@ -34,6 +36,8 @@ from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK
 from openswim.transport.shells import clear_radiance
 from openswim.transport.surface import bilinear
+from openswim.transport.sweep import share_ordinates, share_rows
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import Shells
 
 F32 = NDArray[np.float32]
@@ -162,7 +166,7 @@ class Beyond:
             # a sweeper has ordinates of both hemispheres, though but one is carried
             ordinates = Ordinates(np.concatenate([down, down * [1, 1, -1]]), np.ones(2 * _AZIMUTHS))
             sweeper = Sweeper.of(grid, np.tile(clear, (2, 1)), blank, blank, ordinates, pool)
-            radiance, order = sweeper.descending(moments)
+            radiance, order = _carried_down(sweeper, moments)
             sides = (radiance[..., 0], radiance[..., -1], radiance[:, 0].swapaxes(1, 2), radiance[:, -1].swapaxes(1, 2))
             for n, (side, ground) in enumerate(zip(sides, (node[:, 0], node[:, -1], node[0], node[-1]), strict=True)):
                 excess = np.moveaxis(side, 2, 0)[order] - clear[:, :, None]  # (azimuth, level, column)
@@ -281,6 +285,22 @@ def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[Opti
     else:  # these moments are what an eye sees scattered
         grid = grid._replace(beam=beam_around(grid))
     return grid, moments
+
+
+def _carried_down(sweeper: Sweeper, moments: F32) -> tuple[F32, NDArray[np.int64]]:
+    """Radiance (nz, ny, ordinates, nx) along the downward ordinates, if they are one group, from the light around the
+    nodes of all blocks; and where in it each of them is, in the order of the sweeper's."""
+    grid = sweeper.grid
+    nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
+    whole = replace(sweeper, place=places(np.ones(sweeper.place.shape, bool)))
+    room, (half, group) = whole.room(get_num_threads()), whole.halves[0]
+    blank, highest = np.zeros((ny, nx), np.float32), int(grid.ground_node.max())
+    # a sweep but for its moments, which nobody needs
+    in_threads(share_rows, 0, True, grid, group, whole.place, moments, whole.coarser, moments, room)
+    in_threads(share_ordinates, 0, True, grid, half, group.first, whole.place, whole.coarser, blank, highest, room)
+    down = whole.ordinates.direction[: len(half.direction)]
+    order = np.array([np.abs(half.direction - q).sum(axis=-1).argmin() for q in down])
+    return room.emission.reshape(nz, ny, len(down), -1)[..., :nx], order
 
 
 def _bearings(side: int) -> NDArray[np.int64]:

@@ -38,7 +38,7 @@ from openswim.transport.ordinates import Ordinates, double_gauss, lebedev
 from openswim.transport.pack import LANES
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
-from openswim.transport.sweep import Half, Room, half_sweep, share_ordinates, share_rows
+from openswim.transport.sweep import Half, Room, half_sweep
 from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
@@ -63,6 +63,7 @@ class Sweeper:
 
     grid: OpticalGrid
     inflow: F32  # (ordinates, nz), in the order of `ordinates`
+    sides: F32 | None  # (ordinates, nz, 4, nodes) in its place at the sides, see `sides.py`
     ground_albedo: F32
     direct_flux: F32
     ordinates: Ordinates
@@ -76,6 +77,7 @@ class Sweeper:
     @classmethod
     def of(
         cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, pool: Pool,
+        sides: F32 | None = None,
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters. ``pool`` may be shared: one sweeps at a time."""
         directions, weights = ordinates.direction, ordinates.weight
@@ -86,14 +88,18 @@ class Sweeper:
         for half in (down, ~down):
             order, group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
             here = np.flatnonzero(half)[order]
-            edges = np.zeros((len(here), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
+            if sides is not None:
+                edges = np.ascontiguousarray(sides[here])
+            else:
+                known = (nz, 4, max(nx, ny)) if grid.periodic else (1, 4, 0)
+                edges = np.zeros((len(here), *known), np.float32)
             halves.append(
                 (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
         kept = blocks_of(grid.cloudy) | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
-            grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
+            grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
             places(kept), with_ghosts(total_extinction(grid), nx, grid.periodic), pool,
         )  # fmt: skip
 
@@ -119,7 +125,7 @@ class Sweeper:
         """The same on 2x2 columns."""
         return Sweeper.of(
             coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
-            self.ordinates, self.pool,
+            self.ordinates, self.pool, None if self.sides is None else _pairs(self.sides),
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
@@ -172,22 +178,6 @@ class Sweeper:
             set_num_threads(threads)
         return new
 
-    def descending(self, values: F32) -> tuple[F32, NDArray[np.int64]]:
-        """Radiance (nz, ny, ordinates, nx) along the downward ordinates, if they are one group, from the light around
-        the nodes of all blocks, ``values``; and where in it each of them is, in the order of `ordinates`."""
-        nz, (ny, nx) = len(self.grid.levels_m), self.grid.ground_node.shape
-        whole = replace(self, place=places(np.ones(self.place.shape, bool)))
-        room = whole._room(get_num_threads())
-        (half, group), _ = self.halves
-        blank, highest = np.zeros_like(self.ground_albedo), int(self.grid.ground_node.max())
-        in_threads(share_rows, 0, True, self.grid, group, whole.place, values, self.coarser, values, room)
-        in_threads(
-            share_ordinates, 0, True, self.grid, half, group.first, whole.place, self.coarser, blank, highest, room
-        )
-        down = self.ordinates.direction[self.ordinates.direction[:, 2] >= 0]
-        order = np.array([np.abs(half.direction - q).sum(axis=-1).argmin() for q in down])
-        return room.emission.reshape(nz, ny, len(down), -1)[..., :nx], order
-
     def _around(self, values: F32) -> F32:
         """The light that scatters around the nodes, in scratch."""
         if not self.between:
@@ -198,7 +188,7 @@ class Sweeper:
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
-        room = self._room(get_num_threads())
+        room = self.room(get_num_threads())
         (down, down_groups), (up, up_groups) = self.halves
         self.down_flux = half_sweep(
             True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
@@ -209,7 +199,7 @@ class Sweeper:
             False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
         )
 
-    def _room(self, threads: int) -> Room:
+    def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
         grid, coarser = self.grid, self.coarser
         nz, ny, columns = grid.beam.shape
@@ -262,6 +252,12 @@ class Sweeper:
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
         return image, values, n
+
+
+def _pairs(sides: F32) -> F32:
+    """Means of two nodes along the sides (the last one stands alone where their number is odd)."""
+    even = np.concatenate([sides, sides[..., -1:]], axis=-1) if sides.shape[-1] % 2 else sides
+    return np.ascontiguousarray(0.5 * (even[..., ::2] + even[..., 1::2]))
 
 
 class _Anderson:
