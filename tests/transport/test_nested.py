@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_directions, sun_at_zenith_angle, toward
+from tests.transport.scenes import (
+    LAT,
+    LON,
+    WAVELENGTH_NM,
+    down_on,
+    grid_scene,
+    sky_directions,
+    sun_at_zenith_angle,
+    toward,
+)
 
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
@@ -138,6 +147,36 @@ def test_clouds_of_the_wider_grid_shade_the_inner(name) -> None:
     assert direct["alone"].min() > 0.3
     assert direct["whole"].max() < 0.1 * direct["alone"].max()
     np.testing.assert_allclose(direct["nest"], direct["whole"], atol=0.02)
+
+
+def deck(x, y, z):
+    """A sheet of cloud, optical depth 3."""
+    return 2.75e-3 * np.exp(-(((z - 2000) / 600) ** 4))
+
+
+@pytest.mark.parametrize("sun", [SUN, toward(140.0, 15.0)], ids=["high", "low"])
+def test_a_small_grid_in_a_sheet_of_cloud_is_lit_through_its_sides(sun) -> None:
+    """Clear sky beside it would make it a tenth too dark at the edge of its core."""
+    scene = laid(deck, cell=500.0, half=7)
+    scene.wider = laid(deck)
+    x, y = np.meshgrid(np.arange(-5e3, 5.1e3, 1e3), np.arange(-5e3, 5.1e3, 1e3))
+    whole, two = (solved(one, sun=sun) for one in (laid(deck, cell=500.0), scene))
+    up = Rays(np.array([0.0, 0.0, 2.0]), sky_directions([10, 30, 50, 65], np.arange(0, 360, 30)))
+    for rays in (down_on(x, y, 9e3), up):
+        one, other = two.view(rays).radiance, whole.view(rays).radiance
+        assert difference(one, other) < 0.02
+        np.testing.assert_allclose(one, other, rtol=0.04)
+
+
+def test_what_is_cut_of_a_sheet_of_cloud_is_lit_as_if_it_went_on() -> None:
+    """Nothing is known of what lies beyond: columns along the sides are taken for endless. Under a high sun."""
+    sun = toward(0.0, 90.0)
+    part = laid(deck, half=7)
+    part.cut = True
+    x = np.arange(-6e3, 6.1e3, 1e3)
+    rays = down_on(x, 0 * x, 9e3)
+    whole, cut = (solved(one, sun=sun).view(rays).radiance for one in (laid(deck), part))
+    np.testing.assert_allclose(cut, whole, rtol=0.02)
 
 
 def test_a_grid_in_its_like_is_that_grid() -> None:

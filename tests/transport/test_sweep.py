@@ -44,6 +44,20 @@ def test_depth_under_a_slab_is_exact(azimuth: float, altitude: float, exact: boo
     np.testing.assert_allclose(depth, np.broadcast_to(expected[:, None, None], depth.shape), rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (90, 60), (200, 30), (45, 45), (301, 10), (180, 3)])
+def test_cloud_ends_at_the_sides_of_an_open_grid(azimuth: float, altitude: float) -> None:
+    """A homogeneous block as wide as its grid: beta times the way through it, to the top or to a side."""
+    nz, ny, nx, beta, cell = 11, 9, 12, 0.002, np.array([50.0, 70.0, 100.0])
+    sun = toward(azimuth, altitude)
+    depth = depth_to_sun(np.full((nz, ny, nx), beta), sun, tuple(cell), False, True)
+    k, j, i = np.mgrid[0:nz, 0:ny, 0:nx]
+    way = (nz - 1 - k) * cell[2] / sun[2]
+    for at, count, size, slope in ((i, nx, cell[0], sun[0]), (j, ny, cell[1], sun[1])):
+        if abs(slope) > 1e-9:
+            way = np.minimum(way, np.where(slope > 0, count - 1 - at, at) * size / abs(slope))
+    np.testing.assert_allclose(depth, beta * way, rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (200, 30), (301, 10)])
 def test_layers_apart_add_up(azimuth: float, altitude: float, exact: bool) -> None:

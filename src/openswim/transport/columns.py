@@ -105,13 +105,8 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
     nz, suns = len(levels), inflow.shape[1]
     mu = np.linspace(-1, 1, suns)
     sun = np.stack([np.sqrt(1 - mu**2), 0 * mu, mu], axis=-1)[None]
-    ground = np.full((1, suns), shells.ground_m, np.float32)
     fields = blank_fields((nz, 1, suns), 2 * PACK)
-    beams, surface = np.empty((count, nz, 1, suns), np.float32), np.empty((count, 1, suns), np.float32)
-    in_threads(
-        direct_beam, np.zeros((nz, 1, suns, PACK), np.float32), np.zeros(PACK, np.int64), sun, levels, ground,
-        np.full((1, suns), -1e9), np.zeros((1, suns)), count, shells, beams, surface, fields,
-    )  # fmt: skip
+    _, surface = clear_beam(levels, sun, shells, count, fields)
     node = np.full((1, suns), min(int((levels < shells.ground_m - 0.01).sum()), nz - 2), np.int64)
     albedo = np.broadcast_to(shells.ground_albedo[:count, None, None], surface.shape).astype(np.float32)
     alone = replace(
@@ -145,6 +140,19 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
         ways = len(_AZIMUTHS) if abs(z) < 1 else 1
         out[..., n] = np.moveaxis((meant - found) / ways, -1, 0)
     return out
+
+
+def clear_beam(levels_m: F64, sun: F64, shells: Shells, count: int, fields: F32) -> tuple[F32, F32]:
+    """The beam in columns of clear air under suns (1, n, 3): at the levels (count, nz, 1, n) and on the ground
+    (count, 1, n); its root into ``fields``, as `direct_beam` has it."""
+    nz, n = len(levels_m), sun.shape[1]
+    beams, surface = np.empty((count, nz, 1, n), np.float32), np.empty((count, 1, n), np.float32)
+    in_threads(
+        direct_beam, np.zeros((nz, 1, n, PACK), np.float32), np.zeros(PACK, np.int64), sun, levels_m,
+        np.full((1, n), shells.ground_m, np.float32), np.full((1, n), -1e9), np.zeros((1, n)), count, shells, beams,
+        surface, fields,
+    )  # fmt: skip
+    return beams, surface
 
 
 def _air_alone(one: Coefficients) -> Coefficients:

@@ -63,6 +63,7 @@ class Sweeper:
 
     grid: OpticalGrid
     inflow: F32  # (ordinates, nz), in the order of `ordinates`
+    sides: F32 | None  # (ordinates, nz, 4, nodes) in its place at the sides, see `sides.py`
     ground_albedo: F32
     direct_flux: F32
     ordinates: Ordinates
@@ -76,6 +77,7 @@ class Sweeper:
     @classmethod
     def of(
         cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, pool: Pool,
+        sides: F32 | None = None,
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters. ``pool`` may be shared: one sweeps at a time."""
         directions, weights = ordinates.direction, ordinates.weight
@@ -86,14 +88,18 @@ class Sweeper:
         for half in (down, ~down):
             order, group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
             here = np.flatnonzero(half)[order]
-            edges = np.zeros((len(here), nz if grid.periodic else 1, 4, max(nx, ny)), np.float32)
+            if sides is not None:
+                edges = np.ascontiguousarray(sides[here])
+            else:
+                known = (nz, 4, max(nx, ny)) if grid.periodic else (1, 4, 0)
+                edges = np.zeros((len(here), *known), np.float32)
             halves.append(
                 (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
         kept = blocks_of(grid.cloudy) | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
-            grid, inflow, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
+            grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
             places(kept), with_ghosts(total_extinction(grid), nx, grid.periodic), pool,
         )  # fmt: skip
 
@@ -119,7 +125,7 @@ class Sweeper:
         """The same on 2x2 columns."""
         return Sweeper.of(
             coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
-            self.ordinates, self.pool,
+            self.ordinates, self.pool, None if self.sides is None else _pairs(self.sides),
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
@@ -246,6 +252,12 @@ class Sweeper:
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
         return image, values, n
+
+
+def _pairs(sides: F32) -> F32:
+    """Means of two nodes along the sides (the last one stands alone where their number is odd)."""
+    even = np.concatenate([sides, sides[..., -1:]], axis=-1) if sides.shape[-1] % 2 else sides
+    return np.ascontiguousarray(0.5 * (even[..., ::2] + even[..., 1::2]))
 
 
 class _Anderson:

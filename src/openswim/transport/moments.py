@@ -127,6 +127,35 @@ def _moment_row(place, values, coarser, k, j, scratch, nx, out):
         out[c, 0], out[c, nx + 1] = out[c, 1], out[c, nx]
 
 
+def gathered(moments: Moments, coarser: Coarser, j: NDArray[np.int64], i: NDArray[np.int64]) -> F32:
+    """Moments (nz, n, M*M) of the columns at rows ``j`` and columns ``i`` (n,), kept or interpolated."""
+    out, kept = _kept(moments.place, moments.values, j, i)
+    if coarser.factor == 0 or kept.all():
+        return out
+    _, rows, _ = coarser.place.shape
+    below, north = np.array([between(int(y), coarser.factor, rows) for y in j]).T.astype(np.float32)
+    left, east = np.array([between(int(x), coarser.factor, coarser.columns) for x in i]).T.astype(np.float32)
+    other = np.zeros_like(out)
+    for up in (0, 1):
+        for right in (0, 1):
+            weight = (north if up else 1 - north) * (east if right else 1 - east)
+            row = np.minimum(below.astype(int) + up, rows - 1)
+            column = np.minimum(left.astype(int) + right, coarser.columns - 1)
+            other += weight[:, None] * _kept(coarser.place, coarser.values, row, column)[0]
+    return np.where(kept[..., None], out, other)
+
+
+def _kept(
+    place: NDArray[np.int32], values: F32, j: NDArray[np.int64], i: NDArray[np.int64]
+) -> tuple[F32, NDArray[np.bool_]]:  # fmt: skip
+    """Moments (nz, n, M*M) of columns, zero where none are kept, and whether they are (nz, n)."""
+    at = place[:, j, i // BLOCK]
+    kept = at >= 0
+    out = np.zeros((*at.shape, values.shape[1]), np.float32)
+    out[kept] = values[at[kept], :, np.broadcast_to(i % BLOCK, at.shape)[kept]]
+    return out, kept
+
+
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added.

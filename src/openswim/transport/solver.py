@@ -18,7 +18,7 @@ from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, swim
-from openswim.transport.columns import columns_of_grid, light_from_above, stand_alone
+from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.landscape import landscape_of
@@ -36,8 +36,9 @@ from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
 from openswim.transport.quality import SETTINGS, Quality, solve_coarse
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
+from openswim.transport.sides import Clear, has_cloud_at_sides, light_of_own_columns, light_of_wider
 from openswim.transport.surface import Lighting, clear_sky_table
-from openswim.transport.volume import DEGREE, Shells, Volume
+from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -206,7 +207,7 @@ def _grid_field(
         _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
         ends = wider is None and not scene.cut and not medium.periodic
-        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, ends)
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, ends, wider)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
@@ -265,7 +266,8 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 
 def _diffuse(
-    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int, ends: bool
+    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int, ends: bool,
+    wider: PackField | None,
 ) -> list[list[int]]:
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
     compiling.wait()
@@ -286,6 +288,8 @@ def _diffuse(
     )  # fmt: skip
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
+    goes_on = not (ends or medium.periodic)
+    beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
     with job("diffuse light", count) as meter:
         for w in range(PACK):
             if w >= count:
@@ -296,10 +300,16 @@ def _diffuse(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
-            sweeper = diffuse.Sweeper.of(
-                grid, np.ascontiguousarray(inflow[..., w]), lighting.albedo[w], lighting.direct_horizontal(w),
-                ordinates, pool,
-            )  # fmt: skip
+            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.direct_horizontal(w)
+            sides = None
+            if goes_on:
+                on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
+                clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
+                if wider is not None and wider.light is not None and wider.light.moments:
+                    sides = light_of_wider(wider, medium, grid, clear, ordinates, setting.tolerance, w)
+                elif has_cloud_at_sides(grid):
+                    sides = light_of_own_columns(grid, clear, lighting.albedo[w], direct, ordinates, setting.tolerance)
+            sweeper = diffuse.Sweeper.of(grid, enters, lighting.albedo[w], direct, ordinates, pool, sides)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])

@@ -26,6 +26,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _GAP = 3  # levels free of cloud that part one layer from another
 _DARKEST, _MOST_AIR = 1e-12, np.float32(27.631)  # transmission, and its depth, that stand for none
 
@@ -76,6 +77,14 @@ def _way_up_m(mu, bend, rise_m):
     return 2.0 * rise_m / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+def _way_out(i, count, per_m):
+    """Distance from node ``i`` of a row to its end, at so many cells per metre."""
+    if abs(per_m) < _ALONG_PER_M:
+        return 1e30
+    return (count - 1 - i if per_m > 0.0 else i) / abs(per_m)
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _depth_to_sun(
     extinction, depth, c, k, i, j, mu, vx, vy, last, filled, levels_m, level_origin_m, level_per_m, level_table,
@@ -83,12 +92,13 @@ def _depth_to_sun(
 ):  # fmt: skip
     """Optical depths from node (k, j, i) toward the sun up to level ``last``, then what is known there.
 
-    Samples where the ray meets a level and, between levels, once a cell; ``vx``, ``vy``: cells per metre.
+    Samples where the ray meets a level and, between levels, once a cell, until it leaves an open domain; ``vx``,
+    ``vy``: cells per metre.
     """
     nz, ny, nx, nc = extinction.shape
     bend = (1.0 - mu * mu) / (2.0 * radius_m)
     fastest = max(abs(vx), abs(vy))
-    longest = 1e30 if periodic else 4.0 * (nx + ny) / max(fastest, 1e-12)  # the way out of an open domain
+    leave = 1e30 if periodic else min(_way_out(i, nx, vx), _way_out(j, ny, vy))
     below = read(extinction, ((k * ny + j) * nx + i) * nc + c)
     total = spread(_ZERO)
     s, at = 0.0, k
@@ -96,8 +106,8 @@ def _depth_to_sun(
         if not (filled[level] or filled[level - 1]) and (mu > 0.0 or level > k + 1):
             continue
         if at < level - 1:
-            s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), longest)
-        end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), longest)
+            s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), leave)
+        end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), leave)
         at = level
         count = int(fastest * (end - s)) + 1
         ds = (end - s) / count
@@ -105,10 +115,7 @@ def _depth_to_sun(
         for n in range(1, count + 1):
             s += ds
             x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-            if not periodic and (x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0):
-                # half a step to the edge on average; beyond it there is nothing
-                return total + half * below
-            if n == count and end < longest:
+            if n == count and end < leave:
                 here = _pack_at(extinction, level, x, y, c, periodic)
             else:
                 fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
@@ -117,13 +124,13 @@ def _depth_to_sun(
                 here += np.float32(fk - m) * (_pack_at(extinction, m + 1, x, y, c, periodic) - here)
             total += half * (below + here)
             below = here
-        if end >= longest:
+        if end >= leave:
             return total
     if at < last:
-        s = min(_way_up_m(mu, bend, levels_m[last] - levels_m[k]), longest)
+        s = _way_up_m(mu, bend, levels_m[last] - levels_m[k])
+        if s >= leave:
+            return total
     x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-    if not periodic and (x < 0.0 or y < 0.0 or x > nx - 1.0 or y > ny - 1.0):
-        return total
     return total + _pack_at(depth, last, x, y, c, periodic)
 
 

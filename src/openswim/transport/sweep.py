@@ -41,7 +41,7 @@ class Half(NamedTuple):
     direction: np.ndarray
     weight: np.ndarray
     inflow: np.ndarray  # (nz, n) radiance entering the sides and the top
-    edges: np.ndarray  # (n, nz, 4, m) the sides of the last sweep, for periodic grids
+    edges: np.ndarray  # (n, nz, 4, m) in its place at the sides, in periodic grids of the last sweep; or (n, 1, 4, 0)
 
 
 class Room(NamedTuple):
@@ -165,17 +165,21 @@ def _emit(k, rows, slot, now, grid, place, coarser, room):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _set_sides(plane, nx, periodic, inflow, side):
-    """Ghost nodes before a plane (rows and ghosts, nodes and ghosts) is swept.
+def _set_sides(plane, first, nx, periodic, inflow, known, side):
+    """Ghost nodes before a plane (rows and ghosts, nodes and ghosts), from row ``first`` on, is swept.
 
-    Periodic: the last sweep's sides (4, m) stand in for what this one has not reached yet.
+    known: what the sides (4, m) bring, else ``inflow`` everywhere. Periodic: those of the last sweep stand in for what
+    this one has not reached yet.
     """
     ny = plane.shape[0] - 2
-    if periodic:
+    if known:
         for j in range(ny):
-            plane[j + 1, 0], plane[j + 1, nx + 1] = side[0, j], side[1, j]
+            plane[j + 1, 0], plane[j + 1, nx + 1] = side[0, first + j], side[1, first + j]
         for i in range(nx):
             plane[0, i + 1], plane[ny + 1, i + 1] = side[2, i], side[3, i]
+        if not periodic:
+            for j in (0, ny + 1):
+                plane[j, 0], plane[j, nx + 1] = plane[j, 1], plane[j, nx]
         return
     for j in range(1, ny + 1):
         plane[j, 0] = plane[j, nx + 1] = inflow
@@ -269,6 +273,7 @@ def _carry_strip(
     sx, sy = 1 if q[0] > 0 else -1, 1 if q[1] > 0 else -1
     ahead, behind = (count + 1, 1) if sy > 0 else (0, count)
     share = half.weight[n] * np.float32(abs(q[2]) / (4.0 * math.pi))
+    known = half.edges.shape[3] > 0
     for turn in range(nz):
         k = nz - 1 - turn if downward else turn
         before = k if turn == 0 else (k + 1 if downward else k - 1)
@@ -278,7 +283,7 @@ def _carry_strip(
         plane, emitted = room.light[t, cur, : count + 2], room.emitted[t, cur, : count + 2]
         _emit(k, rows, slot, now, grid, place, coarser, room)
         _end_rows(emitted, grid.periodic)
-        _set_sides(plane, nx, grid.periodic, inflow, half.edges[n, k if grid.periodic else 0])
+        _set_sides(plane, rows[0], nx, grid.periodic, inflow, known, half.edges[n, k if known else 0])
         if follows:
             _copy_row(room.front[t, 0, k], plane[ahead])
             _copy_row(room.front[t, 1, k], emitted[ahead])
