@@ -51,20 +51,23 @@ def run(folder: Path) -> None:
             name: others.submit(_picture, lit, camera, folder / f"demo_{name}.png")
             for name, camera in cameras(scene).items()
         }
-        for name, picture in pictures.items():
-            image, path = picture.result()
-            click.echo(f"{path}: {time.perf_counter() - began:.1f} s")
-            if name == "allsky":
-                click.echo(irradiance_line(image))
+        try:
+            for name, picture in pictures.items():
+                image, path = picture.result()
+                click.echo(f"{path}: {time.perf_counter() - began:.1f} s")
+                if name == "allsky":
+                    click.echo(irradiance_line(image))
+        finally:
+            others.shutdown(cancel_futures=True)
     click.echo(f"in all: {time.perf_counter() - start:.1f} s")
 
 
 def _picture(lit: "LitScene", camera: "Camera", path: Path) -> "tuple[xr.Dataset, Path]":
     """Render and write one of the pictures."""
+    import openswim
     from openswim.cli.render import write
-    from openswim.rendering import render
 
-    image = render(lit, camera)
+    image = openswim.render(lit, camera)
     write(image, (path,))
     return image, path
 

@@ -13,7 +13,6 @@ from functools import cache
 
 from numba import get_num_threads
 
-
 _here = threading.local()  # ``shared``: whether this thread is at a share now
 
 
