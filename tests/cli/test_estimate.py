@@ -1,7 +1,12 @@
 """The estimate before a large job: grows with what costs, silent for small jobs."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
+import openswim
 from openswim.cameras import Camera
 from openswim.cli.estimate import estimate, swept
 
@@ -21,6 +26,29 @@ def test_wide_cells_are_divided() -> None:
     assert swept(_scene(45, 48, 48, 1000.0))
     assert not swept(_scene(45, 48, 48, 9000.0))
     assert not swept(CLEAR)
+
+
+@pytest.mark.parametrize(
+    ("file", "seconds", "gigabytes"), [("stratocumulus_64x64x16", 9.5, 1.8), ("rico_122x106x39", 4.5, 0.63)]
+)
+def test_flat_scenes_as_measured(shared: Path, file: str, seconds: float, gigabytes: float) -> None:
+    """An all-sky view of 400 pixels, on two cores; the stratocumulus is drawn on cells a quarter as wide."""
+    scene = openswim.open_scene(shared / "data" / "nwp" / f"les_{file}.txt")
+    expected = estimate(scene, Camera.allsky(x_m=0, y_m=0, size=400))
+    assert seconds / 1.5 < expected.seconds < seconds * 1.5
+    assert gigabytes / 1.7 < expected.memory_bytes / 1e9 < gigabytes * 1.7
+
+
+def test_thick_cells_of_flat_scenes_are_divided() -> None:
+    small, x, z = Camera.allsky(x_m=0, y_m=0, size=100), np.arange(48) * 100.0, np.arange(16) * 100.0
+    cloud = np.zeros((16, 48, 48), np.float32)
+    cloud[4:12] = 1.0
+    cloud[:, ::7] = 0.0
+    thin, thick = (
+        estimate(openswim.Scene.from_arrays(cloud * per_m, x, x, z), small) for per_m in (1e-3, 0.06)
+    )
+    assert thick.seconds > 1.5 * thin.seconds
+    assert thick.memory_bytes > 3 * thin.memory_bytes
 
 
 def test_more_of_anything_takes_longer() -> None:

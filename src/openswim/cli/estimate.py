@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from openswim.progress import PATIENCE_S
 from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import WIDE_CELL_M, fineness_of
+from openswim.transport.medium import MOST_RESOLVED_NODES, WIDE_CELL_M, build_medium, fineness_of
 from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:
@@ -15,11 +16,12 @@ if TYPE_CHECKING:
     from openswim.scene import Scene
 
 WAVELENGTHS = 3
+_GREEN_NM = 550.0
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
-_VIEW_SAMPLES_PER_S = 8e6
-_SOLVE_S_PER_NODE = 1.2e-6  # `fast`, per node of the grid and wavelength, all sweeps
+_VIEW_SAMPLES_PER_S = 3e7
+_SOLVE_S_PER_NODE = 0.8e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _COLUMN_NODE_S = 0.7e-6  # the same where every column is solved by itself
 _QUALITY = {"preview": 0.4, "standard": 1.0, "high": 2.5}  # of that, on the same grid
 _HALVED_NODES, _HALVED_COST = 1.5e6, 13.0  # "high" divides the cells of grids up to so many nodes
@@ -67,9 +69,14 @@ def estimate(
     if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
         return _estimate_large(scene, camera, wavelengths)
     nodes, wide = _drawn(scene, solver == "fast")
+    divided = False
+    if solver == "fast" and scene.grid is not None and not scene.grid.curved and nodes <= MOST_RESOLVED_NODES:
+        # how finely a flat scene is divided depends on how thick its cells are
+        medium = build_medium(scene, np.full(PACK, _GREEN_NM), 1.0)
+        nodes, divided = int(np.prod(medium.shape)), medium.divided
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
-    halved = quality == "high" and nodes < _HALVED_NODES and not wide
+    halved = quality == "high" and nodes < _HALVED_NODES and not wide and not divided
     per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (_HALVED_COST if halved else _QUALITY[quality])
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":

@@ -31,7 +31,7 @@ _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
-_MOST_HALVED_NODES, _MOST_RESOLVED_NODES = 10_000_000, 4_000_000
+_MOST_HALVED_NODES, MOST_RESOLVED_NODES = 10_000_000, 4_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _MOST_WIDE_NODES = 18_000_000  # of such clouds in wide cells, each column lit by itself
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
@@ -106,7 +106,7 @@ def build_medium(
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
-    It divides columns too, up to `_MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
+    It divides columns too, up to `MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
     model's nodes tell of means; what lies between them is our guess, and nothing is gained by solving it better.
 
     coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall. frame: another
@@ -187,7 +187,7 @@ def _halvings(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, c
     halvings = 0
     while depth > _CELL_DEPTH * 2**halvings:
         parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
-        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > _MOST_RESOLVED_NODES:
+        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > MOST_RESOLVED_NODES:
             break
         halvings += 1
     return halvings
