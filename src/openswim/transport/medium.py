@@ -12,6 +12,7 @@ from openswim.errors import UserError
 from openswim.ground.relief import refined_terrain
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.optics.cover import cloud_cover
+from openswim.optics.species import REFERENCE_NM
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.levels import on_levels
@@ -229,6 +230,26 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
             break
         fineness *= 2
     return fineness
+
+
+def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float]:
+    """Nodes (nz, ny, nx) of what `build_medium` makes of a scene on the Earth, or a few more, and the width (m) of its
+    cells; ``refine``: for sweeps."""
+    grid, species = scene.grid, scene_optics(scene, REFERENCE_NM)
+    assert grid is not None
+    _, ny, nx = grid.shape
+    terrain = np.zeros((1, 1), np.float32)
+    if "surface_altitude" in scene.data:
+        terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
+    cell_m, cover = min(grid.spacing_m()), cloud_cover(scene) if species else None
+    levels = _levels(grid.height_m, terrain, grid.curved)
+    if refine:
+        total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+        levels = _refined(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
+    fineness = 1
+    if refine or cover is not None:
+        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
+    return (len(levels), fineness * ny, fineness * nx), cell_m / fineness
 
 
 def outside_ground_m(terrain: F32) -> float:
