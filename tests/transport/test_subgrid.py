@@ -24,7 +24,7 @@ LEVELS = np.array([800.0, 1000.0, 1200.0])
 def flat_places(cells: int = CELLS, fineness: int = FINENESS, cell_m: float = CELL_M) -> np.ndarray:
     axis = np.arange(cells * fineness + 1) * cell_m / fineness
     y, x = np.meshgrid(axis, axis, indexing="ij")
-    return np.stack([x, y, 0 * x], axis=-1)
+    return np.stack([x, y, 0 * x + 6.371e6], axis=-1)
 
 
 def layer(cover: float | np.ndarray, content: float | np.ndarray = 1e-3) -> tuple[np.ndarray, np.ndarray]:
@@ -32,9 +32,12 @@ def layer(cover: float | np.ndarray, content: float | np.ndarray = 1e-3) -> tupl
     return np.broadcast_to(np.float32(content), shape).copy(), np.broadcast_to(np.float32(cover), shape).copy()
 
 
-def broken(cover: float | np.ndarray, content: float | np.ndarray = 1e-3) -> tuple[np.ndarray, np.ndarray, float]:
+def broken(
+    cover: float | np.ndarray, content: float | np.ndarray = 1e-3, x_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, float]:
     field, share = layer(cover, content)
-    out, left, shown = broken_cloud([field], ["liquid"], share, LEVELS, flat_places(), CELL_M, FINENESS)
+    places = flat_places() + np.array([x_m, 0.0, 0.0])
+    out, left, shown = broken_cloud([field], ["liquid"], share, LEVELS, places, CELL_M, FINENESS)
     return out[0], left, shown
 
 
@@ -66,10 +69,12 @@ def test_water_is_kept(cover: float) -> None:
 def test_what_the_model_shows_is_still_seen(wave: int) -> None:
     """Bands four and six cells wide, which a file shows by itself, are not lost among the clouds within its cells."""
     cover = 0.45 + 0.4 * np.sin(2 * np.pi * np.arange(CELLS + 1) / wave)
-    fine, _, _ = broken(cover, 1e-3 * cover)
-    kept = around_nodes(fine, FINENESS)[:, 2:-2, 2:-2]
-    alike = [np.corrcoef(row, cover[2:-2])[0, 1] for layer in kept for row in layer]
-    assert np.mean(alike) ** 2 > 0.75  # of the variance
+    alike = []
+    for x_m in 3e5 * np.arange(6):
+        fine, _, _ = broken(cover, 1e-3 * cover, x_m)
+        kept = around_nodes(fine, FINENESS)[:, 2:-2, 2:-2]
+        alike += [np.corrcoef(row, cover[2:-2])[0, 1] for layer in kept for row in layer]
+    assert np.mean(alike) ** 2 > (0.7 if wave == 4 else 0.8)  # of the variance
 
 
 def test_no_cloud_where_there_is_none() -> None:

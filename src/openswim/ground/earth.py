@@ -20,6 +20,7 @@ from openswim.ground.spectra import from_bands, generic_land
 FloatArray = NDArray[np.float64]
 
 PIXEL_M = 7400.0  # of the image, at the equator
+_LEAST_LAND = 0.02  # share of a place's surroundings whose colour is to be trusted
 _LEVELS = 6  # halvings of the image, to 240 km
 _IMAGE_SHAPE = (2700, 5400)
 _MASK_SHAPE = (4320, 8640)
@@ -36,8 +37,8 @@ def land_albedo(
 ) -> FloatArray:
     """Spectral albedo (n, nwl) of the land at places (n,), degrees; about .02 or 20 %, whichever is more.
 
-    Bilinear among the image's land pixels, averaged over `footprint_m`; where all four around are water (a small
-    island), generic land.
+    Bilinear among the image's land pixels, averaged over `footprint_m`; where all four around are water, the mean of
+    the sixteen around; where those are, too (a small island), generic land.
     """
     size = np.broadcast_to(np.asarray(footprint_m, float), np.shape(lat))
     level = np.clip(np.round(np.log2(np.maximum(size, 1.0) / PIXEL_M)), 0, _LEVELS).astype(int)
@@ -46,13 +47,22 @@ def land_albedo(
     for n in np.unique(level):
         some = level == n
         total[some], rgb[some] = (_at_pixels if n == 0 else _at_means)(place[0][some], place[1][some], int(n))
+    wet = (level == 0) & (total <= _LEAST_LAND)
+    if wet.any():
+        total[wet], rgb[wet] = _at_pixels(place[0][wet], place[1][wet], 1)
     albedo = from_bands(from_blue_marble(rgb), wavelengths_nm)
-    return np.where((total > 0.02)[:, None], albedo, generic_land(wavelengths_nm))
+    return np.where((total > _LEAST_LAND)[:, None], albedo, generic_land(wavelengths_nm))
 
 
-def _at_pixels(lat: FloatArray, lon: FloatArray, _: int) -> tuple[FloatArray, FloatArray]:
-    """Land share (n,) and its linear red, green, blue (n, 3) around places."""
+def _at_pixels(lat: FloatArray, lon: FloatArray, farther: int) -> tuple[FloatArray, FloatArray]:
+    """Land share (n,) and its linear red, green, blue (n, 3) around places; ``farther``: of the pixels one more away
+    each way, all alike."""
     rows, columns, weights = _around(lat, lon, _IMAGE_SHAPE)
+    if farther:
+        shift = np.arange(-1, 3)[:, None]
+        rows = np.repeat(np.clip(rows[0] + shift, 0, _IMAGE_SHAPE[0] - 1), 4, axis=0)
+        columns = np.tile((columns[0] + shift) % _IMAGE_SHAPE[1], (4, 1))
+        weights = np.full(rows.shape, 1 / 16)
     mask_row, mask_column = _mask_of_pixels()
     weights = weights * (_mask()[mask_row[rows], mask_column[columns]] == 1)
     total = weights.sum(axis=0)

@@ -188,7 +188,7 @@ class Sweeper:
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
-        room = self._room(get_num_threads())
+        room = self.room(get_num_threads())
         (down, down_groups), (up, up_groups) = self.halves
         self.down_flux = half_sweep(
             True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
@@ -199,7 +199,7 @@ class Sweeper:
             False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
         )
 
-    def _room(self, threads: int) -> Room:
+    def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
         grid, coarser = self.grid, self.coarser
         nz, ny, columns = grid.beam.shape

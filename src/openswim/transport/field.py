@@ -30,6 +30,7 @@ from openswim.transport.surface import Lighting, shade
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
 
 if TYPE_CHECKING:
+    from openswim.transport.beyond import Beyond
     from openswim.transport.landscape import Landscape
     from openswim.transport.relief import Relief
     from openswim.transport.solver import Solver
@@ -155,6 +156,7 @@ class PackField:
     core: Core | None = None
     detail: Detail | None = None  # below the grid, once an eye was near
     depths: SunDepth | None = None  # until the grids within it are solved
+    beyond: Beyond | None = None  # where a grid ends and its sides' light is known
 
     @property
     def quality(self) -> str:
@@ -304,13 +306,13 @@ class PackField:
     def _blunt_table(self) -> F32:
         return blunted(self.table, _AUREOLE_DEG)
 
-    def beam(self, place: F64) -> F32:
-        """Delta-scaled direct transmission (n, nw) from the sun to places, by rays; for ground beyond the grid. A
-        relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
+    def through_clouds(self, place: F64) -> F64:
+        """Delta-scaled transmission (n, nw) of the grid's species from the sun to places, by rays: ground beyond it.
+        A relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
         lifted = place + np.array([0.0, 0.0, 1.0])
-        dark = np.zeros_like(self.table)
-        ends = np.full(len(place), FAR_M)
-        return march_rays(lifted, self.sun, self.sun, dark, self.shells, self.volume, 2.0, ends=ends).scaled
+        dark, ends = np.zeros_like(self.table), np.full(len(place), FAR_M)
+        met = march_rays(lifted, self.sun, self.sun, dark, self.shells, self.volume, 1.0, ends=ends)
+        return np.asarray(np.exp(-met.species_depth[:, : self.volume.species].astype(float) @ self.volume.scaled))
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""

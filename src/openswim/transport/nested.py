@@ -1,9 +1,9 @@
 """A grid that lies in a wider, coarser one: every ray sees each part of its way in the finest that covers it.
 
-Light is solved on every grid by itself, with the same frame, sun and eye. A ray goes through the wider grid up to the
-inner one's core, through the core, and on through the wider: L = L1 + T1 (L2 + T2 L3). The core ends within the inner
-grid, since what lies near a grid's sides is lit from beyond them by clear sky. Air beside grids is in each of them, and
-no part of a way is walked twice. docs/decisions/0014-nested-grids.md.
+Light is solved on every grid by itself, the wider first, with the same frame, sun and eye. A ray goes through the wider
+grid up to the inner one's core, through the core, and on through the wider: L = L1 + T1 (L2 + T2 L3). The core ends
+within the inner grid, since what enters at its sides is only as good as the wider grid's light (`sides.py`). Air beside
+grids is in each of them, and no part of a way is walked twice. docs/decisions/0014-nested-grids.md.
 """
 
 from __future__ import annotations

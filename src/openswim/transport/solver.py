@@ -18,6 +18,7 @@ from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, swim
+from openswim.transport.beyond import Beyond
 from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
 from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
@@ -208,6 +209,8 @@ def _grid_field(
     elif fast:
         ends = wider is None and not scene.cut and not medium.periodic
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, ends, wider)
+        if wider is None and not medium.periodic:
+            result.beyond = Beyond(light, shells, ends)
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started

@@ -260,11 +260,14 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
         direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
         beam[inside] = bilinear(direct, ix[inside], iy[inside])
         diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
+        outside = np.flatnonzero(~inside)
+        if outside.size and light_field.beyond is not None:
+            diffuse[outside] = light_field.beyond.flux(ix[outside], iy[outside], diffuse[outside], lighting.diffuse)
         if lighting.normal is not None and relief is None:
             normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
-            beam[shaded] = light_field.beam(place[shaded])
+            beam[shaded] *= light_field.through_clouds(place[shaded])
     sample = surface_properties(scene, lat, lon, wl, footprint)
     maps = height_maps(scene)
     if maps and relief is None:
