@@ -223,6 +223,8 @@ def shade(
             if near and wet.size and not ground.sample.lambertian:
                 found[start] = (start + wet, ground[wet])
 
+    if light_field.beyond is not None and _any_outside(light_field, place):
+        light_field.beyond.prepare()  # by all threads, which a share is not
     in_threads(share)
     waters = [found[start] for start in sorted(found)]
     if waters and eye is not None:
@@ -234,6 +236,14 @@ def shade(
             out[wet] = _reflected(light_field, shells, ground, mirrored[first : first + wet.size])
             first += wet.size
     return out
+
+
+def _any_outside(light_field: PackField, place: F64) -> bool:
+    """Whether any places lie beyond the grid's bounds, seen from the Earth's centre."""
+    radius = light_field.frame.radius_m
+    sides = light_field.volume.sides_m
+    plane = place[:, :2] * (radius / np.maximum(radius + place[:, 2:], 1e-3 * radius))
+    return bool(((plane < sides[[0, 2]]) | (plane > sides[[1, 3]])).any())
 
 
 def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64) -> _Ground:
