@@ -1,26 +1,60 @@
 """The estimate before a large job: grows with what costs, silent for small jobs."""
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+from pyproj import CRS
+
+import openswim
 from openswim.cameras import Camera
 from openswim.cli.estimate import estimate, swept
+from openswim.scene import Scene
 
 CLEAR = SimpleNamespace(grid=None, wider=None)
 
 
-def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0) -> SimpleNamespace:
-    grid = SimpleNamespace(shape=(nz, ny, nx), curved=True, periodic=False, spacing_m=lambda: (cell_m, cell_m))
-    return SimpleNamespace(grid=grid, data={}, wider=None)
+def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0) -> Scene:
+    """On the Earth, with a deck of thin cloud."""
+    crs = CRS.from_proj4("+proj=lcc +lat_1=47 +lat_0=47 +lon_0=11 +R=6371000 +units=m +no_defs")
+    cloud = np.zeros((nz, ny, nx), np.float32)
+    cloud[nz // 2] = 1e-5
+    return Scene.from_arrays(cloud, *(np.arange(n) * cell_m for n in (nx, ny)), np.linspace(0, 12e3, nz), crs=crs)
 
 
 def test_wide_cells_are_divided() -> None:
-    """Katrina, 48 x 48 columns of 9 km: drawn on 2.25-km cells, some 5 s of solving and a small view."""
+    """Katrina, 48 x 48 columns of 9 km: drawn on 2.25-km cells, a few seconds of solving and a small view."""
     small = Camera.allsky(47, 11, size=100)
     own, narrow = (estimate(_scene(45, 48, 48, cell_m), small).seconds for cell_m in (9000.0, 1000.0))
-    assert narrow + 2 < own < 12
+    assert narrow + 1 < own < 8
     assert swept(_scene(45, 48, 48, 1000.0))
     assert not swept(_scene(45, 48, 48, 9000.0))
     assert not swept(CLEAR)
+
+
+@pytest.mark.parametrize(
+    ("file", "seconds", "gigabytes"), [("stratocumulus_64x64x16", 9.5, 1.8), ("rico_122x106x39", 4.5, 0.63)]
+)
+def test_flat_scenes_as_measured(shared: Path, file: str, seconds: float, gigabytes: float) -> None:
+    """An all-sky view of 400 pixels, on two cores; the stratocumulus is drawn on cells a quarter as wide."""
+    scene = openswim.open_scene(shared / "data" / "nwp" / f"les_{file}.txt")
+    expected = estimate(scene, Camera.allsky(x_m=0, y_m=0, size=400))
+    assert seconds / 1.5 < expected.seconds < seconds * 1.5
+    assert gigabytes / 1.5 < expected.memory_bytes / 1e9 < gigabytes * 1.5
+
+
+def test_thick_cells_of_flat_scenes_are_divided() -> None:
+    small, x, z = Camera.allsky(x_m=0, y_m=0, size=100), np.arange(48) * 100.0, np.arange(16) * 100.0
+    cloud = np.zeros((16, 48, 48), np.float32)
+    cloud[4:12] = 1.0
+    cloud[:, ::7] = 0.0
+    thin, thick = (
+        estimate(openswim.Scene.from_arrays(cloud * per_m, x, x, z), small) for per_m in (1e-3, 0.06)
+    )
+    assert thick.seconds > 1.5 * thin.seconds
+    assert thick.memory_bytes > 3 * thin.memory_bytes
 
 
 def test_more_of_anything_takes_longer() -> None:
@@ -53,7 +87,7 @@ def test_domains_lit_in_parts_take_less() -> None:
 def test_nested_grids_take_the_time_and_memory_of_each() -> None:
     small = Camera.allsky(47, 11, size=100)
     inner, wider = _scene(32, 128, 128), _scene(32, 256, 256)
-    nested = SimpleNamespace(grid=inner.grid, data={}, wider=wider, alone=lambda: inner)
+    nested = replace(inner, wider=wider)
     both, one, other = (estimate(scene, small) for scene in (nested, inner, wider))
     assert max(one.seconds, other.seconds) < both.seconds < one.seconds + other.seconds
     assert max(one.memory_bytes, other.memory_bytes) < both.memory_bytes < one.memory_bytes + other.memory_bytes

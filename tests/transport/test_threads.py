@@ -43,6 +43,22 @@ def test_as_many_as_numba_is_told() -> None:
     assert seen == [(0, 1, threading.current_thread().name)]
 
 
+def test_what_a_share_hands_out_it_does_itself() -> None:
+    seen, threads = [], numba.get_num_threads()
+
+    def inner(t: int, threads: int, outer: int) -> None:
+        seen.append((outer, t, threading.current_thread()))
+
+    def share(t: int, threads: int) -> None:
+        in_threads(inner, t)
+        assert {who for outer, _, who in seen if outer == t} == {threading.current_thread()}
+
+    in_threads(share)
+    assert sorted(pair[:2] for pair in seen) == [(a, b) for a in range(threads) for b in range(threads)]
+    in_threads(lambda t, threads: seen.append((threads, t, threading.current_thread())))  # and then hands out again
+    assert len(seen) == threads * (threads + 1)
+
+
 @pytest.mark.parametrize("which", [0, -1])
 def test_errors_come_through(which: int) -> None:
     last = (numba.get_num_threads() + which) % numba.get_num_threads()

@@ -1,13 +1,16 @@
 """What a job will take: one line before it starts, where it is large."""
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
+from openswim.optics.species import REFERENCE_NM
 from openswim.progress import PATIENCE_S
 from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import WIDE_CELL_M, fineness_of
+from openswim.transport.medium import MOST_RESOLVED_NODES, WIDE_CELL_M, build_medium, drawn_shape
 from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:
@@ -18,17 +21,17 @@ WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
-_VIEW_SAMPLES_PER_S = 8e6
-_SOLVE_S_PER_NODE = 1.2e-6  # `fast`, per node of the grid and wavelength, all sweeps
-_COLUMN_NODE_S = 0.7e-6  # the same where every column is solved by itself
+_VIEW_SAMPLES_PER_S = 3e7
+_SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
+_COLUMN_NODE_S = 0.35e-6  # the same where every column is solved by itself
 _QUALITY = {"preview": 0.4, "standard": 1.0, "high": 2.5}  # of that, on the same grid
 _HALVED_NODES, _HALVED_COST = 1.5e6, 13.0  # "high" divides the cells of grids up to so many nodes
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
 _START_S = 2.0
-_NODE_BYTES = 250  # optics, moments and scratch per node and wavelength
-_COLUMN_NODE_BYTES = 80  # the same without sweeps
+_NODE_BYTES = 140  # optics, moments and scratch per node and wavelength
+_COLUMN_NODE_BYTES = 55  # the same without sweeps
 _PIXEL_BYTES = 60
 _COLUMN_S, _SEEN_PIXEL_S = 13e-6, 5e-6  # of large domains, whatever the solver
 _LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
@@ -66,10 +69,10 @@ def estimate(
         )
     if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
         return _estimate_large(scene, camera, wavelengths)
-    nodes, wide = _drawn(scene, solver == "fast")
+    nodes, wide, divided = _drawn(scene, solver == "fast")
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
-    halved = quality == "high" and nodes < _HALVED_NODES and not wide
+    halved = quality == "high" and nodes < _HALVED_NODES and not wide and not divided
     per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (_HALVED_COST if halved else _QUALITY[quality])
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":
@@ -83,18 +86,19 @@ def estimate(
     return Estimate(seconds, 2e8 + nodes * wavelengths * node_bytes + pixels * wavelengths * _PIXEL_BYTES)
 
 
-def _drawn(scene: "Scene", fast: bool) -> tuple[int, bool]:
-    """Nodes of the grid that a scene is drawn on, and whether its cells are so wide that columns are solved alone."""
+def _drawn(scene: "Scene", fast: bool) -> tuple[int, bool, bool]:
+    """Nodes of the grid that a scene is drawn on; whether its cells are so wide that columns are solved alone; whether
+    a flat scene's are divided."""
     grid = scene.grid
     if grid is None:
-        return 0, False
-    nodes = grid.shape[0] * grid.shape[1] * grid.shape[2]
-    broken = "cloud_area_fraction" in scene.data
-    if not grid.curved or not (fast or broken):
-        return nodes, False
-    cell_m = min(grid.spacing_m())
-    fineness = fineness_of(grid.shape, cell_m, broken, fast)
-    return nodes * fineness**2, fast and cell_m / fineness >= WIDE_CELL_M
+        return 0, False, False
+    if grid.curved:
+        shape, cell_m = drawn_shape(scene, fast)
+        return math.prod(shape), fast and cell_m >= WIDE_CELL_M, False
+    if not fast or math.prod(grid.shape) > MOST_RESOLVED_NODES:
+        return math.prod(grid.shape), False, False
+    medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0)  # which takes little where there is no map
+    return math.prod(medium.shape), False, medium.divided
 
 
 def swept(scene: "Scene") -> bool:

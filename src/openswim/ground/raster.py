@@ -7,6 +7,7 @@ import re
 from collections import OrderedDict
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class Raster:
         self.bands = tuple(range(1, self._file.count + 1)) if bands is None else bands
         self.dtype = np.dtype(self._file.dtypes[0])
         self.crs, self._transform = _georeference(self.path, self._file)
+        self._one_reader = Lock()  # places are looked up by several threads
         self._tiles: OrderedDict[tuple[int, int, int], tuple[NDArray[Any], NDArray[np.bool_]]] = OrderedDict()
         self._bytes = 0
 
@@ -155,7 +157,8 @@ class Raster:
         start = 0
         for end in ends.tolist():
             some = order[start:end]
-            v, k = self._tile(level, *divmod(int(tile[some[0]]), across))
+            with self._one_reader:
+                v, k = self._tile(level, *divmod(int(tile[some[0]]), across))
             values[some], known[some] = v[:, row[some] % _TILE, column[some] % _TILE].T, k[
                 row[some] % _TILE, column[some] % _TILE
             ]

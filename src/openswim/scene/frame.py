@@ -67,14 +67,11 @@ class Frame:
         p = np.asarray(position, float)
         if not self.curved:
             return p[..., 1] + self.lat, p[..., 0] + self.lon, p[..., 2]
-        q = p + np.array([0.0, 0.0, self.radius_m])
-        r = np.linalg.norm(q, axis=-1)
-        e = (q / r[..., None]) @ self._axes
-        return (
-            np.degrees(np.arcsin(np.clip(e[..., 2], -1, 1))),
-            np.degrees(np.arctan2(e[..., 1], e[..., 0])),
-            (r - self.radius_m),
-        )
+        x, y, z = p[..., 0], p[..., 1], p[..., 2] + self.radius_m
+        r = np.sqrt(x * x + y * y + z * z)
+        # component by component: rows of three are slow to go through
+        ex, ey, ez = (x * a + y * b + z * c for a, b, c in self._axes.T)
+        return np.degrees(np.arcsin(np.clip(ez / r, -1, 1))), np.degrees(np.arctan2(ey, ex)), r - self.radius_m
 
     def enu(self, lat: float, lon: float) -> Array:
         """Rows east, north, up (unit vectors in the frame) at a place."""

@@ -102,6 +102,11 @@ class Beyond:
             out[front] += bilinear(table.flux, v, u)
         return out
 
+    def prepare(self) -> None:
+        """Reckon now what is reckoned once."""
+        if self._highest_m > 0:
+            _ = self._tables
+
     @cached_property
     def _levels(self) -> int:
         """How many hold all clouds."""

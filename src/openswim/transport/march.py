@@ -65,6 +65,7 @@ CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK
 DETAIL, GATHERED = 14 * PACK, 14 * PACK + SCRATCH
 LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
 LANES = 4  # rays that walk in turn
+WHICH, ANGLE, SHARE, LANE = 0, 1, 2, 8  # of a lane: its ray or -1, cosine of the angle to the sun, share of the peak
 
 
 class Marched(NamedTuple):
@@ -109,7 +110,7 @@ def _gather(
     looked = count
     refined = flat(got, REFINED)
     widest_m = flat(detail.wavelength_m, 0) * WIDEST if detail.wavelength_m.shape[0] > 0 and growth > 0.0 else 0.0
-    before = LAST
+    before = np.int64(LAST)  # no literal, for which what is called would be compiled once more
     for n in range(count):
         place = n * PLACE
         s, level = flat(places, place + PLACE_S), flat(places, place + PLACE_LEVEL)
@@ -217,46 +218,51 @@ def _finish(n, w, got, out):
     out.samples[n] = int(w[SAMPLES])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _march_tile(
-    first, last, order, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out, cone,
-    detail, walks, places, got, nodes, rays, peaks, which, angles, shares,
+@njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
+def _march_share(
+    t, threads, order, scratch, walks_of, places_of, peaks_of, lanes_of, origin, direction, ends, sun, table, shells,
+    volume, highest_m, depth_limit, scale, out, cone, detail,
 ):  # fmt: skip
-    """March rays ``first`` to ``last`` of ``order``: see `march_rays`. LANES of them walk in turn."""
-    following = first
+    """Thread t's tiles of rays, see `march_rays`: every so-manieth, for sky and ground do not cost the same. LANES of
+    them walk in turn."""
+    nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
+    walks, places, peaks, lanes = walks_of[t], places_of[t], peaks_of[t], lanes_of[t]
+    count = direction.shape[0]
+    following = t * TILE
     for lane in range(LANES):
-        which[lane] = -1
+        lanes[lane, WHICH] = -1.0
     while True:
         going = False
         for lane in range(LANES):
-            if which[lane] < 0 and following < last:
+            own = lanes[lane]
+            if own[WHICH] < 0.0 and following < count:
                 n = order[following]
                 following += 1
-                which[lane] = n
+                if following % TILE == 0:
+                    following += (threads - 1) * TILE
+                own[WHICH] = n
                 dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
-                angles[lane] = dx * sun[0] + dy * sun[1] + dz * sun[2]
-                shares[lane] = prepare_ray(
-                    angles[lane], table, shells.phase, volume, rays[lane], peaks[lane]
-                )
+                own[ANGLE] = dx * sun[0] + dy * sun[1] + dz * sun[2]
+                own[SHARE] = prepare_ray(own[ANGLE], table, shells.phase, volume, rays[lane], peaks[lane])
                 end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
                 places[lane, LAST + PLACE_LEVEL] = -1.0
-            going = going or which[lane] >= 0
+            going = going or own[WHICH] >= 0.0
         if not going:
             break
         for _ in range(BATCH):
             for lane in range(LANES):
-                if which[lane] >= 0 and walks[lane, STATE] == GOING:
+                if lanes[lane, WHICH] >= 0.0 and walks[lane, STATE] == GOING:
                     walk_on(walks[lane], places[lane], shells, volume, highest_m, scale)
         for lane in range(LANES):
-            n = which[lane]
-            if n < 0:
+            own, w = lanes[lane], walks[lane]
+            if own[WHICH] < 0.0:
                 continue
-            w = walks[lane]
+            n = int(own[WHICH])
             looked = _gather(
-                w, places[lane], got[lane], nodes[lane], shares[lane], rays[lane], peaks[lane], sun, angles[lane],
-                shells, volume, depth_limit, out.species_depth[n], cone[n, 0], cone[n, 1], detail,
+                w, places[lane], got[lane], nodes[lane], np.float32(own[SHARE]), rays[lane], peaks[lane], sun,
+                own[ANGLE], shells, volume, depth_limit, out.species_depth[n], cone[n, 0], cone[n, 1], detail,
             )  # fmt: skip
             if looked < w[COUNT]:
                 w[SAMPLES] -= w[COUNT] - looked
@@ -264,26 +270,7 @@ def _march_tile(
             w[COUNT] = 0.0
             if w[STATE] != GOING or w[SAMPLES] >= MOST_SAMPLES:
                 _finish(n, w, got[lane], out)
-                which[lane] = -1
-
-
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def _march_share(
-    t, threads, order, scratch, origin, direction, ends, sun, table, shells, volume, highest_m, depth_limit, scale, out,
-    cone, detail,
-):  # fmt: skip
-    """Thread t's tiles, see `march_rays`: every so-manieth, for sky and ground do not cost the same."""
-    count = direction.shape[0]
-    nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
-    walks, places = np.zeros((LANES, WALK)), np.zeros((LANES, (BATCH + 1) * PLACE))
-    peaks = np.zeros((LANES, table.shape[0], table.shape[2], PACK), np.float32)
-    which, angles, shares = np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros(LANES, np.float32)
-    for tile in range(t, (count + TILE - 1) // TILE, threads):
-        _march_tile(
-            tile * TILE, min(count, (tile + 1) * TILE), order, origin, direction, ends, sun, table, shells, volume,
-            highest_m, depth_limit, scale, out, cone, detail, walks, places, got, nodes, rays, peaks, which, angles,
-            shares,
-        )  # fmt: skip
+                own[WHICH] = -1.0
 
 
 def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
@@ -322,12 +309,16 @@ def march_rays(
         np.zeros(n, np.float32), np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
     widest = max(volume.fields.shape[3], GATHERED, RAY + volume.species * PACK)
-    scratch = blank_fields((3, get_num_threads(), LANES), widest)
+    threads = get_num_threads()
+    scratch = blank_fields((3, threads, LANES), widest)
+    peaks = np.zeros((threads, LANES, table.shape[0], table.shape[2], PACK), np.float32)
+    walks, places, lanes = (np.zeros((threads, LANES, size)) for size in (WALK, (BATCH + 1) * PLACE, LANE))
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
     own = np.zeros(0) if ends is None else np.array(ends, float, order="C")
     in_threads(
-        _march_share, order, scratch, o, d, own, np.array(sun, float), np.array(table, np.float32, order="C"),
-        tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale), out,
+        _march_share, order, scratch, walks, places, peaks, lanes, o, d, own, np.array(sun, float),
+        np.array(table, np.float32, order="C"), tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale),
+        out,
         np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
     )  # fmt: skip
     return out

@@ -12,6 +12,7 @@ from openswim.errors import UserError
 from openswim.ground.relief import refined_terrain
 from openswim.optics import Background, OpticalSpecies, background, scene_optics
 from openswim.optics.cover import cloud_cover
+from openswim.optics.species import REFERENCE_NM
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
 from openswim.scene.levels import on_levels
@@ -31,7 +32,7 @@ _MOST_NODES = 6_000_000
 _MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
-_MOST_HALVED_NODES, _MOST_RESOLVED_NODES = 10_000_000, 4_000_000
+_MOST_HALVED_NODES, MOST_RESOLVED_NODES = 10_000_000, 4_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _MOST_WIDE_NODES = 18_000_000  # of such clouds in wide cells, each column lit by itself
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
@@ -106,7 +107,7 @@ def build_medium(
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
-    It divides columns too, up to `_MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
+    It divides columns too, up to `MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
     model's nodes tell of means; what lies between them is our guess, and nothing is gained by solving it better.
 
     coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall. frame: another
@@ -187,7 +188,7 @@ def _halvings(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, c
     halvings = 0
     while depth > _CELL_DEPTH * 2**halvings:
         parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
-        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > _MOST_RESOLVED_NODES:
+        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > MOST_RESOLVED_NODES:
             break
         halvings += 1
     return halvings
@@ -229,6 +230,26 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
             break
         fineness *= 2
     return fineness
+
+
+def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float]:
+    """Nodes (nz, ny, nx) of what `build_medium` makes of a scene on the Earth, or a few more, and the width (m) of its
+    cells; ``refine``: for sweeps."""
+    grid, species = scene.grid, scene_optics(scene, REFERENCE_NM)
+    assert grid is not None
+    _, ny, nx = grid.shape
+    terrain = np.zeros((1, 1), np.float32)
+    if "surface_altitude" in scene.data:
+        terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
+    cell_m, cover = min(grid.spacing_m()), cloud_cover(scene) if species else None
+    levels = _levels(grid.height_m, terrain, grid.curved)
+    if refine:
+        total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
+        levels = _refined(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
+    fineness = 1
+    if refine or cover is not None:
+        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
+    return (len(levels), fineness * ny, fineness * nx), cell_m / fineness
 
 
 def outside_ground_m(terrain: F32) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK
+from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -78,18 +79,31 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
 
     The mean extinction of broken cloud would be too bright, and the fine grid slow to mend it.
     """
-    nx = grid.ground_node.shape[1]
-    extinction = grid.extinction[..., :nx]
-    depth = (total_extinction(grid)[..., :nx] - grid.air_extinction[:, None, None]) * np.float32(grid.cell_m.max())
-    mean = coarsen(depth)
-    let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
-    extinction = coarsen(extinction) * np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
+    ny, nx = grid.ground_node.shape
+    rows, columns = -(-ny // 2), -(-nx // 2)
+    beam = np.zeros((len(grid.beam), rows, columns + -columns % BLOCK), np.float32)
+    extinction = np.zeros((len(grid.extinction), *beam.shape), np.float32)
+    cell_m = np.float32(grid.cell_m.max())
+
+    def share(t: int, threads: int) -> None:
+        for k in range(t, len(beam), threads):
+            beam[k, :, :columns] = coarsen(grid.beam[k, :, :nx])
+            cloud = grid.extinction[:, k, :, :nx]
+            if not cloud.any():
+                continue
+            depth = cell_m * (grid.scaled[:, None, None] * cloud).sum(axis=0)
+            mean = coarsen(depth)
+            let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
+            less = np.where(mean > 1e-6, let_through / np.maximum(mean, 1e-30), 1)
+            extinction[:, k, :, :columns] = coarsen(cloud) * less
+
+    in_threads(share)
     harmonics = np.moveaxis(coarsen(np.moveaxis(grid.sun_harmonics[..., :nx], 0, -2)), -2, 0)
     return grid._replace(
-        extinction=whole_blocks(extinction), beam=whole_blocks(coarsen(grid.beam[..., :nx])),
+        extinction=extinction, beam=beam,
         sun_harmonics=whole_blocks(harmonics), cell_m=2 * grid.cell_m,
         ground_node=np.ascontiguousarray(grid.ground_node[::2, ::2]),
-        cloudy=near_packs(np.asarray((extinction > 0).any(axis=0)), grid.periodic),
+        cloudy=near_packs(np.asarray((extinction[..., :columns] > 0).any(axis=0)), grid.periodic),
     )  # fmt: skip
 
 
@@ -107,9 +121,14 @@ def unlit_grid(grid: OpticalGrid, levels: slice) -> OpticalGrid:
 def total_extinction(grid: OpticalGrid) -> F32:
     """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
     out = np.empty(grid.beam.shape, np.float32)
-    out[...] = grid.air_extinction[:, None, None]
-    for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
-        out += scaled * extinction
+
+    def share(t: int, threads: int) -> None:
+        for k in range(t, len(out), threads):
+            out[k] = grid.air_extinction[k]
+            for scaled, extinction in zip(grid.scaled, grid.extinction, strict=True):
+                out[k] += scaled * extinction[k]
+
+    in_threads(share)
     return out
 
 
@@ -131,10 +150,14 @@ def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
 def near_packs(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
     """Packs of nodes (nz, ny, pack) along the rows of whole blocks with such nodes (nz, ny, nx) in or next to them."""
     for axis in range(3):
-        edge = "wrap" if periodic and axis > 0 else "constant"
-        padded = np.pad(found, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode=edge)  # type: ignore[call-overload]
-        n = found.shape[axis]
-        found = padded.take(range(n), axis) | found | padded.take(range(2, n + 2), axis)
+        near = found.copy()
+        here, beside = np.moveaxis(near, axis, 0), np.moveaxis(found, axis, 0)
+        here[1:] |= beside[:-1]
+        here[:-1] |= beside[1:]
+        if periodic and axis > 0:
+            here[0] |= beside[-1]
+            here[-1] |= beside[0]
+        found = near
     short = -found.shape[2] % BLOCK
     whole = np.pad(found, [(0, 0), (0, 0), (0, short)])
     return np.asarray(whole.reshape(*whole.shape[:2], -1, LANES).any(axis=-1))

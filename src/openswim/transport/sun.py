@@ -180,7 +180,7 @@ def sun_sweep(
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
     exact[gates] = True
-    depth = np.zeros_like(extinction)
+    depth = np.zeros(extinction.shape, np.float32)  # which touches no memory yet
     for k in range(len(levels_m) - 2, -1, -1):
         in_threads(
             _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,

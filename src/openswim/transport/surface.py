@@ -17,6 +17,7 @@ from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
 from openswim.transport.ordinates import Ordinates, hemisphere_product
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission, beam_transmission_at, clear_radiance, rows_between
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import Shells
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ F64 = NDArray[np.float64]
 
 _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
 _SKY_AZIMUTHS = 19
-_PART = 131_072  # places shaded together, so that what is known of them stays in a cache
+_PART = 65_536  # places shaded together, so that what is known of them stays in a cache
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
 _DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 
@@ -210,15 +211,22 @@ def shade(
     Water mirrors the scene's own sky to an ``eye`` (3,) within the atmosphere, and the clear sky where there is none.
     """
     out = np.empty((len(place), PACK), np.float32)
-    waters: list[tuple[NDArray[np.int64], _Ground]] = []
+    found: dict[int, tuple[NDArray[np.int64], _Ground]] = {}
     near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
-    for start in range(0, len(place), _PART):
-        part = slice(start, start + _PART)
-        ground = _ground(light_field, shells, place[part], direction[part], width_m[part])
-        out[part] = _reflected(light_field, shells, ground)
-        wet = np.flatnonzero(ground.sample.water > 0.05)
-        if near and wet.size and not ground.sample.lambertian:
-            waters.append((start + wet, ground[wet]))
+
+    def share(t: int, threads: int) -> None:
+        for start in range(t * _PART, len(place), threads * _PART):
+            part = slice(start, start + _PART)
+            ground = _ground(light_field, shells, place[part], direction[part], width_m[part])
+            out[part] = _reflected(light_field, shells, ground)
+            wet = np.flatnonzero(ground.sample.water > 0.05)
+            if near and wet.size and not ground.sample.lambertian:
+                found[start] = (start + wet, ground[wet])
+
+    if light_field.beyond is not None and _any_outside(light_field, place):
+        light_field.beyond.prepare()  # by all threads, which a share is not
+    in_threads(share)
+    waters = [found[start] for start in sorted(found)]
     if waters and eye is not None:
         which = np.concatenate([w for w, _ in waters])
         wind = np.concatenate([ground.sample.wind_speed for _, ground in waters])
@@ -228,6 +236,14 @@ def shade(
             out[wet] = _reflected(light_field, shells, ground, mirrored[first : first + wet.size])
             first += wet.size
     return out
+
+
+def _any_outside(light_field: PackField, place: F64) -> bool:
+    """Whether any places lie beyond the grid's bounds, seen from the Earth's centre."""
+    radius = light_field.frame.radius_m
+    sides = light_field.volume.sides_m
+    plane = place[:, :2] * (radius / np.maximum(radius + place[:, 2:], 1e-3 * radius))
+    return bool(((plane < sides[[0, 2]]) | (plane > sides[[1, 3]])).any())
 
 
 def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64) -> _Ground:
