@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ F64 = NDArray[np.float64]
 WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
 _SPACE_M = 1e5
 _QUADRATURE = 8
-_one_eye = RLock()  # at a time: a field shines toward the eye that it was last seen from
 
 
 @dataclass(frozen=True)
@@ -118,14 +116,13 @@ def render(
     rays = camera.rays(frame, ground_m, pixels)
     sun_azimuth, sun_altitude = _sun_at(lit, camera)
     attrs = _attributes(lit, camera, sun_azimuth, sun_altitude)
-    with _one_eye:
-        if camera.height_above_sea_m(ground_m) < _SPACE_M:
-            # before the view, which ends with light toward another eye where there is water
-            attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
-        view = field.view(rays)
-        relative = view.radiance.astype(np.float32)
-        if not isinstance(field, ReferenceField) and field.landscape is not None and rays.origin_m.ndim == 1:
-            soften(relative, view, field, rays, pixels)
+    if camera.height_above_sea_m(ground_m) < _SPACE_M:
+        # before the view, which ends with light toward another eye where there is water
+        attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
+    view = field.view(rays)
+    relative = view.radiance.astype(np.float32)
+    if not isinstance(field, ReferenceField) and field.landscape is not None and rays.origin_m.ndim == 1:
+        soften(relative, view, field, rays, pixels)
     _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
     image = _dataset(lit, pixels, relative, view, attrs)
     if isinstance(view, ReferenceView):

@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from openswim.cli import ahead
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from openswim.cameras import Camera
-    from openswim.rendering import LitScene
     from openswim.scene import Scene
 
 
@@ -31,45 +27,31 @@ def run(folder: Path) -> None:
         ) from None
     check_writable(folder / "demo_allsky.png")
 
-    with ThreadPoolExecutor(2) as others:
-        begun = others.submit(ahead.begin)
-        others.submit(ahead.load)
-        from openswim.scene.procedural import demo_scene
-
-        scene = demo_scene()
-        click.echo(f"scene: {scene.source}, {time.perf_counter() - start:.1f} s")
-        begun.result()
-        from openswim.cli.render import irradiance_line
-        from openswim.rendering import light
-
-        began = time.perf_counter()
-        lit = light(scene)
-        click.echo(f"light: solved once for all four pictures, {time.perf_counter() - began:.1f} s")
-        began = time.perf_counter()
-        # what a picture needs before and after its rays are marched, while those of another are
-        pictures = {
-            name: others.submit(_picture, lit, camera, folder / f"demo_{name}.png")
-            for name, camera in cameras(scene).items()
-        }
-        try:
-            for name, picture in pictures.items():
-                image, path = picture.result()
-                click.echo(f"{path}: {time.perf_counter() - began:.1f} s")
-                if name == "allsky":
-                    click.echo(irradiance_line(image))
-        finally:
-            others.shutdown(cancel_futures=True)
-    click.echo(f"in all: {time.perf_counter() - start:.1f} s")
-
-
-def _picture(lit: "LitScene", camera: "Camera", path: Path) -> "tuple[xr.Dataset, Path]":
-    """Render and write one of the pictures."""
     import openswim
-    from openswim.cli.render import write
+    from openswim.cli.render import irradiance_line, write
+    from openswim.rendering import light
+    from openswim.scene.procedural import demo_scene
+    from openswim.transport import compiling
 
-    image = openswim.render(lit, camera)
-    write(image, (path,))
-    return image, path
+    compiling.begin()
+    scene = demo_scene()
+    click.echo(f"scene: {scene.source}, {time.perf_counter() - start:.1f} s")
+    began = time.perf_counter()
+    lit = light(scene)
+    click.echo(f"light: solved once for all four pictures, {time.perf_counter() - began:.1f} s")
+    with ThreadPoolExecutor(1) as writer:  # a picture is written while the next is rendered
+        written = []
+        for name, camera in cameras(scene).items():
+            began = time.perf_counter()
+            image = openswim.render(lit, camera)
+            picture = folder / f"demo_{name}.png"
+            written.append(writer.submit(write, image, (picture,)))
+            click.echo(f"{picture}: {time.perf_counter() - began:.1f} s")
+            if name == "allsky":
+                click.echo(irradiance_line(image))
+        for job in written:
+            job.result()
+    click.echo(f"in all: {time.perf_counter() - start:.1f} s")
 
 
 def cameras(scene: "Scene") -> dict[str, "Camera"]:

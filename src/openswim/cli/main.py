@@ -4,7 +4,6 @@ Exit codes: 0 done, 1 our fault, 2 the user's mistake or a bad file, 130 interru
 imported by the commands that need them, so that `openswim --help` is quick.
 """
 
-import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -15,9 +14,6 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
-
-# numpy's linear algebra is handed small matrices, and its threads would spin where ours work
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")

@@ -154,11 +154,6 @@ def _around(
     return rows, columns, np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
 
 
-def load() -> None:
-    """Read the maps of land now; later calls find them read."""
-    _image(), _mask()
-
-
 @cache
 def _image() -> NDArray[np.uint8]:
     from PIL import Image

@@ -59,7 +59,7 @@ NO_DETAIL = Detail(
 
 
 @cache
-def tile() -> NDArray[np.int8]:
+def _tile() -> NDArray[np.int8]:
     """Noise of domes with creases between them, as cauliflower has: distance to the nearest of scattered points, one
     for each dome (Worley 1996), made normal by rank."""
     from scipy.ndimage import map_coordinates
@@ -100,7 +100,7 @@ def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
     share = np.linspace(0, 1, _QUANTILES) ** _THINNING
     least = 0.5 / _QUANTILES
     return Detail(
-        tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
+        _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
         np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(np.float32), wavelength,
         weight.astype(np.float32), ndtri(np.clip(share, least, 1 - least)).astype(np.float32), refined,
         np.asarray(np.float32(_SURPLUS) * maximum_filter(extinction, 3, mode="nearest"), np.float32),
