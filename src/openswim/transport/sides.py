@@ -57,8 +57,7 @@ class _Columns:
         return out
 
 
-def has_cloud_at_sides(grid: OpticalGrid) -> bool:
-    """Whether clouds reach any side."""
+def _has_cloud_at_sides(grid: OpticalGrid) -> bool:
     nx = grid.ground_node.shape[1]
     e = grid.extinction
     return bool(e[..., 0].any() or e[..., nx - 1].any() or e[:, :, 0].any() or e[:, :, -1].any())
@@ -74,13 +73,28 @@ class Clear(NamedTuple):
     direct_flux: float
 
 
-def light_of_own_columns(
-    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float
-) -> F32:  # fmt: skip
-    """Radiance (ordinates, nz, 4, nodes) that enters at the nodes of the sides where clouds go on as they are there.
+def light_through_sides(
+    wider: PackField | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
+    ordinates: Ordinates, tolerance: float, w: int,
+) -> F32 | None:  # fmt: skip
+    """Radiance (ordinates, nz, 4, nodes) that enters at the nodes of the west, east, south and north sides of the
+    ``w``-th wavelength's grid; None where it is the clear sky's.
 
     ``ground_albedo`` and the beam's ``direct_flux`` (ny, nx) are the grid's.
     """
+    if min(grid.ground_node.shape) < 2:
+        return None
+    if wider is not None and wider.light is not None and wider.light.moments:
+        return _light_of_wider(wider, medium, grid, clear, ordinates, tolerance, w)
+    if _has_cloud_at_sides(grid):
+        return _light_of_own_columns(grid, clear, ground_albedo, direct_flux, ordinates, tolerance)
+    return None
+
+
+def _light_of_own_columns(
+    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float
+) -> F32:  # fmt: skip
+    """`light_through_sides` where clouds go on beyond them as they are there."""
     columns = _Columns(*grid.ground_node.shape)
     j, i = columns.j, columns.i
     moments = _moments_of_columns(
@@ -122,10 +136,10 @@ def _moments_of_columns(
     return np.asarray(np.moveaxis(moments, -1, 1), float)
 
 
-def light_of_wider(
+def _light_of_wider(
     wider: PackField, medium: Medium, grid: OpticalGrid, clear: Clear, ordinates: Ordinates, tolerance: float, w: int
 ) -> F32:
-    """The same of the ``w``-th wavelength where a ``wider`` field, which has been swept, lies around a medium."""
+    """`light_through_sides` where a ``wider`` field, which has been swept, lies around a medium."""
     light, around, outer = wider.light, wider.medium, wider.scene.grid
     assert light is not None
     assert light.moments is not None

@@ -37,7 +37,7 @@ from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
 from openswim.transport.quality import SETTINGS, Quality, solve_coarse
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
-from openswim.transport.sides import Clear, has_cloud_at_sides, light_of_own_columns, light_of_wider
+from openswim.transport.sides import Clear, light_through_sides
 from openswim.transport.surface import Lighting, clear_sky_table
 from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
 
@@ -291,7 +291,6 @@ def _diffuse(
     )  # fmt: skip
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
-    goes_on = not (ends or medium.periodic)
     beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
     with job("diffuse light", count) as meter:
         for w in range(PACK):
@@ -305,13 +304,12 @@ def _diffuse(
             grid = grid._replace(beam=beam_around(grid))
             enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.direct_horizontal(w)
             sides = None
-            if goes_on:
+            if not ends and not medium.periodic:
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
-                if wider is not None and wider.light is not None and wider.light.moments:
-                    sides = light_of_wider(wider, medium, grid, clear, ordinates, setting.tolerance, w)
-                elif has_cloud_at_sides(grid):
-                    sides = light_of_own_columns(grid, clear, lighting.albedo[w], direct, ordinates, setting.tolerance)
+                sides = light_through_sides(
+                    wider, medium, grid, clear, lighting.albedo[w], direct, ordinates, setting.tolerance, w
+                )
             sweeper = diffuse.Sweeper.of(grid, enters, lighting.albedo[w], direct, ordinates, pool, sides)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
