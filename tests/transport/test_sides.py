@@ -9,6 +9,8 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Solver
+from openswim.transport.diffuse import pairs
+from openswim.transport.sides import Columns
 
 SUN = np.array([-0.8138, -0.2962, 0.5])
 SUN = SUN / np.linalg.norm(SUN)
@@ -44,3 +46,14 @@ def test_a_cloud_that_the_sides_cut_ends_there() -> None:
     assert fast.mean() == pytest.approx(exact.mean(), rel=0.05)
     for edge in (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:]):
         assert fast[edge].mean() == pytest.approx(exact[edge].mean(), rel=0.08)
+
+
+@pytest.mark.parametrize(("ny", "nx"), [(7, 12), (12, 7), (5, 5), (130, 9)])
+def test_what_is_even_along_the_sides_is_so_on_coarser_grids(ny: int, nx: int) -> None:
+    """Sides of odd and of different lengths: no node of a coarser grid takes in what lies past a side's end."""
+    columns = Columns(ny, nx)
+    clear, more = np.full((2, 3), 0.5, np.float32), np.full((2, 3, len(columns.j)), 0.25)
+    sides = columns.light(clear, more)
+    while sides.shape[-1] > 1:
+        np.testing.assert_allclose(sides, 0.75, rtol=1e-6)
+        sides = pairs(sides)

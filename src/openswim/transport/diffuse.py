@@ -125,7 +125,7 @@ class Sweeper:
         """The same on 2x2 columns."""
         return Sweeper.of(
             coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
-            self.ordinates, self.pool, None if self.sides is None else _pairs(self.sides),
+            self.ordinates, self.pool, None if self.sides is None else pairs(self.sides),
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
@@ -254,8 +254,9 @@ class Sweeper:
         return image, values, n
 
 
-def _pairs(sides: F32) -> F32:
-    """Means of two nodes along the sides (the last one stands alone where their number is odd)."""
+def pairs(sides: F32) -> F32:
+    """Means of two nodes along the sides (the last one stands alone where their number is odd; short ones are filled
+    with it)."""
     even = np.concatenate([sides, sides[..., -1:]], axis=-1) if sides.shape[-1] % 2 else sides
     return np.ascontiguousarray(0.5 * (even[..., ::2] + even[..., 1::2]))
 

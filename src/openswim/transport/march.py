@@ -318,8 +318,7 @@ def march_rays(
     in_threads(
         _march_share, order, scratch, walks, places, peaks, lanes, o, d, own, np.array(sun, float),
         np.array(table, np.float32, order="C"), tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale),
-        out,
-        np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
+        out, np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
     )  # fmt: skip
     return out
 

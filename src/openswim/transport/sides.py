@@ -35,7 +35,7 @@ _APART_M = 1e6  # so wide are their cells
 _MOST_SWEEPS, _MEMORY = 60, 6
 
 
-class _Columns:
+class Columns:
     """Rows ``j`` and columns ``i`` (n,) of some nodes along the west, east, south and north sides of a grid."""
 
     def __init__(self, ny: int, nx: int):
@@ -46,13 +46,14 @@ class _Columns:
         self.i = np.concatenate([0 * w, 0 * e + nx - 1, s, n])
 
     def light(self, clear: F32, more: F64) -> F32:
-        """Radiance (ordinates, nz, 4, nodes) at all nodes of the sides: ``clear`` (ordinates, nz), and what there is
-        ``more`` (ordinates, nz, n) of it in the columns."""
-        out = np.zeros((*clear.shape, 4, max(count for count, _ in self.sides)), np.float32)
+        """Radiance (ordinates, nz, 4, nodes) at all nodes of the sides, shorter ones filled with their last: ``clear``
+        (ordinates, nz), and what there is ``more`` (ordinates, nz, n) of it in the columns."""
+        out = np.empty((*clear.shape, 4, max(count for count, _ in self.sides)), np.float32)
         first = 0
         for side, (count, at) in enumerate(self.sides):
             own = more[..., first : first + len(at)]
-            out[:, :, side, :count] = np.maximum(clear[..., None] + interp1d(at, own)(np.arange(count)), 0)
+            every = np.minimum(np.arange(out.shape[-1]), count - 1)
+            out[:, :, side] = np.maximum(clear[..., None] + interp1d(at, own)(every), 0)
             first += len(at)
         return out
 
@@ -95,7 +96,7 @@ def _light_of_own_columns(
     grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float
 ) -> F32:  # fmt: skip
     """`light_through_sides` where clouds go on beyond them as they are there."""
-    columns = _Columns(*grid.ground_node.shape)
+    columns = Columns(*grid.ground_node.shape)
     j, i = columns.j, columns.i
     moments = _moments_of_columns(
         grid, clear, ground_albedo[j, i], direct_flux[j, i], j, i, _APART_M, ordinates, tolerance
@@ -145,7 +146,7 @@ def _light_of_wider(
     assert light.moments is not None
     assert around is not None
     assert outer is not None
-    columns = _Columns(*medium.shape[1:])
+    columns = Columns(*medium.shape[1:])
     place = medium.place[columns.j, columns.i]
     lat, lon, _ = medium.frame.latlon(place)
     x, y = (around.fineness * at for at in outer.index(lon, lat))
