@@ -86,6 +86,12 @@ def grid_body(body: Body, across: int = CELLS_ACROSS) -> tuple[Array, Array, Arr
     step = 2 * body.half_size.max() / across
     cells = np.ceil(body.half_size / step).astype(int) + 2
     x, y, z = (c + step * np.arange(-n, n + 1) for c, n in zip(body.centre, cells, strict=True))
+    if body.shape == "box":
+        near = [
+            np.clip(0.5 + (half - abs(a - c)) / step, 0, 1)
+            for a, c, half in zip((x, y, z), body.centre, body.half_size, strict=True)
+        ]
+        return x, y, z, body.extinction * near[2][:, None, None] * near[1][:, None] * near[0]
     offsets = step * ((np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5)
     share = np.zeros((z.size, y.size, x.size))
     for dz in offsets:
