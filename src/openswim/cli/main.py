@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 our fault, 2 the user's mistake or a bad file, 130 interru
 imported by the commands that need them, so that `openswim --help` is quick.
 """
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -14,6 +15,9 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
+
+# products of matrices are small here, and the threads that wait for them would take time from the kernels'
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")

@@ -12,6 +12,7 @@ from openswim.transport import swim
 from openswim.transport.bend import bend_cells
 from openswim.transport.columns import Columns
 from openswim.transport.eye_source import columns_of, field_at, view_source, wide
+from openswim.transport.free import beside, free_cubes, occupied
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
@@ -27,7 +28,6 @@ from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, S
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_CLEAR_CELLS = 8
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
@@ -158,12 +158,11 @@ def sunlit_volume(
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
     cloud_channel = 2 * PACK + ns + len(kept)
     fields = blank_fields((nz, ny, nx), cloud_channel + 1)
-    spacing = np.diff(medium.levels_m, append=2 * medium.levels_m[-1] - medium.levels_m[-2])
-    height = medium.levels_m[:, None, None]
-    occupied = medium.extinction.any(axis=0) if ns else np.zeros((nz, ny, nx), bool)
-    free = _free_cells(occupied | (height < medium.terrain_m + 1.5 * spacing[:, None, None]), medium.periodic)
+    full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
+    levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
     # where light is scattered or meets the ground, the way to the sun is followed exactly
-    exact = (free <= 1) & (height > medium.terrain_m - 2 * spacing[:, None, None])
+    above_ground = levels[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels)[:, None, None]
+    exact = beside(full, medium.periodic) & above_ground
     depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
 
     def fill(t: int, threads: int) -> None:
@@ -178,14 +177,13 @@ def sunlit_volume(
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
-        float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), spacing.astype(np.float32), medium.periodic,
-        fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
-        _free_around(free, medium.periodic).astype(np.uint8), fields, scaled, forward,
-        np.zeros((ns, DEGREE, PACK), np.float32),
+        float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
+        medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
+        free_cubes(full, medium.periodic), fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]),
         np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled),
         np.zeros((nz, 4 * PACK), np.float32),
-        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m, _CLEAR_CELLS,
+        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
 
@@ -208,39 +206,6 @@ def _sides(medium: Medium) -> F64:
     depth = np.maximum(radius + medium.place[..., 2:], _LEAST_DEPTH * radius)
     tangent = medium.place[..., :2] * (radius / depth)
     return np.array([end(tangent[..., axis]) for axis in range(2) for end in (np.min, np.max)])
-
-
-def _free_cells(occupied: NDArray[np.bool_], periodic: bool) -> F32:
-    """Cells to the nearest occupied node in the largest-axis metric, up to `_CLEAR_CELLS` + 1."""
-    free = np.full(occupied.shape, _CLEAR_CELLS + 1, np.float32)
-    reached = occupied
-    free[reached] = 0
-    for n in range(1, _CLEAR_CELLS + 1):
-        grown = reached.copy()
-        for axis in range(3):
-            source = grown.copy()
-            for shift in (1, -1):
-                moved = np.roll(source, shift, axis)
-                if axis == 0 or not periodic:
-                    edge = [slice(None)] * 3
-                    edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
-                    moved[tuple(edge)] = False
-                grown |= moved
-        free[grown & ~reached] = n
-        reached = grown
-    return free
-
-
-def _free_around(free: F32, periodic: bool) -> F32:
-    """The least of `_free_cells` at the corners of the cell that begins at each node."""
-    for axis in range(3):
-        moved = np.roll(free, -1, axis)
-        if axis == 0 or not periodic:
-            edge = [slice(None)] * 3
-            edge[axis] = slice(-1, None)
-            moved[tuple(edge)] = free[tuple(edge)]
-        free = np.minimum(free, moved)
-    return free
 
 
 def beams_and_shadows(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.free import beside
 from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK
 from openswim.transport.threads import in_threads
@@ -149,15 +150,7 @@ def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
 
 def near_packs(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
     """Packs of nodes (nz, ny, pack) along the rows of whole blocks with such nodes (nz, ny, nx) in or next to them."""
-    for axis in range(3):
-        near = found.copy()
-        here, beside = np.moveaxis(near, axis, 0), np.moveaxis(found, axis, 0)
-        here[1:] |= beside[:-1]
-        here[:-1] |= beside[1:]
-        if periodic and axis > 0:
-            here[0] |= beside[-1]
-            here[-1] |= beside[0]
-        found = near
+    found = beside(found, periodic)
     short = -found.shape[2] % BLOCK
     whole = np.pad(found, [(0, 0), (0, 0), (0, short)])
     return np.asarray(whole.reshape(*whole.shape[:2], -1, LANES).any(axis=-1))

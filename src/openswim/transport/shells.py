@@ -69,14 +69,14 @@ def no_volume() -> Volume:
         level_table=np.zeros(2),
         top_m=-1e9,
         cell_m=np.array([1e9, 1e9], f32),
-        spacing_m=np.full(1, 1e9, f32),
+        levels_m=np.array([0.0, 1e9], f32),
         periodic=False,
         shining=False,
         peak_inner=PEAK_COSINES[0],
         peak_outer=PEAK_COSINES[1],
         species=0,
         cloud_channel=0,
-        free=np.zeros((1, 1, 1), np.uint8),
+        free=np.zeros((1, 1, 1), np.uint32),
         fields=blank_fields((1, 1, 1), 1),
         scaled=np.zeros((1, PACK), f32),
         forward=np.zeros((1, PACK), f32),
@@ -88,7 +88,6 @@ def no_volume() -> Volume:
         haze_depth=np.zeros((2, PACK), f32),
         reach_m=np.full(1, FAR_M, f32),
         terrain_m=np.zeros((1, 1), f32),
-        clear_cells=8,
     )
 
 

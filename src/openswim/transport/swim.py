@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.free import beside, occupied
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission
@@ -64,7 +65,7 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         backscatter_depth = volume.fields[..., volume.forward_channel[w]]
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
-        path = _sun_path(medium, volume, local_sun, w)
+        path = _sun_path(medium, local_sun, w)
         if path is not None:
             transmittance *= absorbed_transmittance(*path).astype(np.float32)
             reflected *= multiple_scattering_albedo(*(np.take_along_axis(x, ground, 0)[0] for x in path))  # Eq. 31
@@ -83,7 +84,7 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         lighting.up_top[w] = clear * np.maximum(lighting.mu_sun, 0) * reflected + from_ground
 
 
-def _sun_path(medium: Medium, volume: Volume, local_sun: F64, w: int) -> tuple[F64, F64, F64, F64] | None:
+def _sun_path(medium: Medium, local_sun: F64, w: int) -> tuple[F64, F64, F64, F64] | None:
     """Mean omega and g of what lies between every node and the sun, its vertical depth, and mu0; None if all conserve.
 
     Absorption is what the paper announces ("how dark it becomes ... when heavy smoke and/or thick dust is present").
@@ -91,7 +92,7 @@ def _sun_path(medium: Medium, volume: Volume, local_sun: F64, w: int) -> tuple[F
     omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
     if (omegas > _CONSERVATIVE).all():
         return None
-    exact = volume.free <= 1
+    exact = beside(occupied(medium.extinction, medium.levels_m, medium.terrain_m), medium.periodic)
     relative = np.array([s.relative_extinction[w] for s in medium.species])
     asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
     weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])

@@ -87,14 +87,14 @@ class Volume(NamedTuple):
     level_table: F64  # fractional level, uniform in height
     top_m: float
     cell_m: F32  # (2,) nominal dx, dy
-    spacing_m: F32  # (nz,) distance to the next level up
+    levels_m: F32  # (nz + 1,) heights of the levels, and of one more, above the lowest
     periodic: bool
     shining: bool  # whether the air scatters toward the eye
     peak_inner: float  # cosines of the angles from the sun within which the forward peaks are read out whole,
     peak_outer: float  # and beyond which they are not: see `PEAK_COSINES`
     species: int
     cloud_channel: int
-    free: NDArray[np.uint8]  # (nz, ny, nx) cells without cloud around the cell above and beyond the node
+    free: NDArray[np.uint32]  # (nz, ny, nx) see `free_cubes`
     fields: F32  # (nz, ny, nx, channels), see `blank_fields`
     scaled: F32  # (species, PACK) delta-scaled extinction per reference extinction
     forward: F32  # (species, PACK) omega f times relative extinction
@@ -108,7 +108,6 @@ class Volume(NamedTuple):
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m
     terrain_m: F32  # (ny, nx)
-    clear_cells: int  # longest step in clear air of the grid, in cells
 
 
 def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:

@@ -28,6 +28,8 @@ from openswim.transport.volume import (
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _CHART_ERROR = 0.01  # of a cell, that a segment of a ray may lie off its chord in the grid's indices
+_STEP = 0.75  # of a cell, that a step in cloud is long
+_LEAST = 0.25  # or at least one in free air
 BATCH = 24  # places that a ray walks to before they are looked at
 
 # A place: how far along the ray, the step to it; then level, ix, iy in the grid, or -1, height, cosine of zenith angle
@@ -36,7 +38,8 @@ PLACE_S, PLACE_STEP, PLACE_LEVEL, PLACE_X, PLACE_Y, PLACE = 0, 1, 2, 3, 4, 5
 # The state of a walk, a row of float64
 STATE, COUNT, SAMPLES, START = 0, 1, 2, 3  # where it stands; places of this batch, of all; way to the shells' top
 OX, OY, OZ, DX, DY, DZ, SQUARE, RISE, GROUND, ENTER, LEAVE, S, STEP, SAFE, HEIGHT, GRIDDED, TURNING = range(4, 21)
-BEGIN, END, H0, H1, H2, X0, VX, Y0, VY, X_END, Y_END, PER_COSINE, ACROSS, ENDED, STOP, WALK = range(21, 37)
+BEGIN, END, H0, H1, H2, X0, VX, PER_VX, Y0, VY, PER_VY, X_END, Y_END, PER_COSINE, ACROSS = range(21, 36)
+ENDED, STOP, WALK = range(36, 39)
 GOING, GONE, HIT = 0.0, 1.0, 2.0
 
 
@@ -126,6 +129,7 @@ def _next_segment(w, s, t, radius, volume):
     h2 = height_of_square_m(square + end * (2.0 * rise + end), radius)
     w[BEGIN], w[END], w[X_END], w[Y_END], w[X0], w[Y0] = begin, end, x1, y1, x0, y0
     w[VX], w[VY] = (x1 - x0) / length, (y1 - y0) / length
+    w[PER_VX], w[PER_VY] = 1.0 / max(abs(w[VX]), 1e-12), 1.0 / max(abs(w[VY]), 1e-12)
     w[H0], w[H2] = h0, 2.0 * (h0 - 2.0 * h1 + h2) / (length * length)
     w[H1] = (h2 - h0) / length - w[H2] * length
     mu = (rise + middle) / (radius + h1)
@@ -164,6 +168,13 @@ def _expect(node, up, above, fields):
     for corner in (0, up, above, above + up):  # asking beyond the array does no harm
         expect(fields, (node + corner) * channels)
         expect(fields, (node + corner + 1) * channels)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _cells_free(cubes, node, octant):
+    """Edge of the largest free cube ahead of the cell at flat element ``node`` of `free_cubes`, 0 where it is full."""
+    found = (int(flat(cubes, node)) >> octant) & 0x01010101
+    return (1 << ((found * 0x01010101 >> 24) & 7)) >> 1
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -211,23 +222,30 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         k = min(int(level), volume.fields.shape[0] - 2)
         node = k * (ny * nx) + (min(int(iy), ny - 1) * nx + min(int(ix), nx - 1))
         _expect(node, nx, ny * nx, volume.fields)
-        free = 1.0 * flat(volume.free, node)
         next_step = _air_step_m(above, w[PER_COSINE], 1.0 * flat(volume.reach_m, k))
         rising = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2] > 0.0
         ahead = int(level)
         if not rising and level == ahead and ahead > 0:
             ahead -= 1
-        along = 1.0 * flat(volume.spacing_m, ahead)
+        along = 1.0 * (flat(volume.levels_m, ahead + 1) - flat(volume.levels_m, ahead))
         cell = min(w[ACROSS], along * w[PER_COSINE])
-        if free > 2.0:
-            cells = free - 1.0 if next_step >= FAR_M else min(free - 1.0, volume.clear_cells * 1.0)
-            next_step = min(next_step, cells * cell)
+        octant = (1 if w[VX] > 0.0 else 0) + (2 if w[VY] > 0.0 else 0) + (4 if rising else 0)
+        free = _cells_free(volume.free, node + (min(ahead, volume.fields.shape[0] - 2) - k) * (ny * nx), octant)
+        if free > 0:
+            # to where the free cube ends
+            i, j = int(ix), int(iy)
+            rest_x = i + free - ix if w[VX] > 0.0 else ix - i + (free - 1)
+            rest_y = j + free - iy if w[VY] > 0.0 else iy - j + (free - 1)
+            last = min(ahead + free, volume.fields.shape[0]) if rising else max(ahead + 1 - free, 0)
+            upright = abs(volume.level_origin_m + flat(volume.levels_m, last) - h) * w[PER_COSINE]
+            way = min(min(rest_x * w[PER_VX], rest_y * w[PER_VY]), upright)
+            next_step = min(next_step, max(way, _LEAST * cell))
         else:
             # within cloud a step ends on a level, where the fields have their kinks
             to_level = (ahead + 1 - level) if rising else (level - ahead)
             if to_level < 2e-3 or filled:
                 to_level += 1.0
-            next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), cell)
+            next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), _STEP * cell)
     else:
         mu = (w[RISE] + t) / (shells.radius_m + h)
         row = min(int(above * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1)
@@ -237,7 +255,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             ny, nx = volume.terrain_m.shape
             gx = max(max(-ix, ix - (nx - 1.0)), 0.0) * flat(volume.cell_m, 0)
             gy = max(max(-iy, iy - (ny - 1.0)), 0.0) * flat(volume.cell_m, 1)
-            cell = min(w[ACROSS], flat(volume.spacing_m, 0) * w[PER_COSINE])
+            cell = min(w[ACROSS], flat(volume.levels_m, 1) * w[PER_COSINE])
             next_step = min(next_step, max(0.9 * max(gx, gy), cell))
         elif h >= shells.top_m and mu > 0.0 and w[TURNING] == 0.0 and w[STATE] == GOING:
             w[STATE] = GONE
