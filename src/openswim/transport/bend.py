@@ -10,7 +10,8 @@ the one with
     c_i = v_i (d_i beta + sum over the other axes of v_j d_ij tau) / (2 v_i^2)
 
 fits that best; d_i, d_ij: mean differences across the cell. It is exact behind a face that the light meets at any
-angle, or runs along, however thick the cell. docs/decisions/0019-beam-between-nodes.md.
+angle, or runs along, however thick the cell. The march has the square of a line between roots instead of the linear
+part: what that lacks is part of the c that it gets. docs/decisions/0019-beam-between-nodes.md.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 # An odd number: a body's faces lie midway between nodes, so that it ends within one cell and not two
 CELLS_ACROSS = 97
-_SUBSAMPLES = 6  # per cell and axis, for the share of a cell that the body fills
+_SUBSAMPLES = 6  # per cell and axis, for the share of a cell that a sphere fills
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 
 
@@ -25,11 +25,9 @@ class Body:
     half_size: Array  # (3,) radius, or half the edges
     extinction: float
 
-    def inside(self, x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
+    def in_sphere(self, x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
         offset = [(a - c) / h for a, c, h in zip((x, y, z), self.centre, self.half_size, strict=True)]
-        if self.shape == "sphere":
-            return np.asarray(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2 <= 1)
-        return np.asarray(np.maximum(np.maximum(abs(offset[0]), abs(offset[1])), abs(offset[2])) <= 1)
+        return np.asarray(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2 <= 1)
 
 
 def parse_body(text: str) -> Body:
@@ -97,5 +95,5 @@ def grid_body(body: Body, across: int = CELLS_ACROSS) -> tuple[Array, Array, Arr
     for dz in offsets:
         for dy in offsets:
             for dx in offsets:
-                share += body.inside(x[None, None] + dx, y[None, :, None] + dy, z[:, None, None] + dz)
+                share += body.in_sphere(x[None, None] + dx, y[None, :, None] + dy, z[:, None, None] + dz)
     return x, y, z, body.extinction * share / _SUBSAMPLES**3
