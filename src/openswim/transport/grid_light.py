@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport import swim
+from openswim.transport.bend import bend_cells
 from openswim.transport.columns import Columns
 from openswim.transport.eye_source import columns_of, field_at, view_source, wide
 from openswim.transport.free import beside, free_cubes, occupied
@@ -179,10 +180,18 @@ def sunlit_volume(
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
         free_cubes(full, medium.periodic), fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
-        np.array([forward_channel[n] for n in index["second"]]), np.zeros((nz, 4 * PACK), np.float32),
+        np.array([forward_channel[n] for n in index["second"]]),
+        np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled),
+        np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
+
+
+def _relative(scaled: F32) -> F32:
+    """Delta-scaled extinction of the species (ns, PACK) relative to the first wavelength's."""
+    mean = scaled.mean(axis=0) if scaled.size and scaled[:, 0].any() else np.ones(PACK)
+    return np.asarray(mean / mean[0], np.float32)
 
 
 def _peak_cosines(medium: Medium) -> tuple[float, float]:
@@ -219,6 +228,11 @@ def beams_and_shadows(
         surface, volume.fields,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
+    if volume.bend.size:
+        in_threads(
+            bend_cells, depths.depth, int(depths.lanes[0]), coefficients[0].scaled, local_sun, medium.levels_m,
+            np.array(medium.cell_m, float), volume,
+        )  # fmt: skip
     if relief:
         in_threads(
             ground_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, np.full((ny, nx), -1e9), ridge, count,

@@ -12,8 +12,8 @@ nodes in proportion to their extinction: then it is the light at a node that is 
     J~ = J - sum over the six neighbours b of (h_b/V) [(beta_b - beta)/(6 (beta_b + beta)) + c] (J_b - J),
 
 V the mean of the two h along that axis. c is for light that is not linear: 1/12 by the trapezoidal rule for a smooth
-one, half of it for the beam, which lies between a straight line and the exponential of a straight line.
-docs/decisions/0015-light-between-nodes.md.
+one. The beam, which lies between a straight line and the exponential of one, is taken as the square of a straight line,
+so that c = (sqrt J_b - sqrt J)/(12 (sqrt J_b + sqrt J)). docs/decisions/0015-light-between-nodes.md.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.moments import Moments
 from openswim.transport.optical_grid import OpticalGrid, blocks_of, total_extinction, with_ghosts
-from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
+from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, root, spread_quadruple, write
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK
 from openswim.transport.threads import in_threads
@@ -34,20 +34,26 @@ F32 = NDArray[np.float32]
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _TINY = np.float32(1e-30)
-# The factors of (beta_b - beta)/(beta_b + beta), and c. In sweeps a step loses light along its dominant axis (1/6 and
-# 1/12), and across as interpolation upstream has it (1/12 on the average, and 0): means over the three axes
-SWEPT = (1.0 / 9.0, 1.0 / 36.0)
-SEEN = (1.0 / 6.0, 0.0)  # by an eye, to which light is linear between nodes
-OF_BEAM = (1.0 / 6.0, 1.0 / 24.0)
+# The factors of (beta_b - beta)/(beta_b + beta), of 1 and of (sqrt J_b - sqrt J)/(sqrt J_b + sqrt J). In sweeps a step
+# loses light along its dominant axis (1/6 and 1/12), and across as interpolation upstream has it (1/12 on the average,
+# and 0): means over the three axes
+SWEPT = (1.0 / 9.0, 1.0 / 36.0, 0.0)
+SEEN = (1.0 / 6.0, 0.0, 0.0)  # by an eye, to which light is linear between nodes
+OF_BEAM = (1.0 / 6.0, 0.0, 1.0 / 12.0)
 _ROW = BLOCK + 2 * LANES  # of a block with a node on either side; the first stands before element LANES
 _NEIGHBOURS = 6
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _share(here, there, light, other, part, rise, bend):
+def _share(here, there, light, other, part, weights):
     """What a neighbour's difference counts for; nothing where either lies in darkness, such as underground."""
     lit = choose_above(light, _ZERO, choose_above(other, _ZERO, spread_quadruple(part), _ZERO), _ZERO)
-    return lit * (rise * (there - here) / (there + here + _TINY) + bend)
+    rise, bend, rooted = weights
+    share = rise * (there - here) / (there + here + _TINY) + bend
+    if rooted > _ZERO:
+        own, next_one = root(choose_above(light, _TINY, light, _TINY)), root(choose_above(other, _TINY, other, _TINY))
+        share += rooted * (next_one - own) / (next_one + own)
+    return lit * share
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -69,7 +75,7 @@ def _block(place, k, j, b, otherwise):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def mean_light_rows(t, threads, place, values, extinction, levels_m, nx, periodic, rise, bend, out):
+def mean_light_rows(t, threads, place, values, extinction, levels_m, nx, periodic, weights, out):
     """J~ of the moments ``values`` (blocks, moments, BLOCK) of the blocks that are kept, ``place``, into ``out``.
 
     ``extinction``: `with_ghosts`. Light beyond a block that is not kept is taken for the same as at the node.
@@ -117,11 +123,11 @@ def mean_light_rows(t, threads, place, values, extinction, levels_m, nx, periodi
                 for n in range(4):
                     part = down if n == 0 else up if n == 1 else _ONE
                     there, other = read_quadruple(extinction, beyond[n] + i), read_quadruple(values, ways[n] + i)
-                    write(shares, n * BLOCK + i, _share(here, there, light, other, part, rise, bend))
+                    write(shares, n * BLOCK + i, _share(here, there, light, other, part, weights))
                 for n in range(2):
                     side = i - 1 + 2 * n
                     there, other = read_quadruple(extinction, node + side), read_quadruple(row, LANES + side)
-                    write(shares, (4 + n) * BLOCK + i, _share(here, there, light, other, _ONE, rise, bend))
+                    write(shares, (4 + n) * BLOCK + i, _share(here, there, light, other, _ONE, weights))
             for m in range(moments):
                 _row_with_sides(at, west, east, m, last, values, row)
                 for i in range(0, BLOCK, LANES):
@@ -137,12 +143,13 @@ def mean_light_rows(t, threads, place, values, extinction, levels_m, nx, periodi
 
 
 def light_around(
-    grid: OpticalGrid, place: NDArray[np.int32], values: F32, extinction: F32, out: F32, weights: tuple[float, float]
+    grid: OpticalGrid, place: NDArray[np.int32], values: F32, extinction: F32, out: F32,
+    weights: tuple[float, float, float],
 ) -> F32:  # fmt: skip
     """The light of `mean_light_rows` around the nodes of a grid, of diffuse moments kept in blocks."""
     nx = grid.ground_node.shape[1]
-    rise, bend = (np.float32(x) for x in weights)
-    in_threads(mean_light_rows, place, values, extinction, grid.levels_m, nx, grid.periodic, rise, bend, out)
+    factors = tuple(np.float32(w) for w in weights)
+    in_threads(mean_light_rows, place, values, extinction, grid.levels_m, nx, grid.periodic, factors, out)
     return out
 
 

@@ -168,6 +168,12 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
             if share > _ZERO:
                 resolved = forward * _peak_at(peak, volume.species * depths * PACK, q, part)
         if cloud > _ZERO:
+            if volume.bend.shape[0] > 0:
+                at = ((k * ny + j) * nx + i) * PACK
+                bend = a * (_ONE - a) * flat(volume.bend, at) + b * (_ONE - b) * flat(volume.bend, at + 1)
+                bend += g * (_ONE - g) * flat(volume.bend, at + 2)
+                beam *= transmission(bend * read(volume.bend_share, 0))
+                beam = choose_above(beam, _ONE, spread(_ONE), beam)
             for s in range(volume.species):
                 x = flat(nodes, 2 * PACK + s)
                 start = s * depths * PACK

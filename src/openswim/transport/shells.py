@@ -82,6 +82,8 @@ def no_volume() -> Volume:
         forward=np.zeros((1, PACK), f32),
         single=np.zeros((0, DEGREE, PACK), f32),
         forward_channel=np.zeros(PACK, np.int64),
+        bend=np.zeros((0, 1, 1, PACK), f32),
+        bend_share=np.ones(PACK, f32),
         air=np.zeros((2, 4 * PACK), f32),
         haze_depth=np.zeros((2, PACK), f32),
         reach_m=np.full(1, FAR_M, f32),

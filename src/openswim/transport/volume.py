@@ -101,6 +101,9 @@ class Volume(NamedTuple):
     single: F32  # (species, M, PACK) Legendre moments of smooth scattering per reference extinction, of the beam's
     # light at the ray's own place; zero where the sources at the nodes hold it
     forward_channel: NDArray[np.int64]  # (PACK,) channel of the forward depth to the sun
+    bend: F32  # (nz, ny, nx, PACK) of the cell beyond each node: c along x, y, z of the depth to the sun, `bend.py`,
+    # less that of the square of `fields`' roots; of no size where there is nothing to know
+    bend_share: F32  # (PACK,) of it at every wavelength
     air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m
