@@ -102,7 +102,7 @@ def test_files_that_tell_nonsense_give_a_scene_or_one_line(tmp_path: Path, wrf_f
             folder.mkdir()
             files += [path for path in make(folder).paths if "head" not in path.name]
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", MANGLE, "1", "5", *map(str, files)],
+        [sys.executable, "-W", "ignore", "-c", MANGLE, "1", "4", *map(str, files)],
         capture_output=True, text=True, timeout=280,
     )  # fmt: skip
     last = done.stdout.strip().splitlines()[-1:]

@@ -7,10 +7,10 @@ _COMPARE = """
 import numpy as np
 from openswim.scene.procedural import demo_scene
 from openswim.cameras import Rays
-from openswim.transport import Solver, compiling, eye_source, moments, sweep
+from openswim.transport import Solver, bend, compiling, eye_source, moments, sweep
 names = [(sweep, "share_rows"), (sweep, "share_ordinates"), (moments, "prolong"), (moments, "restrict"),
          (moments, "add_scaled"), (moments, "squares"), (moments, "weighted_change"), (moments, "inner_product"),
-         (eye_source, "view_source")]
+         (eye_source, "view_source"), (bend, "bend_cells")]
 kernels = [getattr(module, name) for module, name in names]
 compiling.compile_sweeps()
 compiling.compile_view()

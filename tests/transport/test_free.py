@@ -31,7 +31,7 @@ def test_free_cubes_are_those_that_counting_finds(periodic):
     cubes = free_cubes(full, periodic)
     assert cubes.shape == full.shape
     found = {}
-    for place in random.integers(0, np.array(full.shape) - 1, (150, 3)):
+    for place in random.integers(0, np.array(full.shape) - 1, (50, 3)):
         for octant in range(8):
             node = int(np.ravel_multi_index(tuple(place), full.shape))
             edge = _cells_free(cubes, node, octant)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from openswim.transport.bend import bend_cells
 from openswim.transport.diffuse import Sweeper, Trace, coarse_to_fine
 from openswim.transport.eye_source import columns_of, field_at, view_source
 from openswim.transport.moments import Moments, nothing_coarser, places
@@ -22,9 +23,10 @@ from openswim.transport.ordinates import lebedev
 from openswim.transport.pack import LANES, PACK
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK
+from openswim.transport.shells import no_volume
 from openswim.transport.sweep import share_ordinates
 from openswim.transport.threads import in_threads
-from openswim.transport.volume import DEGREE, blank_fields
+from openswim.transport.volume import DEGREE, blank_fields, tidy
 
 _LONGEST_S = 300.0
 _other: subprocess.Popen | None = None
@@ -76,8 +78,13 @@ def compile_view() -> None:
 
 
 def compile_sweeps() -> None:
-    """A solve of a few nodes at two wavelengths, on three grids: it calls every kernel of the diffuse light."""
+    """A solve of a few nodes at two wavelengths, on three grids: it calls every kernel of the diffuse light. Before it
+    the beam's bend, which the other process will ask for first."""
     shape, f32 = (4, 48, 48), np.float32
+    in_threads(
+        bend_cells, np.zeros((1, 1, 1, 1), f32), 0, np.ones(1, f32), np.zeros((1, 1, 3)), np.zeros(1), np.ones(2),
+        tidy(no_volume()),
+    )  # fmt: skip
     nz, ny, nx = shape
     extinction = np.zeros((1, *shape), f32)
     extinction[:, 1:3, 8:24, 8:24] = 0.03
