@@ -28,8 +28,8 @@ from openswim.transport.volume import (
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _CHART_ERROR = 0.01  # of a cell, that a segment of a ray may lie off its chord in the grid's indices
-_STEP = 0.75  # of a cell, that a step in cloud is long
-_LEAST = 0.25  # or at least one in free air
+_CLOUD_STEP = 0.75  # of a cell, that a step in cloud is long
+_LEAST_STEP = 0.25  # or at least one in free air
 BATCH = 24  # places that a ray walks to before they are looked at
 
 # A place: how far along the ray, the step to it; then level, ix, iy in the grid, or -1, height, cosine of zenith angle
@@ -239,13 +239,13 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             last = min(ahead + free, volume.fields.shape[0]) if rising else max(ahead + 1 - free, 0)
             upright = abs(volume.level_origin_m + flat(volume.levels_m, last) - h) * w[PER_COSINE]
             way = min(min(rest_x * w[PER_VX], rest_y * w[PER_VY]), upright)
-            next_step = min(next_step, max(way, _LEAST * cell))
+            next_step = min(next_step, max(way, _LEAST_STEP * cell))
         else:
             # within cloud a step ends on a level, where the fields have their kinks
             to_level = (ahead + 1 - level) if rising else (level - ahead)
             if to_level < 2e-3 or filled:
                 to_level += 1.0
-            next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), _STEP * cell)
+            next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), _CLOUD_STEP * cell)
     else:
         mu = (w[RISE] + t) / (shells.radius_m + h)
         row = min(int(above * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1)
