@@ -1,4 +1,4 @@
-"""How far the sky is free: cubes of cells ahead of a cell, octant by octant, that hold neither cloud nor ground."""
+"""How far the sky is free: cubes of cells ahead of a cell, octant by octant, that hold no cloud."""
 
 from __future__ import annotations
 

@@ -23,7 +23,17 @@ from openswim.transport.peak import peak_tables
 from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
-from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
+from openswim.transport.volume import (
+    DEGREE,
+    PEAK_COSINES,
+    SHELL_TABLE_PER_M,
+    Shells,
+    Volume,
+    blank_fields,
+    reach,
+    steepness,
+    tidy,
+)
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -179,11 +189,12 @@ def sunlit_volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
-        free_cubes(full, medium.periodic), fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
+        free_cubes(medium.extinction.any(axis=0), medium.periodic), fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]),
         np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled),
         np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
+        steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
 

@@ -52,7 +52,8 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 DARK = 3e-5  # transmission below which a ray has seen enough
 NO_LIMIT = 1e30  # cloud depth that no ray meets
 MOST_SAMPLES = 20_000
-TILE = 256  # rays handed to a thread at a time
+TILE = 256  # rays that follow each other
+_PARTS = 16  # of a view's rays for each thread, which takes one after the other
 _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5), np.float32(1.0)
 
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
@@ -223,7 +224,7 @@ def _march_share(
     t, threads, order, scratch, walks_of, places_of, peaks_of, lanes_of, origin, direction, ends, sun, table, shells,
     volume, highest_m, depth_limit, scale, out, cone, detail,
 ):  # fmt: skip
-    """Thread t's tiles of rays, see `march_rays`: every so-manieth, for sky and ground do not cost the same. LANES of
+    """Part t's tiles of rays, see `march_rays`: every so-manieth, for sky and ground do not cost the same. LANES of
     them walk in turn."""
     nodes, got, rays = scratch[0, t], scratch[1, t], scratch[2, t]
     walks, places, peaks, lanes = walks_of[t], places_of[t], peaks_of[t], lanes_of[t]
@@ -309,16 +310,17 @@ def march_rays(
         np.zeros(n, np.float32), np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
     widest = max(volume.fields.shape[3], GATHERED, RAY + volume.species * PACK)
-    threads = get_num_threads()
-    scratch = blank_fields((3, threads, LANES), widest)
-    peaks = np.zeros((threads, LANES, table.shape[0], table.shape[2], PACK), np.float32)
-    walks, places, lanes = (np.zeros((threads, LANES, size)) for size in (WALK, (BATCH + 1) * PLACE, LANE))
+    parts = max(get_num_threads(), min(_PARTS * get_num_threads(), n // (4 * TILE)))
+    scratch = blank_fields((3, parts, LANES), widest)
+    peaks = np.zeros((parts, LANES, table.shape[0], table.shape[2], PACK), np.float32)
+    walks, places, lanes = (np.zeros((parts, LANES, size)) for size in (WALK, (BATCH + 1) * PLACE, LANE))
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
     own = np.zeros(0) if ends is None else np.array(ends, float, order="C")
     in_threads(
         _march_share, order, scratch, walks, places, peaks, lanes, o, d, own, np.array(sun, float),
         np.array(table, np.float32, order="C"), tidy(shells), tidy(volume), highest_m, float(depth_limit), float(scale),
         out, np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"), detail,
+        parts=parts,
     )  # fmt: skip
     return out
 

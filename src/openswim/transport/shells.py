@@ -88,6 +88,7 @@ def no_volume() -> Volume:
         haze_depth=np.zeros((2, PACK), f32),
         reach_m=np.full(1, FAR_M, f32),
         terrain_m=np.zeros((1, 1), f32),
+        steep=np.zeros((1, 1), f32),
     )
 
 

@@ -28,7 +28,7 @@ F64 = NDArray[np.float64]
 
 _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))
 _SKY_AZIMUTHS = 19
-_PART = 65_536  # places shaded together, so that what is known of them stays in a cache
+_PART = 16_384  # places shaded together, so that what is known of them stays in a cache
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
 _DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 
@@ -225,7 +225,7 @@ def shade(
 
     if light_field.beyond is not None and _any_outside(light_field, place):
         light_field.beyond.prepare()  # by all threads, which a share is not
-    in_threads(share)
+    in_threads(share, parts=-(-len(place) // _PART))
     waters = [found[start] for start in sorted(found)]
     if waters and eye is not None:
         which = np.concatenate([w for w, _ in waters])

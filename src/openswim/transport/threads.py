@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
@@ -16,28 +16,34 @@ from numba import get_num_threads
 _here = threading.local()  # ``shared``: whether this thread is at a share now
 
 
-def in_threads(kernel: Callable[..., None], *args: object) -> None:
+def in_threads(kernel: Callable[..., None], *args: object, parts: int = 0) -> None:
     """kernel(t, threads, *args) for t = 0 to threads - 1 side by side; ``threads`` as `numba.set_num_threads` says.
 
-    Called by what is itself a share, one after the other: threads that wait for each other's would wait for ever.
+    parts: where the work is cut into more than threads, kernel(part, parts, *args), each done by the thread that is
+    free first. Called by what is itself a share, one after the other: threads that wait for each other's would wait
+    for ever.
     """
     threads = get_num_threads()
+    parts = max(parts, threads)
+    left = iter(range(parts))
     if getattr(_here, "shared", False):
-        for t in range(threads):
-            kernel(t, threads, *args)
+        for part in left:
+            kernel(part, parts, *args)
         return
-    others = [_pool().submit(_share, kernel, t, threads, *args) for t in range(1, threads)]
+    others = [_pool().submit(_share, left, kernel, parts, *args) for _ in range(1, threads)]
     try:
-        _share(kernel, 0, threads, *args)
+        _share(left, kernel, parts, *args)
     finally:
         for other in others:
             other.result()
 
 
-def _share(kernel: Callable[..., None], *args: object) -> None:
+def _share(left: Iterator[int], kernel: Callable[..., None], *args: object) -> None:
+    """The parts that this thread comes to take."""
     _here.shared = True
     try:
-        kernel(*args)
+        for part in left:
+            kernel(part, *args)
     finally:
         _here.shared = False
 

@@ -18,6 +18,7 @@ from openswim.transport.scalar import height_m, height_of_square_m, level_at
 from openswim.transport.volume import (
     FAR_M,
     SHELL_TABLE_PER_M,
+    STEEP_CELLS,
     above_ground_m,
     grid_index,
     inside_grid,
@@ -190,7 +191,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
     count = int(w[COUNT])
     inside, filled = False, False
     level, ix, iy = -1.0, 0.0, 0.0
-    h = 0.0
+    h, clearance = 0.0, FAR_M
     if w[GRIDDED] > 0.0:
         u = t - w[BEGIN]
         h = w[H0] + u * (w[H1] + u * w[H2])
@@ -201,14 +202,17 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else h
             filled = h < ground
             h = max(h, ground)
-        elif h < highest_m and w[SAMPLES] > 0.0 and h < terrain_height_m(ix, iy, shells.ground_m, volume):
-            w[STATE] = HIT
-            step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
-            t = s + step
-            u = t - w[BEGIN]
-            h = w[H0] + u * (w[H1] + u * w[H2])
-            ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
-            inside = inside_grid(ix, iy, volume)  # the step may have passed the side
+        else:
+            ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else highest_m
+            clearance = max(h - ground, 0.0)
+            if h < ground and w[SAMPLES] > 0.0:
+                w[STATE] = HIT
+                step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
+                t = s + step
+                u = t - w[BEGIN]
+                h = w[H0] + u * (w[H1] + u * w[H2])
+                ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
+                inside = inside_grid(ix, iy, volume)  # the step may have passed the side
     else:
         h = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), shells.radius_m)
     place = count * PLACE
@@ -223,7 +227,8 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         node = k * (ny * nx) + (min(int(iy), ny - 1) * nx + min(int(ix), nx - 1))
         _expect(node, nx, ny * nx, volume.fields)
         next_step = _air_step_m(above, w[PER_COSINE], 1.0 * flat(volume.reach_m, k))
-        rising = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2] > 0.0
+        slope = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2]
+        rising = slope > 0.0
         ahead = int(level)
         if not rising and level == ahead and ahead > 0:
             ahead -= 1
@@ -246,6 +251,15 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             if to_level < 2e-3 or filled:
                 to_level += 1.0
             next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), _CLOUD_STEP * cell)
+        if w[ENDED] == 0.0 and (h < highest_m or not rising):
+            # no farther than to where there could be ground
+            closing, reach = -slope, FAR_M
+            if h < highest_m:
+                across = min(flat(volume.cell_m, 0), flat(volume.cell_m, 1)) / w[ACROSS]
+                closing += flat(volume.steep, node - k * (ny * nx)) * across
+                reach = STEEP_CELLS * w[ACROSS]
+            way = min(clearance / max(closing, 1e-9), reach)
+            next_step = min(next_step, max(way, _LEAST_STEP * cell))
     else:
         mu = (w[RISE] + t) / (shells.radius_m + h)
         row = min(int(above * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1)
