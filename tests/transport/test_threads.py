@@ -43,6 +43,15 @@ def test_as_many_as_numba_is_told() -> None:
     assert seen == [(0, 1, threading.current_thread().name)]
 
 
+def test_parts_are_done_once_by_whoever_is_free() -> None:
+    seen = []
+    in_threads(lambda *part: seen.append(part), parts=57)
+    assert sorted(seen) == [(n, 57) for n in range(57)]
+    few = []
+    in_threads(lambda *part: few.append(part), parts=1)  # never fewer than threads
+    assert len(few) == numba.get_num_threads()
+
+
 def test_what_a_share_hands_out_it_does_itself() -> None:
     seen, threads = [], numba.get_num_threads()
 

@@ -8,7 +8,8 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.transport import Field, Solver, walk
 from openswim.transport.march import march_rays
-from openswim.transport.volume import FAR_M, sphere_crossings, tidy
+from openswim.transport.surface import bilinear
+from openswim.transport.volume import FAR_M, STEEP_CELLS, sphere_crossings, steepness, tidy
 
 SUN = toward(200.0, 40.0)
 EYE = np.array([120.0, -80.0, 2.0])
@@ -112,3 +113,45 @@ def test_a_ray_that_meets_the_ground_before_the_grid_is_not_looked_up_in_it() ->
             level, ix, iy = places[walk.PLACE_LEVEL], places[walk.PLACE_X], places[walk.PLACE_Y]
             assert level < 0 or (0 <= ix <= nx - 1 and 0 <= iy <= ny - 1)
         assert state[walk.STATE] == walk.HIT
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_terrain_is_nowhere_steeper_than_its_bound(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    terrain = rng.random((30, 40)) * rng.random((30, 40)) ** 6 * 500
+    cell = (100.0, 60.0)
+    bound = steepness(terrain, cell, False)
+    j, i = rng.integers(0, 30, 4000), rng.integers(0, 40, 4000)
+    # two places close together, anywhere that is no farther from the cell than it looks
+    x, y = ((c + rng.uniform(-STEEP_CELLS, STEEP_CELLS + 1, c.size)).clip(0, n - 1.01) for c, n in ((i, 40), (j, 30)))
+    turn = rng.uniform(0, 2 * np.pi, i.size)
+    dx, dy = 1e-4 * np.cos(turn), 1e-4 * np.sin(turn)
+    rise = (bilinear(terrain, x + dx, y + dy) - bilinear(terrain, x, y)) / np.hypot(dx * cell[0], dy * cell[1])
+    assert (np.abs(rise) <= bound[j, i] * (1 + 1e-5) + 1e-6).all()
+    assert not steepness(terrain, cell, True).any()
+
+
+def test_rays_meet_the_terrain_where_they_first_come_under_it() -> None:
+    """However far they jump through free sky: against looking every two metres."""
+    rng = np.random.default_rng(5)
+    y, x = np.mgrid[0:48, 0:48]
+    terrain = 250 * np.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 20) + 60 * rng.random((48, 48))
+    scene = grid_scene(np.zeros((12, 48, 48)), (12, 48, 48), (100.0,) * 3, terrain_m=terrain)
+    pack = Solver("swim").solve(scene, SUN, [WAVELENGTH_NM]).packs[0]
+    eye = np.array([-700.0, 300.0, 180.0])
+    d = sky_directions(np.linspace(70.0, 110.0, 31), np.arange(1.0, 360.0, 6.0))
+    seen = march_rays(eye, d, pack.sun, pack.table, pack.shells, pack.volume, 1.0)
+    s = np.arange(2.0, 3400.0, 2.0)
+    place = eye + s[:, None, None] * d
+    ix, iy = place[..., 0] / 100 + 23.5, place[..., 1] / 100 + 23.5
+    inside = (np.minimum(ix, iy) >= 0) & (np.maximum(ix, iy) <= 47)
+    under = inside & (place[..., 2] < bilinear(terrain, ix.ravel(), iy.ravel()).reshape(ix.shape))
+    met = under.any(axis=0)
+    first = s[np.argmax(under, axis=0)]
+    found = (seen.distance_m >= 0) & met
+    assert met.sum() > 500
+    assert (~met).sum() > 500
+    # what rays skip of a ridge is thinner than a quarter of a cell
+    assert (met & ~found).sum() < 0.005 * met.sum()
+    assert np.quantile(np.abs(seen.distance_m - first)[found], 0.99) < 3.0
+    assert seen.samples[~met].mean() < 25  # of 3 km, which free sky and steep ground allow

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def run(folder: Path) -> None:
     """Make the scene, render it four times, write four PNGs; print timings and irradiance."""
     from openswim.colour import check_writable
+    from openswim.ground.earth import preload
 
     start = time.perf_counter()
     try:
@@ -26,6 +27,7 @@ def run(folder: Path) -> None:
             f"{folder}: cannot be made ({error.strerror}); choose another folder with -o"
         ) from None
     check_writable(folder / "demo_allsky.png")
+    preload()
 
     import openswim
     from openswim.cli.render import irradiance_line, write

@@ -56,11 +56,13 @@ class RenderRequest:
 def run(request: RenderRequest) -> None:
     """Render and write; whatever can be wrong with the request is found before any work is done."""
     from openswim.colour import check_writable
+    from openswim.ground.earth import preload
 
     for output in request.outputs:
         check_writable(output)
     camera = camera_of(request)
     sun = sun_of(request.sun)
+    preload()
 
     import openswim
     from openswim.cli.estimate import announce, swept

@@ -7,9 +7,13 @@ drawn from GSHHS shorelines (oceans and lakes). Each is read once per process, w
 from __future__ import annotations
 
 import gzip
-from functools import cache
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, wraps
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +34,33 @@ _MASK_SHAPE = (4320, 8640)
 # central Sahara (.41, .30, .17) and the Greenland ice sheet (.9).
 _OFFSET = np.array([0.022, 0.032, 0.018])
 _GAIN = 0.90
+
+_T = TypeVar("_T")
+_reading = threading.Lock()
+
+
+def _once(read: Callable[[], _T]) -> Callable[[], _T]:
+    """Cached; who asks while another thread reads waits for it."""
+    kept = cache(read)
+
+    @wraps(read)
+    def get() -> _T:
+        with _reading:
+            return kept()
+
+    return get
+
+
+def preload() -> None:
+    """Begin to read land and water in a thread of its own, which takes half a second. What cannot be read is told to
+    who asks for it."""
+
+    def read() -> None:
+        with suppress(Exception):
+            _image()
+            _mask()
+
+    threading.Thread(target=read, name="openswim-earth", daemon=True).start()
 
 
 def land_albedo(
@@ -154,7 +185,7 @@ def _around(
     return rows, columns, np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
 
 
-@cache
+@_once
 def _image() -> NDArray[np.uint8]:
     from PIL import Image
 
@@ -168,7 +199,7 @@ def _image() -> NDArray[np.uint8]:
     return image
 
 
-@cache
+@_once
 def _mask() -> NDArray[np.uint8]:
     """0 ocean, 1 land, 2 lake; north up."""
     with _data_file("lsmask_2.5min_f.bin").open("rb") as stream:

@@ -69,7 +69,7 @@ def _tile() -> NDArray[np.int8]:
     rng = np.random.default_rng(17)
     cells, nodes = (np.argwhere(np.ones((n, n, n))).astype(float) for n in (_DOMES, TILE))
     points = (cells + rng.random(cells.shape)) * (TILE / _DOMES)
-    distance, _ = cKDTree(points % TILE, boxsize=TILE).query(nodes)
+    distance, _ = cKDTree(points % TILE, boxsize=TILE).query(nodes, workers=-1)
     rank = np.empty(distance.size)
     rank[np.argsort(-distance, kind="stable")] = (np.arange(distance.size) + 0.5) / distance.size
     value = ndtri(rank).reshape(TILE, TILE, TILE)

@@ -169,6 +169,7 @@ def sunlit_volume(
     cloud_channel = 2 * PACK + ns + len(kept)
     fields = blank_fields((nz, ny, nx), cloud_channel + 1)
     full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
+    free = free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic)
     levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
     # where light is scattered or meets the ground, the way to the sun is followed exactly
     above_ground = levels[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels)[:, None, None]
@@ -189,7 +190,7 @@ def sunlit_volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
-        free_cubes(medium.extinction.any(axis=0), medium.periodic), fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
+        free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]),
         np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled),
         np.zeros((nz, 4 * PACK), np.float32),

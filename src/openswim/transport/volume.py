@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -122,7 +123,7 @@ def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:
     return store[first : first + size].reshape(*shape, whole)
 
 
-def steepness(terrain_m: NDArray, cell_m: NDArray, periodic: bool) -> F32:
+def steepness(terrain_m: NDArray, cell_m: Sequence[float], periodic: bool) -> F32:
     """Bound of the slope (ny, nx) of the terrain within STEEP_CELLS of the cell beyond each node, each way; periodic
     ground is level."""
     square = np.zeros(terrain_m.shape)

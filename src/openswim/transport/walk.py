@@ -159,7 +159,7 @@ def _meet_terrain(w, s, step, radius_m, ground_m, volume):
 def _air_step_m(above_m, per_cosine, reach_m):
     """A step in air: part of its scale height, at most ``reach_m``, part of its depth; in vacuum as far as may be."""
     # level rays bend out of their layer in 50 km or so
-    return min((300.0 + 0.1 * above_m) * min(per_cosine, 67.0), reach_m) if reach_m < FAR_M else FAR_M
+    return min((200.0 + 0.1 * above_m) * min(per_cosine, 67.0), reach_m) if reach_m < FAR_M else FAR_M
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
