@@ -197,22 +197,20 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         h = w[H0] + u * (w[H1] + u * w[H2])
         ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
         inside = inside_grid(ix, iy, volume)
+        ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else highest_m
+        clearance = max(h - ground, 0.0)
         if w[ENDED] > 0.0:
             # a valley that the grid does not have is filled with its lowest air
-            ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else h
             filled = h < ground
             h = max(h, ground)
-        else:
-            ground = terrain_height_m(ix, iy, shells.ground_m, volume) if h < highest_m else highest_m
-            clearance = max(h - ground, 0.0)
-            if h < ground and w[SAMPLES] > 0.0:
-                w[STATE] = HIT
-                step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
-                t = s + step
-                u = t - w[BEGIN]
-                h = w[H0] + u * (w[H1] + u * w[H2])
-                ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
-                inside = inside_grid(ix, iy, volume)  # the step may have passed the side
+        elif h < ground and w[SAMPLES] > 0.0:
+            w[STATE] = HIT
+            step = _meet_terrain(w, s, step, shells.radius_m, shells.ground_m, volume)
+            t = s + step
+            u = t - w[BEGIN]
+            h = w[H0] + u * (w[H1] + u * w[H2])
+            ix, iy = w[X0] + u * w[VX], w[Y0] + u * w[VY]
+            inside = inside_grid(ix, iy, volume)  # the step may have passed the side
     else:
         h = height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), shells.radius_m)
     place = count * PLACE
@@ -236,18 +234,23 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         cell = min(w[ACROSS], along * w[PER_COSINE])
         octant = (1 if w[VX] > 0.0 else 0) + (2 if w[VY] > 0.0 else 0) + (4 if rising else 0)
         free = _cells_free(volume.free, node + (min(ahead, volume.fields.shape[0] - 2) - k) * (ny * nx), octant)
+        to_level = (ahead + 1 - level) if rising else (level - ahead)
         if free > 0:
             # to where the free cube ends
             i, j = int(ix), int(iy)
             rest_x = i + free - ix if w[VX] > 0.0 else ix - i + (free - 1)
             rest_y = j + free - iy if w[VY] > 0.0 else iy - j + (free - 1)
             last = min(ahead + free, volume.fields.shape[0]) if rising else max(ahead + 1 - free, 0)
-            upright = abs(volume.level_origin_m + flat(volume.levels_m, last) - h) * w[PER_COSINE]
-            way = min(min(rest_x * w[PER_VX], rest_y * w[PER_VY]), upright)
+            upright = abs(volume.level_origin_m + flat(volume.levels_m, last) - h)
+            # the nodes by the ground are not like those above: they end their layer's steps
+            if rising and clearance < along:
+                upright = min(upright, to_level * along)
+            elif not rising and clearance > along:
+                upright = min(upright, clearance - along)
+            way = min(min(rest_x * w[PER_VX], rest_y * w[PER_VY]), upright * w[PER_COSINE])
             next_step = min(next_step, max(way, _LEAST_STEP * cell))
         else:
             # within cloud a step ends on a level, where the fields have their kinks
-            to_level = (ahead + 1 - level) if rising else (level - ahead)
             if to_level < 2e-3 or filled:
                 to_level += 1.0
             next_step = min(min(next_step, to_level * along * min(w[PER_COSINE], 1e3) / scale), _CLOUD_STEP * cell)
