@@ -7,9 +7,10 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_dire
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.transport import Field, Solver, walk
+from openswim.transport.free import STEEP_CELLS, steepness
 from openswim.transport.march import march_rays
 from openswim.transport.surface import bilinear
-from openswim.transport.volume import FAR_M, STEEP_CELLS, sphere_crossings, steepness, tidy
+from openswim.transport.volume import FAR_M, sphere_crossings, tidy
 
 SUN = toward(200.0, 40.0)
 EYE = np.array([120.0, -80.0, 2.0])

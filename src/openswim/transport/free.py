@@ -1,6 +1,8 @@
-"""How far the sky is free: cubes of cells ahead of a cell, octant by octant, that hold no cloud."""
+"""How far the sky is free: of cloud, by cubes of cells ahead, octant by octant; of ground, by its steepness."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +10,14 @@ from numpy.typing import NDArray
 U32 = NDArray[np.uint32]
 Bools = NDArray[np.bool_]
 
+STEEP_CELLS = 8  # as far as the steepness of terrain is looked for
 _CUBES = 4  # their edges are 1, 2, 4 and 8 cells
 _OCTANTS = np.arange(8)  # +1 toward greater ix, +2 iy, +4 upward
 _EVERYWHERE = np.uint8(255)
 
 
 def occupied(extinction: NDArray, levels_m: NDArray, terrain_m: NDArray) -> Bools:
-    """Nodes (nz, ny, nx) with cloud of any species, or so low that a ray may meet the ground about there."""
+    """Nodes (nz, ny, nx) with cloud of any species, or so low that the ground is about there."""
     spacing = np.diff(levels_m, append=2 * levels_m[-1] - levels_m[-2])
     low = levels_m[:, None, None] < terrain_m + 1.5 * spacing[:, None, None]
     return np.asarray(low | extinction.any(axis=0))
@@ -50,6 +53,20 @@ def free_cubes(full: Bools, periodic: bool) -> U32:
             mask = mask & ahead
         out |= mask.astype(np.uint32) << np.uint32(8 * n)
     return out
+
+
+def steepness(terrain_m: NDArray, cell_m: Sequence[float], periodic: bool) -> NDArray[np.float32]:
+    """Bound of the slope (ny, nx) of the terrain within STEEP_CELLS of the cell beyond each node, each way; periodic
+    ground is level."""
+    from scipy.ndimage import maximum_filter
+
+    square = np.zeros(terrain_m.shape)
+    if not periodic:
+        for axis, cell in ((1, cell_m[0]), (0, cell_m[1])):
+            # the last node's cell is none; it counts with the one before
+            rise = np.diff(terrain_m.astype(float), axis=axis, append=np.take(terrain_m, [-1], axis)) / cell
+            square += maximum_filter(np.abs(rise), 2 * STEEP_CELLS + 3, mode="nearest") ** 2
+    return np.sqrt(square).astype(np.float32)
 
 
 def _moved(array: NDArray, by: int, axis: int, periodic: bool, outside: np.generic) -> NDArray:

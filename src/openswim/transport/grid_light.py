@@ -12,7 +12,7 @@ from openswim.transport import swim
 from openswim.transport.bend import bend_cells
 from openswim.transport.columns import Columns
 from openswim.transport.eye_source import columns_of, field_at, view_source, wide
-from openswim.transport.free import beside, free_cubes, occupied
+from openswim.transport.free import beside, free_cubes, occupied, steepness
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
@@ -23,17 +23,7 @@ from openswim.transport.peak import peak_tables
 from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
-from openswim.transport.volume import (
-    DEGREE,
-    PEAK_COSINES,
-    SHELL_TABLE_PER_M,
-    Shells,
-    Volume,
-    blank_fields,
-    reach,
-    steepness,
-    tidy,
-)
+from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -53,7 +53,7 @@ DARK = 3e-5  # transmission below which a ray has seen enough
 NO_LIMIT = 1e30  # cloud depth that no ray meets
 MOST_SAMPLES = 20_000
 TILE = 256  # rays that follow each other
-_PARTS = 16  # of a view's rays for each thread, which takes one after the other
+_PARTS = 16  # of a view's rays for each thread, taken one by one
 _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5), np.float32(1.0)
 
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled

@@ -196,7 +196,7 @@ def _grid_field(
     result.light = light
     result.reach_deg = float(reach)
     result.depths = None if innermost else depths
-    del depths  # a tenth of the memory, before most of it is needed
+    del depths  # large, and nothing to the sweeps
     if wider is not None:
         result.wider, result.core = wider, Core.of(medium)
         if landscape is not None:

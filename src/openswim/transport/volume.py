@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 from openswim.transport.pack import PACK, flat
 from openswim.transport.scalar import height_m
@@ -23,7 +21,6 @@ SUN_RADIUS_RAD = 0.00465
 DEGREE = 5  # truncation order M of the smooth field
 PEAK_COSINES = (0.75**0.5, 0.0)  # forward peaks: read out within 30 degrees of the sun, not beyond 90 (transport.md 2)
 FAR_M = 1e30  # a distance that no ray meets
-STEEP_CELLS = 8  # as far as the steepness of terrain is looked for
 STEP_DEPTH = 0.25  # optical depth of air that a step may pass
 _OUTSIDE = -1e9
 _LINE = 64 // 4  # float32 in a cache line
@@ -111,7 +108,7 @@ class Volume(NamedTuple):
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m
     terrain_m: F32  # (ny, nx)
-    steep: F32  # (ny, nx) bound of the terrain's slope up to STEEP_CELLS away, see `steepness`
+    steep: F32  # (ny, nx) bound of the terrain's slope around, see `free.steepness`
 
 
 def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:
@@ -121,18 +118,6 @@ def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:
     store = np.zeros(size + _LINE, np.float32)
     first = -(store.ctypes.data // 4) % _LINE
     return store[first : first + size].reshape(*shape, whole)
-
-
-def steepness(terrain_m: NDArray, cell_m: Sequence[float], periodic: bool) -> F32:
-    """Bound of the slope (ny, nx) of the terrain within STEEP_CELLS of the cell beyond each node, each way; periodic
-    ground is level."""
-    square = np.zeros(terrain_m.shape)
-    if not periodic:
-        for axis, cell in ((1, cell_m[0]), (0, cell_m[1])):
-            # the last node's cell is none; it counts with the one before
-            rise = np.diff(terrain_m.astype(float), axis=axis, append=np.take(terrain_m, [-1], axis)) / cell
-            square += maximum_filter(np.abs(rise), 2 * STEEP_CELLS + 3, mode="nearest") ** 2
-    return np.sqrt(square).astype(np.float32)
 
 
 def reach(extinction: NDArray) -> F64:

@@ -13,12 +13,12 @@ import math
 
 from numba import njit
 
+from openswim.transport.free import STEEP_CELLS
 from openswim.transport.pack import expect, flat, put
 from openswim.transport.scalar import height_m, height_of_square_m, level_at
 from openswim.transport.volume import (
     FAR_M,
     SHELL_TABLE_PER_M,
-    STEEP_CELLS,
     above_ground_m,
     grid_index,
     inside_grid,
@@ -258,8 +258,8 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             # no farther than to where there could be ground
             closing, reach = -slope, FAR_M
             if h < highest_m:
-                across = min(flat(volume.cell_m, 0), flat(volume.cell_m, 1)) / w[ACROSS]
-                closing += flat(volume.steep, node - k * (ny * nx)) * across
+                sine = min(flat(volume.cell_m, 0), flat(volume.cell_m, 1)) / w[ACROSS]
+                closing += flat(volume.steep, node - k * (ny * nx)) * sine
                 reach = STEEP_CELLS * w[ACROSS]
             way = min(clearance / max(closing, 1e-9), reach)
             next_step = min(next_step, max(way, _LEAST_STEP * cell))
