@@ -31,6 +31,7 @@ from openswim.transport.optical_grid import (
     coarser_grid,
     thick_blocks,
     total_extinction,
+    twice_as_fine_plane,
     unlit_grid,
     with_ghosts,
 )
@@ -54,7 +55,7 @@ _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
 WHOLE = 2  # from the third grid on the moments of all that scatters are kept
 _LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
-_ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3
+_ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3: those of a blue sky
 
 
 @dataclass
@@ -165,6 +166,10 @@ class Sweeper:
     def nothing(self) -> F32:
         """Moments of darkness."""
         return np.zeros(self.shape, np.float32)
+
+    def fluxes(self) -> F32:
+        """Of the last sweep (2, ny, nx): down to the ground, up through the top."""
+        return np.stack([self.down_flux, self.up_flux])
 
     def sweep(self, values: F32, out: F32 | None = None) -> F32:
         """One pass over all ordinates; ``out``, an earlier result of a like sweep, is written over."""
@@ -313,17 +318,57 @@ class Trace(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, and how each
-    grid's moments came about, from the coarsest but one on."""
+    """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, how each grid's
+    moments came about, from the coarsest but one on; fluxes (2, ny, nx) down to the ground and up through the top; and
+    what the coarser grid had told of both, if that is wanted: the first moments (blocks, _ALIKE, BLOCK), and fluxes."""
 
     moments: Moments
     coarser: Coarser
     sweeps: list[int]
     traces: list[Trace]
+    fluxes: F32
+    told: tuple[F32, F32] | None = None
+
+
+class Begun(NamedTuple):
+    """A grid to be solved, ``level``, the coarser one, ``base``, and its solution ``below``, which is where the moments
+    ``values`` (in scratch) begin."""
+
+    level: Sweeper
+    base: Sweeper
+    below: Solution
+    values: F32
+
+    def told(self) -> tuple[F32, F32]:
+        """See `Solution`."""
+        return self.values[:, :_ALIKE].copy(), twice_as_fine_plane(self.below.fluxes, self.level.ground_albedo.shape)
+
+
+def has_coarser(fine: Sweeper) -> bool:
+    """Whether a 2x2-coarse grid is of any help."""
+    return not fine.grid.periodic and min(fine.grid.ground_node.shape) >= 2 * _LEAST_COARSE
+
+
+def begin(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int) -> Begun:
+    """What the 2x2-coarse grid tells, see `coarse_to_fine`."""
+    base = fine.coarsened()
+    below = coarse_to_fine(base, tolerance, most, like, finer + 1)
+    if finer >= WHOLE:
+        level = fine
+    else:
+        whole = below.coarser  # the base's own, or the base itself
+        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below.moments.values)
+        level = fine.over(whole, like[len(below.sweeps) - 1].kept if like else None)
+    values = fine.pool.take("begin", *level.shape)
+    in_threads(
+        prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
+        level.grid.ground_node.shape[1], values, False,
+    )  # fmt: skip
+    return Begun(level, base, below, values)
 
 
 def coarse_to_fine(
-    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0, tell: bool = False
 ) -> Solution:
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
@@ -331,44 +376,36 @@ def coarse_to_fine(
     finer: grids that this one is but a start for. Below two of them the moments of all that scatters are kept; the two
     keep those of what is thick, and leave the rest to the grid that keeps all.
     like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
+    tell: leave what other wavelengths need to be told (see `spectral.py`).
     """
-    if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
+    if not has_coarser(fine):
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
         # (nor does another wavelength's light help: what differs changes least of all)
         values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [])
-    base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, finer + 1)
-    trace = like[len(below.sweeps) - 1] if like else None
-    if finer >= WHOLE:
-        level = fine
-    else:
-        whole = below.coarser  # the base's own, or the base itself
-        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below.moments.values)
-        level = fine.over(whole, trace.kept if trace else None)
-    begin = fine.pool.take("begin", *level.shape)
-    in_threads(
-        prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
-        level.grid.ground_node.shape[1], begin, False,
-    )  # fmt: skip
-    begun = begin[:, :_ALIKE]
-    if trace:
-        ratio = np.clip(begun[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        for at in range(0, len(begun), _FEW_BLOCKS):
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes())
+    begun = begin(fine, tolerance, most, like, finer)
+    level, below = begun.level, begun.below
+    told = begun.told() if tell else None
+    first = begun.values[:, :_ALIKE]
+    if like:
+        trace = like[len(below.sweeps) - 1]
+        ratio = np.clip(first[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
+        for at in range(0, len(first), _FEW_BLOCKS):
             some = slice(at, at + _FEW_BLOCKS)
-            begun[some] += trace.defect[some] * ratio[some]
+            first[some] += trace.defect[some] * ratio[some]
     else:
-        begun = begun.copy()
+        first = first.copy()
     # the last sweep of that other wavelength, and what the guess adds
-    enough = (2 if trace else 1) * tolerance
+    enough = (2 if like else 1) * tolerance
     if finer not in (0, WHOLE):
         enough *= _LOOSE
-    values, before, n = level.solve(begin, enough, most, correct=_Correction(level, base))
-    fine.down_flux, fine.up_flux = level.down_flux, level.up_flux
+    values, before, n = level.solve(begun.values, enough, most, correct=_Correction(level, begun.base))
     traces = []
     if not like:
-        traces = [*below.traces, Trace(level.place >= 0, begun[:, :1].copy(), before[:, :_ALIKE] - begun)]
-    return Solution(Moments(level.place, values), level.coarser, [*below.sweeps, n], traces)
+        traces = [*below.traces, Trace(level.place >= 0, first[:, :1].copy(), before[:, :_ALIKE] - first)]
+    return Solution(
+        Moments(level.place, values), level.coarser, [*below.sweeps, n], traces, level.fluxes(), told
+    )  # fmt: skip
 
 
 class _Correction:

@@ -171,6 +171,17 @@ def coarsen(field: F32) -> F32:
     )
 
 
+def twice_as_fine_plane(field: F32, shape: tuple[int, ...]) -> F32:
+    """A field (..., y, x) on 2x2-coarse columns, bilinearly at the columns, ``shape`` (ny, nx)."""
+    for axis, count in zip((-2, -1), shape, strict=True):
+        at = np.clip((np.arange(count) - 0.5) / 2, 0, field.shape[axis] - 1)
+        low = np.minimum(at.astype(int), max(field.shape[axis] - 2, 0))
+        high = np.minimum(low + 1, field.shape[axis] - 1)
+        share = (at - low).astype(np.float32).reshape(-1, *[1] * (-1 - axis))
+        field = field.take(low, axis) * (1 - share) + field.take(high, axis) * share
+    return np.ascontiguousarray(field, np.float32)
+
+
 def whole_blocks(array: NDArray) -> F32:
     """Rows filled with zeros to whole blocks."""
     short = -array.shape[-1] % BLOCK

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import interp1d
 
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.medium import Medium
@@ -53,9 +52,16 @@ class Columns:
         for side, (count, at) in enumerate(self.sides):
             own = more[..., first : first + len(at)]
             every = np.minimum(np.arange(out.shape[-1]), count - 1)
-            out[:, :, side] = np.maximum(clear[..., None] + interp1d(at, own)(every), 0)
+            out[:, :, side] = np.maximum(clear[..., None] + _linear(at, own, every), 0)
             first += len(at)
         return out
+
+
+def _linear(at: ArrayLike, values: NDArray, where: ArrayLike, axis: int = -1) -> NDArray:
+    """Values at the places ``at`` along an axis, at others between."""
+    from scipy.interpolate import interp1d  # a tenth of a second, for nested grids alone
+
+    return np.asarray(interp1d(at, values, axis=axis)(where))
 
 
 def _has_cloud_at_sides(grid: OpticalGrid) -> bool:
@@ -154,11 +160,11 @@ def _light_of_wider(
     within = (x >= 0) & (y >= 0) & (x <= across - 1) & (y <= rows - 1)
     x, y = np.clip(x, 0, across - 1), np.clip(y, 0, rows - 1)
     i, j = np.minimum(x.astype(int), across - 2), np.minimum(y.astype(int), rows - 2)
-    moments = 0.0
+    corners = []
     for up, right in product((0, 1), (0, 1)):
         weight = np.abs(1 - up - (y - j)) * np.abs(1 - right - (x - i))
-        moments = moments + weight[:, None] * gathered(light.moments[w], light.coarser[w], j + up, i + right)
-    moments = interp1d(around.levels_m, moments, axis=0)(np.clip(medium.levels_m, *around.levels_m[[0, -1]]))
+        corners.append(weight[:, None] * gathered(light.moments[w], light.coarser[w], j + up, i + right))
+    moments = _linear(around.levels_m, np.sum(corners, axis=0), np.clip(medium.levels_m, *around.levels_m[[0, -1]]), 0)
     # the ordinates in the axes of the other grid's columns
     own, theirs = medium.axes[columns.j, columns.i], around.axes[np.rint(y).astype(int), np.rint(x).astype(int)]
     turned = np.einsum("cab,cdb,nd->cna", theirs, own, ordinates.direction)

@@ -17,7 +17,7 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
-from openswim.transport import compiling, diffuse, swim
+from openswim.transport import compiling, diffuse, spectral, swim
 from openswim.transport.beyond import Beyond
 from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
@@ -209,7 +209,7 @@ def _grid_field(
         _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
         ends = wider is None and not scene.cut and not medium.periodic
-        result.sweeps = _diffuse(solver, light, lighting, shells, sun, count, ends, wider)
+        result.sweeps = _diffuse(solver, light, lighting, shells, sun, wl, count, ends, wider)
         if wider is None and not medium.periodic:
             result.beyond = Beyond(light, shells, ends)
     else:
@@ -270,7 +270,7 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 
 def _diffuse(
-    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, count: int, ends: bool,
+    solver: Solver, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64, count: int, ends: bool,
     wider: PackField | None,
 ) -> list[list[int]]:
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
@@ -282,10 +282,8 @@ def _diffuse(
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
-    light.moments = []
-    light.coarser = []
     traces: list[diffuse.Trace] | None = None
-    counts: list[list[int]] = []
+    found: dict[int, spectral.Known] = {}
     first = optical_grid(
         medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
         medium.periodic, ends, ground_node, light.coefficients[0], light.beams[0],
@@ -294,12 +292,7 @@ def _diffuse(
     plane_parallel = (ny, nx) == (1, 1)
     beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
     with job("diffuse light", count) as meter:
-        for w in range(PACK):
-            if w >= count:
-                light.moments.append(light.moments[-1])
-                light.coarser.append(light.coarser[-1])
-                lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
-                continue
+        for w in spectral.in_order(wl[:count]):
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
@@ -312,19 +305,30 @@ def _diffuse(
                     wider, medium, grid, clear, lighting.albedo[w], direct, ordinates, setting.tolerance, w
                 )
             sweeper = diffuse.Sweeper.of(grid, enters, lighting.albedo[w], direct, ordinates, pool, sides)
+            properties = spectral.properties_of(sweeper)
+            others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()))
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
-                solution = diffuse.Solution(Moments(sweeper.place, values), sweeper.coarser, [n], [])
+                solution = diffuse.Solution(
+                    Moments(sweeper.place, values), sweeper.coarser, [n], [], sweeper.fluxes()
+                )
+            elif others:
+                solution = spectral.between(sweeper, setting.tolerance, solver.most_sweeps, traces, others)
+            elif setting.coarse:
+                solution = solve_coarse(sweeper, setting.tolerance, solver.most_sweeps, traces)
             else:
-                solve = solve_coarse if setting.coarse else diffuse.coarse_to_fine
-                solution = solve(sweeper, setting.tolerance, solver.most_sweeps, traces)
-                traces = traces or solution.traces
-            seen(grid, solution.moments, sweeper.extinction, pool)
-            light.moments.append(solution.moments)
-            light.coarser.append(solution.coarser)
-            counts.append(solution.sweeps)
-            lighting.diffuse[w] = sweeper.down_flux
-            lighting.up_top[w] = sweeper.up_flux
+                solution = diffuse.coarse_to_fine(
+                    sweeper, setting.tolerance, solver.most_sweeps, traces, tell=count > 2
+                )
+            traces = traces or solution.traces
+            if not others:
+                seen(grid, solution.moments, sweeper.extinction, pool)
+            found[w] = spectral.Known(float(wl[w]), properties, solution)
             meter.advance()
+    solutions = [found[min(w, count - 1)].solution for w in range(PACK)]
+    light.moments = [solution.moments for solution in solutions]
+    light.coarser = [solution.coarser for solution in solutions]
+    for w, solution in enumerate(solutions):
+        lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
     lighting.correct_quadrature(ordinates, inflow, shells, sun)
-    return counts
+    return [solution.sweeps for solution in solutions[:count]]
