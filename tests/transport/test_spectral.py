@@ -41,7 +41,8 @@ def known(wavelength_nm: float, properties: list[float], told: bool = True) -> K
     nothing = np.zeros((1, 25, 16), np.float32)
     moments = Moments(np.zeros((1, 1, 1), np.int32), nothing)
     fluxes = np.zeros((2, 1, 1), np.float32)
-    solution = Solution(moments, nothing_coarser(5), [1], [], fluxes, (nothing[:, :9], fluxes) if told else None)
+    known_coarse = (nothing[:, :9], fluxes) if told else None
+    solution = Solution(moments, nothing_coarser(5), [1], [], fluxes, nothing[:, 0], known_coarse)
     return Known(wavelength_nm, np.array(properties), solution)
 
 

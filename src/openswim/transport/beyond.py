@@ -25,9 +25,10 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from openswim.transport.beam import beam_around
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.grid_light import GridLight
-from openswim.transport.mean_light import SWEPT, beam_around, light_around
+from openswim.transport.mean_light import SWEPT, light_around
 from openswim.transport.moments import places
 from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid, total_extinction, with_ghosts
 from openswim.transport.ordinates import Ordinates
@@ -297,7 +298,7 @@ def _carried_down(sweeper: Sweeper, moments: F32) -> tuple[F32, NDArray[np.int64
     nodes of all blocks; and where in it each of them is, in the order of the sweeper's."""
     grid = sweeper.grid
     nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
-    whole = replace(sweeper, place=places(np.ones(sweeper.place.shape, bool)))
+    whole = replace(sweeper, place=places(np.ones(sweeper.place.shape, bool)), amends=False)
     room, (half, group) = whole.room(get_num_threads()), whole.halves[0]
     blank, highest = np.zeros((ny, nx), np.float32), int(grid.ground_node.max())
     # a sweep but for its moments, which nobody needs

@@ -11,7 +11,6 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
-from openswim.transport import mean_light
 from openswim.transport.moments import (
     Coarser,
     Moments,
@@ -21,6 +20,7 @@ from openswim.transport.moments import (
     places,
     prolong,
     restrict,
+    scale,
     squares,
     weighted_change,
 )
@@ -53,6 +53,8 @@ _FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
+_DARK = 1e-12  # light of a node that nothing is made of
+_LEAST_RATIO = np.float32(0.05)
 WHOLE = 2  # from the third grid on the moments of all that scatters are kept
 _LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
 _ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3: those of a blue sky
@@ -73,7 +75,8 @@ class Sweeper:
     place: NDArray[np.int32]
     extinction: F32  # of grid and ghosts, 1/m
     pool: Pool
-    between: bool = True  # light is taken where the extinction between nodes lies, see `mean_light.py`
+    amends: bool = True  # moments are of the light that the steps around a node take (decision 15), not of its own
+    ratio: F32 | None = None  # (blocks, BLOCK) of these two in the last sweep, or what is given for them
 
     @classmethod
     def of(
@@ -111,16 +114,18 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def as_coarser(self, values: F32) -> Coarser:
-        """What these moments are to a grid of twice the columns each way."""
-        grid = self.grid
+    def as_coarser(self, solution: Solution) -> Coarser:
+        """What its solution is to a grid of twice the columns each way."""
+        grid, values = self.grid, solution.moments.values.copy()
+        of_nodes(values, solution.ratio)
         return Coarser(
             2, grid.ground_node.shape[1], self.place, values, grid.beam, grid.sun_harmonics, grid.extinction
         )  # fmt: skip
 
     def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over a coarser field."""
-        return replace(self, coarser=coarser, place=places(thick_blocks(self.grid) if kept is None else kept))
+        kept = thick_blocks(self.grid) if kept is None else kept
+        return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
         """The same on 2x2 columns."""
@@ -144,7 +149,7 @@ class Sweeper:
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
-        return replace(dark, place=places(thick_blocks(cut)), between=False)
+        return replace(dark, place=places(thick_blocks(cut)), amends=False, ratio=None)
 
     def answer(self, change: F32) -> F32:
         """What follows from a ``change`` of the moments in the next `_FOLLOWED` sweeps of the `unlit` medium.
@@ -178,17 +183,10 @@ class Sweeper:
         if self.ground_albedo.size < _FEW_COLUMNS:  # meeting would take longer than the sweep
             set_num_threads(1)
         try:
-            self._sweep_halves(self._around(values), new)
+            self._sweep_halves(values, new)
         finally:
             set_num_threads(threads)
         return new
-
-    def _around(self, values: F32) -> F32:
-        """The light that scatters around the nodes, in scratch."""
-        if not self.between:
-            return values
-        out = self.pool.take("around", *values.shape)
-        return mean_light.light_around(self.grid, self.place, values, self.extinction, out, mean_light.SWEPT)
 
     def _sweep_halves(self, values: F32, new: F32) -> None:
         """Down, then up from the ground that the first half has lit."""
@@ -203,6 +201,13 @@ class Sweeper:
         self.up_flux = half_sweep(
             False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
         )
+        if self.amends:
+            first = new[:, 0]
+            more = room.more.sum(axis=0)
+            part = np.divide(more, first, out=np.zeros_like(more), where=first > _DARK)
+            self.ratio = np.maximum(1 + part, _LEAST_RATIO)
+        if self.ratio is not None:
+            in_threads(scale, new, self.ratio)
 
     def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
@@ -224,6 +229,8 @@ class Sweeper:
             self.extinction, f32("emission", most, self.shape[0], BLOCK), row,
             f32("thin", levels * rows, most, width + LANES), thin_level.astype(np.int64),
             f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
+            f32("amended", threads, 2, (height + 2) * self.amends, ends),
+            f32("more", threads, self.shape[0] * self.amends, BLOCK), _near_cloud(grid),
             f32("front", threads, 2, nz, ends), f32("work", threads, 2, ends),
             f32("flux", threads, ny, grid.ground_node.shape[1]), f32("amounts", threads, 1 + len(grid.scaled), BLOCK),
             f32("terms", threads, degree**2, BLOCK), f32("sums", threads, sums, BLOCK),
@@ -257,6 +264,19 @@ class Sweeper:
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             recent.mix(image, residual, values)
         return image, values, n
+
+
+def _near_cloud(grid: OpticalGrid) -> NDArray[np.int64]:
+    """See `Room`."""
+    cloudy = grid.cloudy.any(axis=(1, 2))
+    beside = np.pad(cloudy, 1)
+    return np.where(cloudy, 1, np.where(beside[:-2] | beside[2:], 2, 0))
+
+
+def of_nodes(values: F32, ratio: F32 | None) -> None:
+    """Turn moments of the light around nodes (see `Sweeper.amends`) into those of the light at them."""
+    if ratio is not None:
+        in_threads(scale, values, 1 / ratio)
 
 
 def pairs(sides: F32) -> F32:
@@ -315,18 +335,21 @@ class Trace(NamedTuple):
     kept: NDArray[np.bool_]  # (nz, ny, blocks)
     start: F32  # (blocks, 1, BLOCK), l = 0 only
     defect: F32  # (blocks, _ALIKE, BLOCK), of the first moments; the others follow in one sweep
+    ratio: F32 | None  # see `Solution`
 
 
 class Solution(NamedTuple):
     """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, how each grid's
-    moments came about, from the coarsest but one on; fluxes (2, ny, nx) down to the ground and up through the top; and
-    what the coarser grid had told of both, if that is wanted: the first moments (blocks, _ALIKE, BLOCK), and fluxes."""
+    moments came about, from the coarsest but one on; fluxes (2, ny, nx) down to the ground and up through the top; the
+    ratio (blocks, BLOCK) of the moments to the nodes' own, unless they are these; and what the coarser grid had told of
+    moments and fluxes, if that is wanted: the first ones (blocks, _ALIKE, BLOCK), and all fluxes."""
 
     moments: Moments
     coarser: Coarser
     sweeps: list[int]
     traces: list[Trace]
     fluxes: F32
+    ratio: F32 | None
     told: tuple[F32, F32] | None = None
 
 
@@ -357,7 +380,7 @@ def begin(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, 
         level = fine
     else:
         whole = below.coarser  # the base's own, or the base itself
-        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below.moments.values)
+        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below)
         level = fine.over(whole, like[len(below.sweeps) - 1].kept if like else None)
     values = fine.pool.take("begin", *level.shape)
     in_threads(
@@ -382,13 +405,14 @@ def coarse_to_fine(
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
         # (nor does another wavelength's light help: what differs changes least of all)
         values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes())
+        return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes(), fine.ratio)
     begun = begin(fine, tolerance, most, like, finer)
     level, below = begun.level, begun.below
     told = begun.told() if tell else None
     first = begun.values[:, :_ALIKE]
     if like:
         trace = like[len(below.sweeps) - 1]
+        level.amends, level.ratio = False, trace.ratio
         ratio = np.clip(first[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
         for at in range(0, len(first), _FEW_BLOCKS):
             some = slice(at, at + _FEW_BLOCKS)
@@ -402,9 +426,9 @@ def coarse_to_fine(
     values, before, n = level.solve(begun.values, enough, most, correct=_Correction(level, begun.base))
     traces = []
     if not like:
-        traces = [*below.traces, Trace(level.place >= 0, first[:, :1].copy(), before[:, :_ALIKE] - first)]
+        traces = [*below.traces, Trace(level.place >= 0, first[:, :1].copy(), before[:, :_ALIKE] - first, level.ratio)]
     return Solution(
-        Moments(level.place, values), level.coarser, [*below.sweeps, n], traces, level.fluxes(), told
+        Moments(level.place, values), level.coarser, [*below.sweeps, n], traces, level.fluxes(), level.ratio, told
     )  # fmt: skip
 
 

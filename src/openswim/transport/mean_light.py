@@ -12,8 +12,8 @@ nodes in proportion to their extinction: then it is the light at a node that is 
     J~ = J - sum over the six neighbours b of (h_b/V) [(beta_b - beta)/(6 (beta_b + beta)) + c] (J_b - J),
 
 V the mean of the two h along that axis. c is for light that is not linear: 1/12 by the trapezoidal rule for a smooth
-one. The beam, which lies between a straight line and the exponential of one, is taken as the square of a straight line,
-so that c = (sqrt J_b - sqrt J)/(12 (sqrt J_b + sqrt J)). docs/decisions/0015-light-between-nodes.md.
+one. That is for the eye, and where no sweep has told more yet (see `sweep_row.amend_row`; of the beam: `beam.py`).
+docs/decisions/0015-light-between-nodes.md.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.moments import Moments
-from openswim.transport.optical_grid import OpticalGrid, blocks_of, total_extinction, with_ghosts
-from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, root, spread_quadruple, write
+from openswim.transport.optical_grid import OpticalGrid
+from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK
 from openswim.transport.threads import in_threads
@@ -34,12 +34,10 @@ F32 = NDArray[np.float32]
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _TINY = np.float32(1e-30)
-# The factors of (beta_b - beta)/(beta_b + beta), of 1 and of (sqrt J_b - sqrt J)/(sqrt J_b + sqrt J). In sweeps a step
-# loses light along its dominant axis (1/6 and 1/12), and across as interpolation upstream has it (1/12 on the average,
-# and 0): means over the three axes
-SWEPT = (1.0 / 9.0, 1.0 / 36.0, 0.0)
-SEEN = (1.0 / 6.0, 0.0, 0.0)  # by an eye, to which light is linear between nodes
-OF_BEAM = (1.0 / 6.0, 0.0, 1.0 / 12.0)
+# The factors of (beta_b - beta)/(beta_b + beta) and of 1. In sweeps a step loses light along its dominant axis (1/6 and
+# 1/12), and across as interpolation upstream has it (1/12 on the average, and 0): means over the three axes
+SWEPT = (1.0 / 9.0, 1.0 / 36.0)
+SEEN = (1.0 / 6.0, 0.0)  # by an eye, to which light is linear between nodes
 _ROW = BLOCK + 2 * LANES  # of a block with a node on either side; the first stands before element LANES
 _NEIGHBOURS = 6
 
@@ -48,12 +46,8 @@ _NEIGHBOURS = 6
 def _share(here, there, light, other, part, weights):
     """What a neighbour's difference counts for; nothing where either lies in darkness, such as underground."""
     lit = choose_above(light, _ZERO, choose_above(other, _ZERO, spread_quadruple(part), _ZERO), _ZERO)
-    rise, bend, rooted = weights
-    share = rise * (there - here) / (there + here + _TINY) + bend
-    if rooted > _ZERO:
-        own, next_one = root(choose_above(light, _TINY, light, _TINY)), root(choose_above(other, _TINY, other, _TINY))
-        share += rooted * (next_one - own) / (next_one + own)
-    return lit * share
+    rise, bend = weights
+    return lit * (rise * (there - here) / (there + here + _TINY) + bend)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -144,7 +138,7 @@ def mean_light_rows(t, threads, place, values, extinction, levels_m, nx, periodi
 
 def light_around(
     grid: OpticalGrid, place: NDArray[np.int32], values: F32, extinction: F32, out: F32,
-    weights: tuple[float, float, float],
+    weights: tuple[float, float],
 ) -> F32:  # fmt: skip
     """The light of `mean_light_rows` around the nodes of a grid, of diffuse moments kept in blocks."""
     nx = grid.ground_node.shape[1]
@@ -155,18 +149,5 @@ def light_around(
 
 def seen(grid: OpticalGrid, moments: Moments, extinction: F32, pool: Pool) -> None:
     """Turn the solved moments of a grid into what an eye sees scattered."""
-    out = pool.take("around", *moments.values.shape)
+    out = pool.take("begin", *moments.values.shape)  # where the solution began is no longer needed
     np.copyto(moments.values, light_around(grid, moments.place, moments.values, extinction, out, SEEN))
-
-
-def beam_around(grid: OpticalGrid) -> F32:
-    """The same of the direct beam, in and next to clouds; elsewhere the beam itself."""
-    near = blocks_of(grid.cloudy)
-    place = np.where(near, np.arange(near.size).reshape(near.shape), -1).astype(np.int32)
-    nx = grid.ground_node.shape[1]
-    out = grid.beam.copy()
-    light_around(
-        grid, place, grid.beam.reshape(-1, 1, BLOCK), with_ghosts(total_extinction(grid), nx, grid.periodic),
-        out.reshape(-1, 1, BLOCK), OF_BEAM,
-    )  # fmt: skip
-    return out

@@ -248,6 +248,15 @@ def add_scaled(t, threads, out, weight, values):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def scale(t, threads, values, ratio):
+    """values (blocks, moments, BLOCK) times ratio (blocks, BLOCK)."""
+    for n in range(t, values.shape[0], threads):
+        for c in range(values.shape[1]):
+            for i in range(BLOCK):
+                values[n, c, i] *= ratio[n, i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def squares(t, threads, before, after, level, change, size):
     """Thread t's share of the squares of the first moments (l < 2): their ``change`` (threads,), and on every level
     their ``size`` (threads, nz). ``level``: of every block."""

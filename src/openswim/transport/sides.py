@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.transport.diffuse import Sweeper
+from openswim.transport.diffuse import Sweeper, of_nodes
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Moments, gathered
 from openswim.transport.optical_grid import OpticalGrid, near_packs, whole_blocks
@@ -138,6 +138,7 @@ def _moments_of_columns(
         Pool(),
     )  # fmt: skip
     values, _, _ = sweeper.solve(sweeper.nothing(), 0.05 * tolerance, _MOST_SWEEPS, _MEMORY)
+    of_nodes(values, sweeper.ratio)
     every = np.arange(len(j) + 1)
     moments = gathered(Moments(sweeper.place, values), sweeper.coarser, 0 * every, every)
     return np.asarray(np.moveaxis(moments, -1, 1), float)

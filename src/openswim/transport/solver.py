@@ -18,6 +18,7 @@ from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import compiling, diffuse, spectral, swim
+from openswim.transport.beam import beam_around
 from openswim.transport.beyond import Beyond
 from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
@@ -25,7 +26,7 @@ from openswim.transport.grid_light import GridLight, beams_and_shadows, coeffici
 from openswim.transport.landscape import landscape_of
 from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
-from openswim.transport.mean_light import beam_around, seen
+from openswim.transport.mean_light import seen
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
@@ -310,7 +311,7 @@ def _diffuse(
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = diffuse.Solution(
-                    Moments(sweeper.place, values), sweeper.coarser, [n], [], sweeper.fluxes()
+                    Moments(sweeper.place, values), sweeper.coarser, [n], [], sweeper.fluxes(), sweeper.ratio
                 )
             elif others:
                 solution = spectral.between(sweeper, setting.tolerance, solver.most_sweeps, traces, others)
@@ -322,6 +323,7 @@ def _diffuse(
                 )
             traces = traces or solution.traces
             if not others:
+                diffuse.of_nodes(solution.moments.values, solution.ratio)
                 seen(grid, solution.moments, sweeper.extinction, pool)
             found[w] = spectral.Known(float(wl[w]), properties, solution)
             meter.advance()

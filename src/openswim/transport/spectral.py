@@ -105,7 +105,7 @@ def between(
     for k in sides:
         coarse = k.told[1]
         fluxes += np.float32(k.share) * _ratio(told_fluxes, coarse) * (k.solution.fluxes - coarse)
-    return Solution(Moments(begun.level.place, values), begun.level.coarser, [*begun.below.sweeps, 0], [], fluxes)
+    return Solution(Moments(begun.level.place, values), begun.level.coarser, [*begun.below.sweeps, 0], [], fluxes, None)
 
 
 def _ratio(told: F32, told_there: F32) -> F32:

@@ -20,7 +20,7 @@ from openswim.transport.moments import Coarser
 from openswim.transport.optical_grid import OpticalGrid
 from openswim.transport.pack import LANES, flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
-from openswim.transport.sweep_row import carry_row, step_weights
+from openswim.transport.sweep_row import amend_row, carry_row, step_weights
 from openswim.transport.sweep_source import (
     collect_row,
     emission_row,
@@ -54,6 +54,9 @@ class Room(NamedTuple):
     thin_level: np.ndarray  # (nz, 2) where the air's and cloud's rows of a level begin there, -1 where there are none
     light: np.ndarray  # (threads, 2, rows, nodes), with ghosts: radiance on this plane and the one before, in a strip
     emitted: np.ndarray  # the same of emission
+    amended: np.ndarray  # the same of what is to be added to the light, as a share of it; none where nothing is
+    more: np.ndarray  # (threads, blocks kept, BLOCK) the sum of that over the ordinates, as part of the first moment
+    near_cloud: np.ndarray  # (nz,) 1 at levels with steps in cloud, 2 where the next have some
     front: np.ndarray  # (threads, 2, nz, nodes and ghosts) radiance and emission where the next strip begins
     work: np.ndarray  # (threads, 2, nodes and ghosts)
     flux: np.ndarray  # (threads, ny, nx)
@@ -63,6 +66,7 @@ class Room(NamedTuple):
 
 
 _ALONG_X, _ALONG_Y, _ALONG_Z = 0, 1, 2
+_FIRST = np.float32(0.5 / math.sqrt(math.pi))  # the first harmonic
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -116,16 +120,7 @@ def _sweep_plane(
             for i in range(-1, nx + 1):
                 put(light, now + row + i, inflow)
             continue
-        # the upstream corners: `_ALONG_Z` has all on the plane before, the others two on each
-        first = aside if axis == _ALONG_Y else row
-        second = row if axis == _ALONG_Z else aside
-        third = row if along_x else aside
-        at[0], at_e[0] = near + first, near_e + first
-        at[1], at_e[1] = near + second + sx, near_e + second + sx
-        at[2], at_e[2] = last + third, last_e + third
-        at[3], at_e[3] = last + aside + sx, last_e + aside + sx
-        if along_x:
-            at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
+        _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
         carry_row(
             light, emitted, extinction, now + row, now_e + row, at, at_e, along_x, step, grid.cloudy,
             (k * ny + begin + j - 1) * packs, nx, sx, entry, inflow, work, scratch,
@@ -137,6 +132,67 @@ def _sweep_plane(
         length = grid.cell_m[1] / abs(q[1])
         for i in range(nx):
             _enter(light, now + row + i, -sy * stride, extinction, now_e + row + i, length, inflow)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e):
+    """The first upstream corners of a row, with weights as in `_plan_step`: `_ALONG_Z` has all on the plane before, the
+    others two on each."""
+    first = aside if axis == _ALONG_Y else row
+    second = row if axis == _ALONG_Z else aside
+    third = row if axis == _ALONG_X else aside
+    at[0], at_e[0] = near + first, near_e + first
+    at[1], at_e[1] = near + second + sx, near_e + second + sx
+    at[2], at_e[2] = last + third, last_e + third
+    at[3], at_e[3] = last + aside + sx, last_e + aside + sx
+    if axis == _ALONG_X:
+        at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _amend_plane(
+    k, before, after, rows, now, last, axis, q, sx, sy, top, side, grid, step, at, at_e, light, emitted, amended,
+    extinction, work, scratch,
+):  # fmt: skip
+    """`amend_row` of the steps of `_sweep_plane`; ``before``, ``after``: the planes upstream and downstream."""
+    _, ny, packs = grid.cloudy.shape
+    nx = grid.ground_node.shape[1]
+    stride = extinction.shape[2]
+    begin, end = rows
+    now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
+    entry = (nx - 1 if sx > 0 else 0) if grid.ends and q[0] != 0.0 and nx > 1 else -1
+    skipped = 1 if grid.ends and side and q[1] != 0.0 else 0
+    near, near_e = (last, last_e) if axis == _ALONG_Z else (now, now_e)
+    own_share, up_share = np.float32(0.5), np.float32(0.5)
+    if axis == _ALONG_Z:
+        if top:
+            return
+        z = grid.levels_m
+        here = abs(z[k] - z[before])
+        first = 2 * before - k
+        beyond = abs(z[before] - z[first]) if 0 <= first < z.shape[0] else 0.0
+        own_share = np.float32(here / (here + abs(z[after] - z[k])))
+        up_share = np.float32(here / (here + beyond))
+    for m in range(skipped, end - begin):
+        j = end - begin - m if sy > 0 else 1 + m
+        row, aside = j * stride + 1, (j + sy) * stride + 1
+        _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
+        amend_row(
+            light, emitted, extinction, amended, now + row, now_e + row, at, at_e, step, own_share, up_share,
+            grid.cloudy, (k * ny + begin + j - 1) * packs, nx, entry, work, scratch,
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _fold_sides(plane, nx, periodic):
+    """What ghost nodes have got goes to those they stand for."""
+    ny = plane.shape[0] - 2
+    for i in range(plane.shape[1]):
+        plane[ny if periodic else 1, i] += plane[0, i]
+        plane[1 if periodic else ny, i] += plane[ny + 1, i]
+    for j in range(1, ny + 1):
+        plane[j, nx if periodic else 1] += plane[j, 0]
+        plane[j, 1 if periodic else nx] += plane[j, nx + 1]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -250,6 +306,26 @@ def _leave_light(k, n, rows, place, row, light, start, radiance):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
+    """What a swept strip's light is to be amended by, a share ``amended`` of it, into the sums of thread t."""
+    ny, blocks, packs = place.shape[1], place.shape[2], cloudy.shape[2]
+    stride = light.shape[3]
+    first = t * more.shape[1] * BLOCK
+    for j in range(rows[0], rows[1]):
+        for b in range(blocks):
+            kept = flat(place, (k * ny + j) * blocks + b)
+            if kept < 0:
+                continue
+            at = start + (j - rows[0] + 1) * stride + 1 + b * BLOCK
+            out = first + kept * BLOCK
+            for i in range(0, BLOCK, LANES):
+                if not flat(cloudy, (k * ny + j) * packs + (b * BLOCK + i) // LANES):
+                    continue
+                added = read_quadruple(light, at + i) * read_quadruple(amended, at + i)
+                write(more, out + i, read_quadruple(more, out + i) + weight * added)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _copy_row(row, out):
     for i in range(row.shape[0]):
         out[i] = row[i]
@@ -274,6 +350,7 @@ def _carry_strip(
     ahead, behind = (count + 1, 1) if sy > 0 else (0, count)
     share = half.weight[n] * np.float32(abs(q[2]) / (4.0 * math.pi))
     known = half.edges.shape[3] > 0
+    amend = room.amended.shape[2] > 0
     for turn in range(nz):
         k = nz - 1 - turn if downward else turn
         before = k if turn == 0 else (k + 1 if downward else k - 1)
@@ -302,6 +379,29 @@ def _carry_strip(
             _copy_row(plane[behind], room.front[t, 0, k])
             _copy_row(emitted[behind], room.front[t, 1, k])
         _leave_light(k, slot, rows, place, room.row, room.light, now, room.emission)
+        if amend:
+            if room.near_cloud[k] > 0:
+                room.amended[t, cur, : count + 2] = np.float32(0.0)
+            if room.near_cloud[k] == 1:
+                after = min(max(k - 1 if downward else k + 1, 0), nz - 1)
+                _amend_plane(
+                    k, before, after, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), grid,
+                    step, at, at_e, room.light, room.emitted, room.amended, room.extinction, room.work, 2 * t * stride,
+                )  # fmt: skip
+        if turn > 0:
+            _leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], room)
+        if turn == nz - 1:
+            _leave_amended(k, t, cur, rows, grid, place, half.weight[n], room)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _leave_amended(k, t, which, rows, grid, place, weight, room):
+    """`_leave_more` of a plane, once the steps to the next one have amended it."""
+    if room.amended.shape[2] == 0 or room.near_cloud[k] == 0:
+        return
+    _fold_sides(room.amended[t, which, : rows[1] - rows[0] + 2], grid.ground_node.shape[1], grid.periodic)
+    start = (t * 2 + which) * room.light.shape[2] * room.light.shape[3]
+    _leave_more(k, t, rows, grid.cloudy, place, _FIRST * weight, room.light, room.amended, start, room.more)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -329,6 +429,8 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
     groups = group.first.shape[0] - 1
     if g == 0:
         room.flux[t] = np.float32(0.0)
+        if begins:
+            room.more[t] = np.float32(0.0)
     for k in range(nz):
         for j in range(t, ny, threads):
             if g > 0:
