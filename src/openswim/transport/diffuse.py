@@ -118,9 +118,8 @@ class Sweeper:
         """What its solution is to a grid of twice the columns each way."""
         grid, values = self.grid, solution.moments.values.copy()
         of_nodes(values, solution.ratio)
-        return Coarser(
-            2, grid.ground_node.shape[1], self.place, values, grid.beam, grid.sun_harmonics, grid.extinction
-        )  # fmt: skip
+        beam = np.minimum(grid.beam, 1)  # what is thin has no cloud's part in it
+        return Coarser(2, grid.ground_node.shape[1], self.place, values, beam, grid.sun_harmonics, grid.extinction)
 
     def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over a coarser field."""
