@@ -57,7 +57,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
 
 
 def test_each_quality_keeps_its_promise(scores) -> None:
-    """docs/solvers.md: preview within 10 %, standard within 5 %, high no worse than standard. Half of that here."""
+    """docs/solvers.md: preview within 5 % on the average, standard too, high no worse than standard."""
     preview, standard, high = (scores[quality][0] for quality in ("preview", "standard", "high"))
     assert preview.n > 50
     assert preview.relative_rmse < 0.05
@@ -67,9 +67,12 @@ def test_each_quality_keeps_its_promise(scores) -> None:
     assert abs(high.bias) < 0.005
 
 
-def test_preview_leaves_the_fine_grid_alone(scores) -> None:
-    """Its sweeps end on 24 x 24 columns; a sweep of the full grid costs four of those."""
-    assert len(scores["preview"][1][0]) == len(scores["standard"][1][0]) - 1
+def test_preview_sweeps_less(scores) -> None:
+    """The same grids."""
+    preview, standard = (scores[quality][1][0] for quality in ("preview", "standard"))
+    assert len(preview) == len(standard)
+    assert sum(preview) < sum(standard)
+    assert preview[-1] <= standard[-1]
 
 
 def test_preview_of_cumulus(shared: Path) -> None:
@@ -79,8 +82,8 @@ def test_preview_of_cumulus(shared: Path) -> None:
     for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
         reference = read_reference(shared / "reference" / "clouds" / name)
         for row in compare(reference, Solver(quality="preview"), PhaseTables([])):
-            assert row.relative_rmse < 0.10, row
-            assert abs(row.bias) < 0.04, row
+            assert row.relative_rmse < 0.05, row
+            assert abs(row.bias) < 0.015, row
 
 
 @pytest.mark.parametrize("periodic", [False, True])

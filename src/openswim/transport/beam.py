@@ -29,7 +29,7 @@ _ZERO, _ONE, _EIGHTH = np.float32(0.0), np.float32(1.0), np.float32(0.125)
 _NINTH, _EIGHTEENTH = np.float32(1 / 9), np.float32(1 / 18)
 _CLOUDY = np.float32(1e-3)  # share of the extinction that cloud must be
 _OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off
-_MOST = np.float32(50.0)
+_MOST = np.float32(50.0)  # and never more
 _DARK = np.float32(1e-25)  # at a corner of less light there is the terrain's shadow, or nothing left
 
 
@@ -86,8 +86,8 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 ratio = taken / (_EIGHTH * told + _DARK * _DARK)
                 # what is thin amends little: at the edge of another cloud's shadow it would seem to take more, or less
                 depth = _OFF * most / root(vx * vx + vy * vy + vz * vz)
-                ratio = _least(_least(ratio, _ONE + depth), _MOST + _ZERO * depth)
-                ratio = _ZERO - _least(_ZERO - ratio, _least(depth - _ONE, _ZERO * depth))
+                ratio = _least(_least(ratio, _ONE + depth), _MOST)
+                ratio = _most(_most(ratio, _ONE - depth), _ZERO)
                 ratio = choose_above(least, _DARK, ratio, _ONE)
                 write(out, n, choose_above(most - air, _CLOUDY * most, ratio, _ONE))
 
@@ -139,9 +139,7 @@ def beam_around(grid: OpticalGrid) -> F32:
     # the harmonics of the first degree are those of a vector
     sun = np.moveaxis(grid.sun_harmonics[:, (3, 1, 2)], 1, 0) * np.array([-1, -1, 1], np.float32)[:, None, None]
     sun = with_ghosts(np.float32(math.sqrt(4 * math.pi / 3)) * sun, nx, False)
-    beam, extinction = (
-        with_ghosts(field, nx, grid.periodic) for field in (grid.beam, total_extinction(grid))
-    )
+    beam, extinction = (with_ghosts(field, nx, grid.periodic) for field in (grid.beam, total_extinction(grid)))
     ratios = np.empty((nz - 1, *beam.shape[1:]), np.float32)
     in_threads(
         cell_ratios, beam, extinction, grid.air_extinction, sun, grid.levels_m, grid.cell_m, near_cloud, ratios

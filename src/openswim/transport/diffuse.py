@@ -49,12 +49,12 @@ _FEW_COLUMNS = 500  # fewer than these are swept by one thread
 _LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
-_FEW_BLOCKS = 4096  # as many as a cache holds
+FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
 _DARK = 1e-12  # light of a node that nothing is made of
-_LEAST_RATIO = np.float32(0.05)
+_LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
 WHOLE = 2  # from the third grid on the moments of all that scatters are kept
 _LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
 _ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3: those of a blue sky
@@ -366,12 +366,12 @@ class Begun(NamedTuple):
         return self.values[:, :_ALIKE].copy(), twice_as_fine_plane(self.below.fluxes, self.level.ground_albedo.shape)
 
 
-def has_coarser(fine: Sweeper) -> bool:
-    """Whether a 2x2-coarse grid is of any help."""
-    return not fine.grid.periodic and min(fine.grid.ground_node.shape) >= 2 * _LEAST_COARSE
+def told_ratio(told: F32, told_there: F32) -> F32:
+    """Of what a coarse grid tells at two wavelengths, within bounds."""
+    return np.clip(told / np.maximum(told_there, _DARK), 0.2, 5.0)
 
 
-def begin(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int) -> Begun:
+def begin_from_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int) -> Begun:
     """What the 2x2-coarse grid tells, see `coarse_to_fine`."""
     base = fine.coarsened()
     below = coarse_to_fine(base, tolerance, most, like, finer + 1)
@@ -400,21 +400,21 @@ def coarse_to_fine(
     like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
     tell: leave what other wavelengths need to be told (see `spectral.py`).
     """
-    if not has_coarser(fine):
+    if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
         # (nor does another wavelength's light help: what differs changes least of all)
         values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
         return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes(), fine.ratio)
-    begun = begin(fine, tolerance, most, like, finer)
+    begun = begin_from_coarse(fine, tolerance, most, like, finer)
     level, below = begun.level, begun.below
     told = begun.told() if tell else None
     first = begun.values[:, :_ALIKE]
     if like:
         trace = like[len(below.sweeps) - 1]
         level.amends, level.ratio = False, trace.ratio
-        ratio = np.clip(first[:, :1] / np.maximum(trace.start, 1e-12), 0.2, 5.0)
-        for at in range(0, len(first), _FEW_BLOCKS):
-            some = slice(at, at + _FEW_BLOCKS)
+        ratio = told_ratio(first[:, :1], trace.start)
+        for at in range(0, len(first), FEW_BLOCKS):
+            some = slice(at, at + FEW_BLOCKS)
             first[some] += trace.defect[some] * ratio[some]
     else:
         first = first.copy()

@@ -12,8 +12,8 @@ nodes in proportion to their extinction: then it is the light at a node that is 
     J~ = J - sum over the six neighbours b of (h_b/V) [(beta_b - beta)/(6 (beta_b + beta)) + c] (J_b - J),
 
 V the mean of the two h along that axis. c is for light that is not linear: 1/12 by the trapezoidal rule for a smooth
-one. That is for the eye, and where no sweep has told more yet (see `sweep_row.amend_row`; of the beam: `beam.py`).
-docs/decisions/0015-light-between-nodes.md.
+one. That is for the eye, and for light carried beyond a grid; sweeps themselves tell what their steps take, see
+`sweep_taken.py`. docs/decisions/0015-light-between-nodes.md.
 """
 
 from __future__ import annotations

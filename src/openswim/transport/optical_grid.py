@@ -76,30 +76,24 @@ def at_another_wavelength(grid: OpticalGrid, coefficients: Coefficients, beam: F
 
 
 def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
-    """The same medium on 2x2 means of its columns, with the extinction that lets as much light through a cell, and in
-    cloud the beam of which that takes as much as the four did.
+    """The same medium on 2x2 means of its columns, and in cloud the beam of which that takes as much as the four did.
 
-    The mean extinction of broken cloud would be too bright, and the fine grid slow to mend it; so would the mean beam.
+    Their mean beam would be too bright, for it is so where there is little cloud, and the fine grid slow to mend it.
     """
     ny, nx = grid.ground_node.shape
     rows, columns = -(-ny // 2), -(-nx // 2)
     beam = np.zeros((len(grid.beam), rows, columns + -columns % BLOCK), np.float32)
     extinction = np.zeros((len(grid.extinction), *beam.shape), np.float32)
-    cell_m = np.float32(grid.cell_m.max())
 
     def share(t: int, threads: int) -> None:
         for k in range(t, len(beam), threads):
             light, cloud = grid.beam[k, :, :nx], grid.extinction[:, k, :, :nx]
             beam[k, :, :columns] = coarsen(light)
-            if not cloud.any():
-                continue
-            depth = cell_m * (grid.scaled[:, None, None] * cloud).sum(axis=0)
-            mean = coarsen(depth)
-            let_through = -np.log(np.maximum(coarsen(np.exp(-depth)), np.float32(1e-30)))
-            thick = mean > 1e-6
-            less = np.divide(let_through, mean, out=np.ones_like(mean), where=thick)
-            extinction[:, k, :, :columns] = coarsen(cloud) * less
-            np.divide(coarsen(depth * light), let_through, out=beam[k, :, :columns], where=thick & (less > 0))
+            if cloud.any():
+                extinction[:, k, :, :columns] = coarsen(cloud)
+                takes = (grid.scaled[:, None, None] * cloud).sum(axis=0)
+                mean = coarsen(takes)
+                np.divide(coarsen(takes * light), mean, out=beam[k, :, :columns], where=mean > 0)
 
     in_threads(share)
     harmonics = np.moveaxis(coarsen(np.moveaxis(grid.sun_harmonics[..., :nx], 0, -2)), -2, 0)

@@ -36,7 +36,7 @@ from openswim.transport.ordinates import Ordinates, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
-from openswim.transport.quality import SETTINGS, Quality, solve_coarse
+from openswim.transport.quality import SETTINGS, Quality
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.sides import Clear, light_through_sides
 from openswim.transport.surface import Lighting, clear_sky_table
@@ -167,7 +167,7 @@ def _grid_field(
     started = time.perf_counter()
     fast = solver.name == "fast"
     setting = solver.setting
-    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.coarse else 1, frame=frame)
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.tall else 1, frame=frame)
     if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     landscape = landscape_of(scene, medium)
@@ -315,8 +315,6 @@ def _diffuse(
                 )
             elif others:
                 solution = spectral.between(sweeper, setting.tolerance, solver.most_sweeps, traces, others)
-            elif setting.coarse:
-                solution = solve_coarse(sweeper, setting.tolerance, solver.most_sweeps, traces)
             else:
                 solution = diffuse.coarse_to_fine(
                     sweeper, setting.tolerance, solver.most_sweeps, traces, tell=count > 2

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.diffuse import Solution, Sweeper, Trace, begin
+from openswim.transport.diffuse import FEW_BLOCKS, Solution, Sweeper, Trace, begin_from_coarse, told_ratio
 from openswim.transport.moments import Moments
 from openswim.transport.threads import in_threads
 
@@ -29,8 +29,6 @@ _WIDEST = 1.5  # ratio of wavelengths that tell of what is between them
 _SPECIES = 0.02  # in a species' extinction and the moments of its scattering, of its extinction
 _ALBEDO = 2e-3  # in its single-scattering albedo, for light is scattered many times
 _GROUND = 0.1  # in the mean albedo of the ground
-_LEAST, _MOST = 0.2, 5.0  # of a ratio of coarse fields
-_FEW_BLOCKS = 4096  # as many as a cache holds
 
 
 class Known(NamedTuple):
@@ -84,19 +82,19 @@ def between(
     fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, sides: Sequence[Known]
 ) -> Solution:  # fmt: skip
     """The solution of a wavelength between others, whose moments may be what an eye sees; its own are then, too."""
-    begun = begin(fine, tolerance, most, like, 0)
+    begun = begin_from_coarse(fine, tolerance, most, like, 0)
     told, told_fluxes = begun.told()
     values = np.zeros(begun.level.shape, np.float32)
     few = told.shape[1]
 
     def share(part: int, parts: int) -> None:
-        for at in range(part * _FEW_BLOCKS, len(values), parts * _FEW_BLOCKS):
-            some = slice(at, at + _FEW_BLOCKS)
+        for at in range(part * FEW_BLOCKS, len(values), parts * FEW_BLOCKS):
+            some = slice(at, at + FEW_BLOCKS)
             own = values[some]
             own[:, :few] = told[some]
             for k in sides:
                 solved, coarse = k.solution.moments.values[some], k.told[0][some]
-                counts = np.float32(k.share) * _ratio(told[some, :1], coarse[:, :1])
+                counts = np.float32(k.share) * told_ratio(told[some, :1], coarse[:, :1])
                 own[:, :few] += counts * (solved[:, :few] - coarse)
                 own[:, few:] += counts * solved[:, few:]
 
@@ -104,9 +102,5 @@ def between(
     fluxes = told_fluxes.copy()
     for k in sides:
         coarse = k.told[1]
-        fluxes += np.float32(k.share) * _ratio(told_fluxes, coarse) * (k.solution.fluxes - coarse)
+        fluxes += np.float32(k.share) * told_ratio(told_fluxes, coarse) * (k.solution.fluxes - coarse)
     return Solution(Moments(begun.level.place, values), begun.level.coarser, [*begun.below.sweeps, 0], [], fluxes, None)
-
-
-def _ratio(told: F32, told_there: F32) -> F32:
-    return np.clip(told / np.maximum(told_there, 1e-12), _LEAST, _MOST)

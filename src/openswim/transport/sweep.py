@@ -20,7 +20,7 @@ from openswim.transport.moments import Coarser
 from openswim.transport.optical_grid import OpticalGrid
 from openswim.transport.pack import LANES, flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
-from openswim.transport.sweep_row import amend_row, carry_row, step_weights
+from openswim.transport.sweep_row import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
 from openswim.transport.sweep_source import (
     collect_row,
     emission_row,
@@ -28,6 +28,7 @@ from openswim.transport.sweep_source import (
     row_of_emission,
     thin_row,
 )
+from openswim.transport.sweep_taken import amend_plane, leave_amended
 from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
@@ -65,10 +66,6 @@ class Room(NamedTuple):
     sums: np.ndarray  # (threads, sums of a group, BLOCK)
 
 
-_ALONG_X, _ALONG_Y, _ALONG_Z = 0, 1, 2
-_FIRST = np.float32(0.5 / math.sqrt(math.pi))  # the first harmonic
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
     """How an ordinate steps through one plane: short characteristics along the axis whose cells it crosses fastest.
@@ -82,13 +79,13 @@ def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
     ty = cell_m[1] / max(abs(q[1]), 1e-12)
     tz = dz / max(abs(q[2]), 1e-12)
     if tz <= tx and tz <= ty:
-        axis, ds, a, c = _ALONG_Z, tz, tz / tx, tz / ty
+        axis, ds, a, c = ALONG_Z, tz, tz / tx, tz / ty
     elif ty <= tx:
-        axis, ds, a, c = _ALONG_Y, ty, ty / tx, ty / tz
+        axis, ds, a, c = ALONG_Y, ty, ty / tx, ty / tz
     else:
-        axis, ds, a, c = _ALONG_X, tx, tx / ty, tx / tz
+        axis, ds, a, c = ALONG_X, tx, tx / ty, tx / tz
     step[0], step[1], step[2], step[3], step[4] = (1 - a) * (1 - c), a * (1 - c), (1 - a) * c, a * c, ds
-    up = np.float32(air_old if axis == _ALONG_Z else air * (1 - c) + air_old * c)
+    up = np.float32(air_old if axis == ALONG_Z else air * (1 - c) + air_old * c)
     step[5], step[6], step[7] = step_weights(air, up, step[4])
     return axis
 
@@ -108,91 +105,30 @@ def _sweep_plane(
     stride = extinction.shape[2]
     begin, end = rows
     now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
-    along_x = axis == _ALONG_X
+    along_x = axis == ALONG_X
     across_x = grid.ends and q[0] != 0.0 and nx > 1
     across_y = grid.ends and side and q[1] != 0.0
     entry = (nx - 1 if sx > 0 else 0) if across_x else -1
-    near, near_e = (last, last_e) if axis == _ALONG_Z else (now, now_e)
+    near, near_e = (last, last_e) if axis == ALONG_Z else (now, now_e)
     for m in range(end - begin):
         j = end - begin - m if sy > 0 else 1 + m
         row, aside = j * stride + 1, (j + sy) * stride + 1
-        if (axis == _ALONG_Z and top) or (m == 0 and across_y):
+        if (axis == ALONG_Z and top) or (m == 0 and across_y):
             for i in range(-1, nx + 1):
                 put(light, now + row + i, inflow)
             continue
-        _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
+        upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
         carry_row(
             light, emitted, extinction, now + row, now_e + row, at, at_e, along_x, step, grid.cloudy,
             (k * ny + begin + j - 1) * packs, nx, sx, entry, inflow, work, scratch,
         )  # fmt: skip
         if across_x:
             _enter(light, now + row + entry, -sx, extinction, now_e + row + entry, grid.cell_m[0] / abs(q[0]), inflow)
-    if across_y and end - begin > 1 and not (axis == _ALONG_Z and top):
+    if across_y and end - begin > 1 and not (axis == ALONG_Z and top):
         row = (end - begin if sy > 0 else 1) * stride + 1
         length = grid.cell_m[1] / abs(q[1])
         for i in range(nx):
             _enter(light, now + row + i, -sy * stride, extinction, now_e + row + i, length, inflow)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e):
-    """The first upstream corners of a row, with weights as in `_plan_step`: `_ALONG_Z` has all on the plane before, the
-    others two on each."""
-    first = aside if axis == _ALONG_Y else row
-    second = row if axis == _ALONG_Z else aside
-    third = row if axis == _ALONG_X else aside
-    at[0], at_e[0] = near + first, near_e + first
-    at[1], at_e[1] = near + second + sx, near_e + second + sx
-    at[2], at_e[2] = last + third, last_e + third
-    at[3], at_e[3] = last + aside + sx, last_e + aside + sx
-    if axis == _ALONG_X:
-        at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _amend_plane(
-    k, before, after, rows, now, last, axis, q, sx, sy, top, side, grid, step, at, at_e, light, emitted, amended,
-    extinction, work, scratch,
-):  # fmt: skip
-    """`amend_row` of the steps of `_sweep_plane`; ``before``, ``after``: the planes upstream and downstream."""
-    _, ny, packs = grid.cloudy.shape
-    nx = grid.ground_node.shape[1]
-    stride = extinction.shape[2]
-    begin, end = rows
-    now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
-    entry = (nx - 1 if sx > 0 else 0) if grid.ends and q[0] != 0.0 and nx > 1 else -1
-    skipped = 1 if grid.ends and side and q[1] != 0.0 else 0
-    near, near_e = (last, last_e) if axis == _ALONG_Z else (now, now_e)
-    own_share, up_share = np.float32(0.5), np.float32(0.5)
-    if axis == _ALONG_Z:
-        if top:
-            return
-        z = grid.levels_m
-        here = abs(z[k] - z[before])
-        first = 2 * before - k
-        beyond = abs(z[before] - z[first]) if 0 <= first < z.shape[0] else 0.0
-        own_share = np.float32(here / (here + abs(z[after] - z[k])))
-        up_share = np.float32(here / (here + beyond))
-    for m in range(skipped, end - begin):
-        j = end - begin - m if sy > 0 else 1 + m
-        row, aside = j * stride + 1, (j + sy) * stride + 1
-        _upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
-        amend_row(
-            light, emitted, extinction, amended, now + row, now_e + row, at, at_e, step, own_share, up_share,
-            grid.cloudy, (k * ny + begin + j - 1) * packs, nx, entry, work, scratch,
-        )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _fold_sides(plane, nx, periodic):
-    """What ghost nodes have got goes to those they stand for."""
-    ny = plane.shape[0] - 2
-    for i in range(plane.shape[1]):
-        plane[ny if periodic else 1, i] += plane[0, i]
-        plane[1 if periodic else ny, i] += plane[ny + 1, i]
-    for j in range(1, ny + 1):
-        plane[j, nx if periodic else 1] += plane[j, 0]
-        plane[j, 1 if periodic else nx] += plane[j, nx + 1]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -306,26 +242,6 @@ def _leave_light(k, n, rows, place, row, light, start, radiance):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
-    """What a swept strip's light is to be amended by, a share ``amended`` of it, into the sums of thread t."""
-    ny, blocks, packs = place.shape[1], place.shape[2], cloudy.shape[2]
-    stride = light.shape[3]
-    first = t * more.shape[1] * BLOCK
-    for j in range(rows[0], rows[1]):
-        for b in range(blocks):
-            kept = flat(place, (k * ny + j) * blocks + b)
-            if kept < 0:
-                continue
-            at = start + (j - rows[0] + 1) * stride + 1 + b * BLOCK
-            out = first + kept * BLOCK
-            for i in range(0, BLOCK, LANES):
-                if not flat(cloudy, (k * ny + j) * packs + (b * BLOCK + i) // LANES):
-                    continue
-                added = read_quadruple(light, at + i) * read_quadruple(amended, at + i)
-                write(more, out + i, read_quadruple(more, out + i) + weight * added)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _copy_row(row, out):
     for i in range(row.shape[0]):
         out[i] = row[i]
@@ -384,24 +300,14 @@ def _carry_strip(
                 room.amended[t, cur, : count + 2] = np.float32(0.0)
             if room.near_cloud[k] == 1:
                 after = min(max(k - 1 if downward else k + 1, 0), nz - 1)
-                _amend_plane(
+                amend_plane(
                     k, before, after, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), grid,
                     step, at, at_e, room.light, room.emitted, room.amended, room.extinction, room.work, 2 * t * stride,
                 )  # fmt: skip
         if turn > 0:
-            _leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], room)
+            leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], room)
         if turn == nz - 1:
-            _leave_amended(k, t, cur, rows, grid, place, half.weight[n], room)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _leave_amended(k, t, which, rows, grid, place, weight, room):
-    """`_leave_more` of a plane, once the steps to the next one have amended it."""
-    if room.amended.shape[2] == 0 or room.near_cloud[k] == 0:
-        return
-    _fold_sides(room.amended[t, which, : rows[1] - rows[0] + 2], grid.ground_node.shape[1], grid.periodic)
-    start = (t * 2 + which) * room.light.shape[2] * room.light.shape[3]
-    _leave_more(k, t, rows, grid.cloudy, place, _FIRST * weight, room.light, room.amended, start, room.more)
+            leave_amended(k, t, cur, rows, grid, place, half.weight[n], room)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

@@ -12,8 +12,7 @@ _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
 _SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
 _SHORT = np.float32(0.1)
-_FAINT, _TINY = np.float32(1e-3), np.float32(1e-30)  # optical depth of a step that is left as it is; least light
-_MOST = np.float32(50.0)
+ALONG_X, ALONG_Y, ALONG_Z = 0, 1, 2  # the axis whose cells an ordinate crosses fastest
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -43,7 +42,22 @@ def step_weights(extinction, extinction_up, ds):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _between(array, a, b, c, d, wa, wb, wc, wd):
+def upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e):
+    """The first upstream corners of a row, in the order of `carry_row`'s weights: `ALONG_Z` has all on the plane
+    before, the others two on each."""
+    first = aside if axis == ALONG_Y else row
+    second = row if axis == ALONG_Z else aside
+    third = row if axis == ALONG_X else aside
+    at[0], at_e[0] = near + first, near_e + first
+    at[1], at_e[1] = near + second + sx, near_e + second + sx
+    at[2], at_e[2] = last + third, last_e + third
+    at[3], at_e[3] = last + aside + sx, last_e + aside + sx
+    if axis == ALONG_X:
+        at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def between_corners(array, a, b, c, d, wa, wb, wc, wd):
     """Bilinear values at the upstream points of LANES nodes, from the corners' four rows."""
     low = wa * read_quadruple(array, a) + wb * read_quadruple(array, b)
     return low + (wc * read_quadruple(array, c) + wd * read_quadruple(array, d))
@@ -70,11 +84,11 @@ def carry_row(
     e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)
     ghost = flat(intensity, out + nx)  # the last pack may reach over it
     for i in range(0, nx, LANES):
-        up = _between(intensity, a + i, b + i, c + i, d + i, known, wb, wc, wd)
-        source_up = _between(source, a + i, b + i, c + i, d + i, wa, wb, wc, wd)
+        up = between_corners(intensity, a + i, b + i, c + i, d + i, known, wb, wc, wd)
+        source_up = between_corners(source, a + i, b + i, c + i, d + i, wa, wb, wc, wd)
         own = read_quadruple(source, out + i)
         if flat(cloudy, packs + i // LANES):
-            extinction_up = _between(extinction, e_a + i, e_b + i, e_c + i, e_d + i, wa, wb, wc, wd)
+            extinction_up = between_corners(extinction, e_a + i, e_b + i, e_c + i, e_d + i, wa, wb, wc, wd)
             t, w_near, w_far = step_weights(read_quadruple(extinction, out_e + i), extinction_up, ds)
             up = t * up + (w_near * own + w_far * source_up)
             if recurrent:
@@ -96,51 +110,6 @@ def carry_row(
         put(intensity, out + nx, ghost)
         if entry >= 0:
             put(intensity, out + entry, inflow)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def amend_row(
-    intensity, source, extinction, amended, out, out_e, at, at_e, step, own_share, up_share, cloudy, packs, nx, entry,
-    work, room,
-):  # fmt: skip
-    """What the steps of a row that has been carried take of the light, over what the nodes at their ends would have
-    them take: less one, as a share of these nodes' light, added to ``amended``, an array like ``intensity``.
-
-    A step loses exactly what goes in, and what the nodes emit along it, less what comes out. own_share, up_share: what
-    the step is of all that is around its node, and of what is around the upstream ones; the rest: see `carry_row`.
-    """
-    wa, wb, wc, wd = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3)
-    half = _HALF * flat(step, 4)
-    a, b, c, d = flat(at, 0), flat(at, 1), flat(at, 2), flat(at, 3)
-    e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)
-    for i in range(0, nx, LANES):
-        if not flat(cloudy, packs + i // LANES):
-            continue
-        light_a, light_b = wa * read_quadruple(intensity, a + i), wb * read_quadruple(intensity, b + i)
-        light_c, light_d = wc * read_quadruple(intensity, c + i), wd * read_quadruple(intensity, d + i)
-        own = read_quadruple(intensity, out + i)
-        up = (light_a + light_b) + (light_c + light_d)
-        told = light_a * read_quadruple(extinction, e_a + i) + light_b * read_quadruple(extinction, e_b + i)
-        told += light_c * read_quadruple(extinction, e_c + i) + light_d * read_quadruple(extinction, e_d + i)
-        told = half * (told + own * read_quadruple(extinction, out_e + i))
-        emitted = read_quadruple(source, out + i) + _between(source, a + i, b + i, c + i, d + i, wa, wb, wc, wd)
-        lost = half * emitted + (up - own)
-        least = _FAINT * (up + own) + _TINY
-        more = choose_above(told, least, lost / choose_above(told, least, told, least) - _ONE, _ZERO * told)
-        more = choose_above(more, _MOST, _MOST + _ZERO * told, more)
-        more = choose_above(more, -_ONE, more, _ZERO * told - _ONE)
-        write(work, room, more)
-        if i <= entry < i + LANES:
-            put(work, room + entry - i, _ZERO)
-        for n in range(nx - i, LANES):
-            put(work, room + n, _ZERO)
-        more = read_quadruple(work, room)
-        write(amended, out + i, read_quadruple(amended, out + i) + own_share * more)
-        more *= up_share
-        write(amended, a + i, read_quadruple(amended, a + i) + wa * more)
-        write(amended, b + i, read_quadruple(amended, b + i) + wb * more)
-        write(amended, c + i, read_quadruple(amended, c + i) + wc * more)
-        write(amended, d + i, read_quadruple(amended, d + i) + wd * more)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
