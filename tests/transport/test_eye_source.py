@@ -6,6 +6,7 @@ from tests.transport.scenes import toward
 
 from openswim.scene.procedural import demo_scene
 from openswim.transport import Solver
+from openswim.transport.eye_source import thickest_around
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.volume import DEGREE
@@ -30,9 +31,34 @@ def moments_of_row(kept, coarser, k: int, j: int, nx: int) -> np.ndarray:
     return np.where(np.isnan(own), below, own)
 
 
+def thickest(extinction: np.ndarray, k: int, j: int, periodic: bool) -> np.ndarray:
+    """Extinction (ns, nx) of the nodes of a row, or, at those without cloud, of the thickest around them."""
+    around = np.pad(extinction, [(0, 0), (1, 1), (0, 0), (0, 0)])
+    around = np.pad(around, [(0, 0), (0, 0), (1, 1), (1, 1)], mode="wrap" if periodic else "constant")
+    near = np.stack([
+        around[:, k + c, j + b, a : a + extinction.shape[3]] for c in range(3) for b in range(3) for a in range(3)
+    ], axis=1)  # fmt: skip
+    most = near.sum(axis=0).argmax(axis=0)
+    own = extinction[:, k, j]
+    return np.where(own.sum(axis=0) > 0, own, np.take_along_axis(near, most[None, None], 1)[:, 0])
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_nodes_without_cloud_are_stood_for_by_the_thickest_around(periodic: bool) -> None:
+    rng = np.random.default_rng(3)
+    extinction = rng.uniform(1, 2, (2, 5, 7, 9)).astype(np.float32)
+    extinction[:, rng.uniform(size=(5, 7, 9)) < 0.9] = 0
+    found = thickest_around(extinction, periodic)
+    taken = extinction.reshape(2, -1)[:, found]
+    for k, j in np.ndindex(5, 7):
+        np.testing.assert_array_equal(taken[:, k, j], thickest(extinction, k, j, periodic))
+    alone = extinction.sum(axis=0) > 0
+    np.testing.assert_array_equal(found[alone], np.flatnonzero(alone))
+
+
 @pytest.mark.parametrize(("columns", "factor"), [((70, 45), 2), ((100, 97), 4)])
 def test_source_is_what_the_moments_scatter_toward_the_eye(columns, factor: int) -> None:
-    """sum_l sigma_l sum_m Y_lm(v) M_lm, where moments are kept and where the coarser grid's are."""
+    """sum_l sigma_l sum_m Y_lm(v) M_lm per extinction, where moments are kept and where the coarser grid's are."""
     sun = toward(200.0, 40.0)
     field = Solver(tolerance=0.5).solve(demo_scene(*columns, 20), sun, [615.0, 450.0])._first
     light, medium = field.light, field.medium
@@ -51,7 +77,8 @@ def test_source_is_what_the_moments_scatter_toward_the_eye(columns, factor: int)
             coarser, c = light.coarser[w], light.coefficients[w]
             assert coarser.factor == factor
             moments = moments_of_row(light.moments[w], coarser, k, j, nx)
-            cloud = c.scattering.T @ medium.extinction[:, k, j]
-            total = cloud + c.air_scattering[k][:, None]
+            cloud = thickest(medium.extinction, k, j, False)
+            total = c.scattering.T @ cloud + c.air_scattering[k][:, None]
             diffuse = np.einsum("li,il,li->i", total[orders], harmonic_matrix(local, DEGREE), moments)
+            diffuse /= c.scaled @ cloud + c.air_extinction[k]
             np.testing.assert_allclose(field.volume.fields[k, j, :, PACK + w], diffuse, rtol=2e-4, atol=1e-9)

@@ -28,9 +28,8 @@ from scipy.sparse import csr_array
 from openswim.transport.beam import beam_around
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.grid_light import GridLight
-from openswim.transport.mean_light import SWEPT, light_around
 from openswim.transport.moments import places
-from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid, total_extinction, with_ghosts
+from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid
 from openswim.transport.ordinates import Ordinates
 from openswim.transport.pack import PACK
 from openswim.transport.pool import Pool
@@ -267,15 +266,16 @@ def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[Opti
     assert light.moments is not None
     medium, c, coarser = light.medium, light.coefficients[w], light.coarser[w]
     factor = coarser.factor
+    ratio: F32 | None
     ground_node = np.minimum((medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0), levels - 1)
     if factor:
         nx = coarser.columns
         extinction, beam, harmonics = (f[..., :nx] for f in (coarser.extinction, coarser.beam, coarser.sun_harmonics))
-        place, values = coarser.place, coarser.values
+        place, values, ratio = coarser.place, coarser.values, coarser.ratio
         ground_node = np.ascontiguousarray(ground_node[::factor, ::factor])
     else:
         extinction, beam, harmonics = medium.extinction, light.beams[w], np.moveaxis(light.sun_harmonics, 0, 1)
-        place, values = light.moments[w]
+        (place, values), ratio = light.moments[w], light.ratios[w]
     own = Coefficients(c.scaled, c.scattering, c.air_extinction[:levels], c.air_scattering[:levels])
     grid = optical_grid(
         extinction[:, :levels], harmonics, medium.levels_m[:levels], max(factor, 1) * np.array(medium.cell_m, float),
@@ -283,14 +283,9 @@ def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[Opti
     )  # fmt: skip
     kept = place[:levels]
     moments = np.zeros((kept.size, values.shape[1], BLOCK), np.float32)
-    moments[kept.ravel() >= 0] = values[kept[kept >= 0]]
-    if factor:
-        ghosts = with_ghosts(total_extinction(grid), grid.ground_node.shape[1], False)
-        every = np.arange(kept.size, dtype=np.int32).reshape(kept.shape)
-        moments = light_around(grid, every, moments, ghosts, np.empty_like(moments), SWEPT)
-    else:  # these moments are what an eye sees scattered
-        grid = grid._replace(beam=beam_around(grid))
-    return grid, moments
+    some = kept[kept >= 0]
+    moments[kept.ravel() >= 0] = values[some] if ratio is None else values[some] * ratio[some, None]
+    return grid if factor else grid._replace(beam=beam_around(grid)), moments
 
 
 def _carried_down(sweeper: Sweeper, moments: F32) -> tuple[F32, NDArray[np.int64]]:

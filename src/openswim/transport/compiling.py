@@ -16,7 +16,7 @@ import numpy as np
 
 from openswim.transport.bend import bend_cells
 from openswim.transport.diffuse import Sweeper, Trace, coarse_to_fine
-from openswim.transport.eye_source import columns_of, field_at, view_source
+from openswim.transport.eye_source import columns_of, field_at, thickest_around, view_source
 from openswim.transport.moments import Moments, nothing_coarser, places
 from openswim.transport.optical_grid import Coefficients, at_another_wavelength, optical_grid
 from openswim.transport.ordinates import lebedev
@@ -68,9 +68,10 @@ def compile_view() -> None:
     nz, ny, nx = shape
     moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), f32))
     axes = np.tile(np.eye(3, dtype=f32), (ny, nx, 1, 1))
-    eye = np.array([0.0, 0.0, 5e3])
+    eye, extinction = np.array([0.0, 0.0, 5e3]), np.zeros((1, *shape), f32)
     in_threads(
-        view_source, np.zeros((1, *shape), f32), np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz, DEGREE), f32),
+        view_source, extinction, thickest_around(extinction, False), np.zeros((PACK, 1), f32),
+        np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
         *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
         columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, 1,
         blank_fields(shape, 2 * PACK),

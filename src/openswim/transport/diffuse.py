@@ -116,10 +116,14 @@ class Sweeper:
 
     def as_coarser(self, solution: Solution) -> Coarser:
         """What its solution is to a grid of twice the columns each way."""
-        grid, values = self.grid, solution.moments.values.copy()
-        of_nodes(values, solution.ratio)
+        grid, values, ratio = self.grid, solution.moments.values.copy(), solution.ratio
+        of_nodes(values, ratio)
         beam = np.minimum(grid.beam, 1)  # what is thin has no cloud's part in it
-        return Coarser(2, grid.ground_node.shape[1], self.place, values, beam, grid.sun_harmonics, grid.extinction)
+        return Coarser(
+            2, grid.ground_node.shape[1], self.place, values,
+            np.ones((len(values), BLOCK), np.float32) if ratio is None else ratio,
+            beam, grid.sun_harmonics, grid.extinction,
+        )  # fmt: skip
 
     def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over a coarser field."""

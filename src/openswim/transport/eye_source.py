@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.free import beside
 from openswim.transport.moments import Coarser, Moments, between, interpolated
 from openswim.transport.pack import (
     LANES,
@@ -21,11 +22,13 @@ from openswim.transport.pack import (
 )
 from openswim.transport.products import BLOCK
 from openswim.transport.scalar import ALONG, BACK, UP
+from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _ROOT_2 = np.float32(2.0**0.5)
+_TINY = np.float32(1e-30)
 _FIRST = np.float32(0.28209479177387814)
 _MOMENTS = DEGREE * DEGREE
 
@@ -158,29 +161,43 @@ def _moments(place, values, k, j, i, factor, columns, row, out):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _total(node, nodes, extinction, scattering, air_scattering, harmonics, moments):
-    """Source of LANES nodes at one wavelength."""
-    total = spread_quadruple(_ZERO)
+def _amounts(node, count, nodes, extinction, stands_for, out):
+    """Extinction of the species (ns, LANES) at the nodes that stand for ``count`` nodes from ``node`` on."""
+    for s in range(extinction.shape[0]):
+        write(out, s * LANES, read_quadruple(extinction, s * nodes + node))
+    for lane in range(count):
+        other = flat(stands_for, node + lane)
+        if other != node + lane:
+            for s in range(extinction.shape[0]):
+                out[s, lane] = flat(extinction, s * nodes + other)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _source_function(amounts, scaled, scattering, air_extinction, air_scattering, harmonics, moments):
+    """Source per extinction of LANES nodes at one wavelength."""
+    total, taken = spread_quadruple(_ZERO), spread_quadruple(air_extinction + _TINY)
+    for s in range(amounts.shape[0]):
+        taken += scaled[s] * read_quadruple(amounts, s * LANES)
     for ell in range(DEGREE):
         sigma = spread_quadruple(_ZERO)
-        for s in range(extinction.shape[0]):
-            sigma += scattering[s, ell] * read_quadruple(extinction, s * nodes + node)
+        for s in range(amounts.shape[0]):
+            sigma += scattering[s, ell] * read_quadruple(amounts, s * LANES)
         diffuse = spread_quadruple(_ZERO)
         for n in range(ell * ell, (ell + 1) * (ell + 1)):
             diffuse += read_quadruple(harmonics, n * LANES) * read_quadruple(moments, n * LANES)
         total += (sigma + air_scattering[ell]) * diffuse
-    return total
+    return total / taken
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
 def _rows(
-    j, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values, factor, coarse_columns,
-    columns, levels_m, eye, parallel, count, fields,
+    j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
+    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
 ):  # fmt: skip
     """The nodes of row j on all levels, LANES at a time."""
     nz, ny, nx = fields.shape[0], fields.shape[1], columns.shape[2]
     harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
-    source = np.empty((PACK, LANES), np.float32)
+    source, amounts = np.empty((PACK, LANES), np.float32), np.empty((extinction.shape[0], LANES), np.float32)
     widest = 0
     for w in range(count):
         widest = max(widest, coarse_kept[w].shape[2] * BLOCK)
@@ -194,16 +211,17 @@ def _rows(
         for block in range((nx + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
             _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, harmonics)
+            own = min(LANES, fields.shape[2] - i)
+            _amounts((k * ny + j) * nx + i, own, nz * ny * nx, extinction, stands_for, amounts)
             for w in range(count):
                 _moments(
                     kept[w], values[w], k, j, i, factor[w], coarse_columns[w], row[w], moments
                 )
-                total = _total(
-                    (k * ny + j) * nx + i, nz * ny * nx, extinction, scattering[w], air_scattering[w, k], harmonics,
-                    moments,
-                )  # fmt: skip
+                total = _source_function(
+                    amounts, scaled[w], scattering[w], air_extinction[w, k], air_scattering[w, k], harmonics, moments
+                )
                 write(source, w * LANES, total)
-            for n in range(min(LANES, fields.shape[2] - i)):
+            for n in range(own):
                 place = ((k * ny + j) * fields.shape[2] + i + n) * fields.shape[3] + PACK
                 for w in range(PACK):
                     put(fields, place + w, flat(source, min(w, count - 1) * LANES + n))
@@ -211,21 +229,54 @@ def _rows(
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def view_source(
-    t, threads, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values, factor,
-    coarse_columns, columns, levels_m, eye, parallel, count, fields,
+    t, threads, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
+    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
 ):  # fmt: skip
-    """Source of diffuse light toward one eye at every node of thread t's rows, into fields[..., PACK:2 PACK].
+    """Source of diffuse light toward one eye, per extinction, at every node of thread t's rows, into
+    fields[..., PACK:2 PACK].
 
-    What is scattered but once the march adds, at its own places: extinction grows where the beam fades, and a product
-    of nodes would be too small between them.
+    Per extinction, for between nodes light and extinction change together, and the mean of their product is not that of
+    its ends (docs/decisions/0015-light-between-nodes.md); so the march, too, adds what is scattered but once.
 
-    ``extinction`` (ns, nz, ny, nx); at PACK wavelengths, of which the first ``count`` are wanted, Legendre moments of
-    the scattering coefficient ``scattering`` (PACK, ns, M) per extinction and ``air_scattering`` (PACK, nz, M),
-    the diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`.
-    ``eye``: the viewing direction where ``parallel``.
+    ``extinction`` (ns, nz, ny, nx), ``stands_for``: see `thickest_around`; at PACK wavelengths, of which the first
+    ``count`` are wanted, per extinction what is delta-scaled ``scaled`` (PACK, ns) and Legendre moments of what is
+    scattered ``scattering`` (PACK, ns, M), ``air_extinction`` (PACK, nz) and ``air_scattering`` (PACK, nz, M), the
+    diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`. ``eye``: the viewing direction
+    where ``parallel``.
     """
     for j in range(t, fields.shape[1], threads):
         _rows(
-            j, extinction, scattering, air_scattering, kept, values, coarse_kept, coarse_values,
-            factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
+            j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
+            coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
         )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _thickest_rows(t, threads, total, near, periodic, out):
+    """`thickest_around`; near (nz, ny): whether there is cloud on a row or those around it."""
+    nz, ny, nx = total.shape
+    for row in range(t, nz * ny, threads):
+        k, j = row // ny, row % ny
+        for i in range(nx):
+            out[k, j, i] = row * nx + i
+        for i in range(nx if near[k, j] else 0):
+            if total[k, j, i] > _ZERO:
+                continue
+            most = _ZERO
+            for dk in range(max(k - 1, 0), min(k + 2, nz)):
+                for b in range(j - 1, j + 2):
+                    for a in range(i - 1, i + 2):
+                        inside = 0 <= a < nx and 0 <= b < ny
+                        if (inside or periodic) and total[dk, b % ny, a % nx] > most:
+                            most = total[dk, b % ny, a % nx]
+                            out[k, j, i] = (dk * ny + b % ny) * nx + a % nx
+
+
+def thickest_around(extinction: NDArray[np.float32], periodic: bool) -> NDArray[np.int32]:
+    """Flat indices (nz, ny, nx) of the nodes whose cloud, extinction (ns, nz, ny, nx), scatters what light there is at
+    a node: the node itself, or, at one without cloud, the thickest around."""
+    total = extinction.sum(axis=0)
+    near = beside((total > 0).any(axis=2, keepdims=True), periodic)[..., 0]
+    out = np.empty(total.shape, np.int32)
+    in_threads(_thickest_rows, total, near, periodic, out)
+    return out

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from openswim.transport import swim
 from openswim.transport.bend import bend_cells
 from openswim.transport.columns import Columns
-from openswim.transport.eye_source import columns_of, field_at, view_source, wide
+from openswim.transport.eye_source import columns_of, field_at, thickest_around, view_source, wide
 from openswim.transport.free import beside, free_cubes, occupied, steepness
 from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
@@ -44,7 +44,7 @@ class GridLight:
 
     medium: Medium
     beams: list[F32]
-    moments: list[Moments] | None
+    moments: list[Moments] | None  # of the light at the nodes
     coefficients: list[Coefficients]
     local_sun: F64  # (ny, nx, 3)
     sun: F64
@@ -52,9 +52,11 @@ class GridLight:
     shadow_m: F64
     ridge_m: F64
     coarser: list[Coarser] = field(default_factory=list)
+    ratios: list[F32 | None] = field(default_factory=list)  # of the light scattered around the nodes to `moments`
     layers: list[Layers] | None = None  # instead of moments, in `Medium.layered` scenes
     columns: Columns | None = None  # instead of moments, in very large domains
     _aimed: tuple[bytes, bool] | None = None
+    _stands_for: NDArray[np.int32] | None = None  # `thickest_around`
 
     @property
     def sun_harmonics(self) -> F32:
@@ -76,11 +78,15 @@ class GridLight:
             self._aimed = key
         if self.moments is None:
             return
-        m = self.medium
-        eye = np.array(eye, float)
+        m, eye = self.medium, np.array(eye, float)
+        extinction = wide(m.extinction)
+        if self._stands_for is None:
+            self._stands_for = thickest_around(extinction, m.periodic)
         in_threads(
-            view_source, wide(m.extinction), np.stack([c.scattering for c in self.coefficients]),
-            np.stack([c.air_scattering for c in self.coefficients]), *field_at(self.moments, self.coarser),
+            view_source, extinction, self._stands_for, *(
+                np.stack([getattr(c, name) for c in self.coefficients])
+                for name in ("scaled", "scattering", "air_extinction", "air_scattering")
+            ), *field_at(self.moments, self.coarser),
             columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
             parallel, self.count, volume.fields,
         )  # fmt: skip
@@ -182,7 +188,7 @@ def sunlit_volume(
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
         free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]),
-        np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled),
+        np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled), False,
         np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),

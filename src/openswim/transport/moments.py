@@ -35,6 +35,7 @@ class Coarser(NamedTuple):
     columns: int  # nx; the rows below are filled with zeros to whole blocks
     place: NDArray[np.int32]
     values: F32
+    ratio: F32  # (blocks, BLOCK) of the light that is scattered around the nodes to theirs, see `Sweeper.amends`
     beam: F32  # (nz, ny, nx)
     sun_harmonics: F32  # (ny, M*M, nx)
     extinction: F32  # (s, nz, ny, nx) of every species at its reference wavelength, 1/m
@@ -45,7 +46,7 @@ def nothing_coarser(degree: int) -> Coarser:
     count = degree * degree
     return Coarser(
         0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32),
-        np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
+        np.ones((1, BLOCK), np.float32), np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
         np.zeros((0, 1, 1, BLOCK), np.float32),
     )  # fmt: skip
 

@@ -184,10 +184,12 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
                 if share > _ZERO:
                     resolved += taken * _peak_at(peak, start, q, part)
         resolved *= share
+    source = high(low(node))
+    if volume.per_extinction:
+        source *= extinction
     return (
-        join(extinction, extinction + forward), join(high(low(node)), spread(_ZERO)), join(single, resolved), beam, air,
-        cloud,
-    )  # fmt: skip
+        join(extinction, extinction + forward), join(source, spread(_ZERO)), join(single, resolved), beam, air, cloud
+    )
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)

@@ -84,6 +84,7 @@ def no_volume() -> Volume:
         forward_channel=np.zeros(PACK, np.int64),
         bend=np.zeros((0, 1, 1, PACK), f32),
         bend_share=np.ones(PACK, f32),
+        per_extinction=False,
         air=np.zeros((2, 4 * PACK), f32),
         haze_depth=np.zeros((2, PACK), f32),
         reach_m=np.full(1, FAR_M, f32),

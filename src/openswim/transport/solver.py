@@ -26,7 +26,6 @@ from openswim.transport.grid_light import GridLight, beams_and_shadows, coeffici
 from openswim.transport.landscape import landscape_of
 from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
-from openswim.transport.mean_light import seen
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
@@ -210,6 +209,7 @@ def _grid_field(
         _light_columns(light, volume, lighting, shells, local_sun, sun)
     elif fast:
         ends = wider is None and not scene.cut and not medium.periodic
+        result.volume = result.volume._replace(per_extinction=True)
         result.sweeps = _diffuse(solver, light, lighting, shells, sun, wl, count, ends, wider)
         if wider is None and not medium.periodic:
             result.beyond = Beyond(light, shells, ends)
@@ -322,12 +322,12 @@ def _diffuse(
             traces = traces or solution.traces
             if not others:
                 diffuse.of_nodes(solution.moments.values, solution.ratio)
-                seen(grid, solution.moments, sweeper.extinction, pool)
             found[w] = spectral.Known(float(wl[w]), properties, solution)
             meter.advance()
     solutions = [found[min(w, count - 1)].solution for w in range(PACK)]
     light.moments = [solution.moments for solution in solutions]
     light.coarser = [solution.coarser for solution in solutions]
+    light.ratios = [solution.ratio for solution in solutions]
     for w, solution in enumerate(solutions):
         lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
     lighting.correct_quadrature(ordinates, inflow, shells, sun)

@@ -104,6 +104,7 @@ class Volume(NamedTuple):
     bend: F32  # (nz, ny, nx, PACK) of the cell beyond each node: c along x, y, z of the depth to the sun, `bend.py`,
     # less that of the square of `fields`' roots; of no size where there is nothing to know
     bend_share: F32  # (PACK,) of it at every wavelength
+    per_extinction: bool  # whether the smooth source is to be multiplied by the delta-scaled extinction, air's included
     air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m
