@@ -126,6 +126,7 @@ def demo(numbers: dict[str, Any], _: Path) -> None:
         kept = KEPT / f"demo_{view.replace(' ', '_')}.npz"
         lit = light(scene, Solver("reference", paths=DEMO_PATHS, checkpoint=kept))
         images[view]["reference"], spent = timed(render, lit, camera)
+        kept.unlink(missing_ok=True)  # for a run that was interrupted: the next one's cost is its own
         table.setdefault("reference", {"solve": 0.0})[view] = spent
         table["reference"][f"{view}, error"] = float(images[view]["reference"].attrs["mean_error_percent"])
     rows: dict[str, list[Shown]] = {}
