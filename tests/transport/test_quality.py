@@ -57,18 +57,17 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
 
 
 def test_each_quality_keeps_its_promise(scores) -> None:
-    """docs/solvers.md: preview within 5 % on the average, standard too, high no worse than standard."""
+    """docs/solvers.md: preview and standard within 5 %, high within 3.5; half of that here, over albedo .1."""
     preview, standard, high = (scores[quality][0] for quality in ("preview", "standard", "high"))
     assert preview.n > 50
-    assert preview.relative_rmse < 0.05
-    assert abs(preview.bias) < 0.02
+    assert preview.relative_rmse < 0.025
+    assert abs(preview.bias) < 0.01
     assert standard.relative_rmse < 0.025
     assert high.relative_rmse <= standard.relative_rmse
     assert abs(high.bias) < 0.005
 
 
-def test_preview_sweeps_less(scores) -> None:
-    """The same grids."""
+def test_preview_sweeps_the_same_grids_less(scores) -> None:
     preview, standard = (scores[quality][1][0] for quality in ("preview", "standard"))
     assert len(preview) == len(standard)
     assert sum(preview) < sum(standard)

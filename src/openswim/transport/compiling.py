@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from openswim.transport.bend import bend_cells
-from openswim.transport.diffuse import Sweeper, Trace, coarse_to_fine
+from openswim.transport.diffuse import Sweeper
 from openswim.transport.eye_source import columns_of, field_at, thickest_around, view_source
 from openswim.transport.moments import Moments, nothing_coarser, places
 from openswim.transport.optical_grid import Coefficients, at_another_wavelength, optical_grid
@@ -26,6 +26,7 @@ from openswim.transport.products import BLOCK
 from openswim.transport.shells import no_volume
 from openswim.transport.sweep import share_ordinates
 from openswim.transport.threads import in_threads
+from openswim.transport.two_grids import Trace, coarse_to_fine
 from openswim.transport.volume import DEGREE, blank_fields, tidy
 
 _LONGEST_S = 300.0

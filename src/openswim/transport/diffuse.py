@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
-from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
@@ -13,13 +12,10 @@ from numpy.typing import NDArray
 
 from openswim.transport.moments import (
     Coarser,
-    Moments,
     add_scaled,
     inner_product,
     nothing_coarser,
     places,
-    prolong,
-    restrict,
     scale,
     squares,
     weighted_change,
@@ -31,7 +27,6 @@ from openswim.transport.optical_grid import (
     coarser_grid,
     thick_blocks,
     total_extinction,
-    twice_as_fine_plane,
     unlit_grid,
     with_ghosts,
 )
@@ -46,18 +41,13 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FEW_COLUMNS = 500  # fewer than these are swept by one thread
-_LEAST_COARSE = 12  # nodes that a coarse grid must have each way
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
-FEW_BLOCKS = 4096  # as many as a cache holds
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
-_DARK = 1e-12  # light of a node that nothing is made of
+DARK = 1e-12  # light of a node that nothing is made of
 _LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
-WHOLE = 2  # from the third grid on the moments of all that scatters are kept
-_LOOSE = 3  # sooner done where a grid is nothing but a start for a finer one
-_ALIKE = 9  # moments that tell what one grid adds to a coarser one, l < 3: those of a blue sky
 
 
 @dataclass
@@ -114,9 +104,9 @@ class Sweeper:
         self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
         self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
 
-    def as_coarser(self, solution: Solution) -> Coarser:
-        """What its solution is to a grid of twice the columns each way."""
-        grid, values, ratio = self.grid, solution.moments.values.copy(), solution.ratio
+    def as_coarser(self, values: F32, ratio: F32 | None) -> Coarser:
+        """What its solution, moments and their ratio to the nodes' own, is to a grid of twice the columns each way."""
+        grid, values = self.grid, values.copy()
         of_nodes(values, ratio)
         beam = np.minimum(grid.beam, 1)  # what is thin has no cloud's part in it
         return Coarser(
@@ -207,7 +197,7 @@ class Sweeper:
         if self.amends:
             first = new[:, 0]
             more = room.more.sum(axis=0)
-            part = np.divide(more, first, out=np.zeros_like(more), where=first > _DARK)
+            part = np.divide(more, first, out=np.zeros_like(more), where=first > DARK)
             self.ratio = np.maximum(1 + part, _LEAST_RATIO)
         if self.ratio is not None:
             in_threads(scale, new, self.ratio)
@@ -327,132 +317,3 @@ def _inner(a: F32, b: F32) -> float:
     out = np.empty(get_num_threads())
     in_threads(inner_product, a.reshape(-1), b.reshape(-1), out)
     return float(out.sum())
-
-
-class Trace(NamedTuple):
-    """How a grid before its last sweep differs from the coarser one: ``defect`` from the ``start`` that that gave.
-
-    Before the last: another wavelength takes that sweep too, and what it leaves undone is the same, without a tint.
-    """
-
-    kept: NDArray[np.bool_]  # (nz, ny, blocks)
-    start: F32  # (blocks, 1, BLOCK), l = 0 only
-    defect: F32  # (blocks, _ALIKE, BLOCK), of the first moments; the others follow in one sweep
-    ratio: F32 | None  # see `Solution`
-
-
-class Solution(NamedTuple):
-    """Moments of one wavelength, the field that lights what they leave out, the sweeps each grid took, how each grid's
-    moments came about, from the coarsest but one on; fluxes (2, ny, nx) down to the ground and up through the top; the
-    ratio (blocks, BLOCK) of the moments to the nodes' own, unless they are these; and what the coarser grid had told of
-    moments and fluxes, if that is wanted: the first ones (blocks, _ALIKE, BLOCK), and all fluxes."""
-
-    moments: Moments
-    coarser: Coarser
-    sweeps: list[int]
-    traces: list[Trace]
-    fluxes: F32
-    ratio: F32 | None
-    told: tuple[F32, F32] | None = None
-
-
-class Begun(NamedTuple):
-    """A grid to be solved, ``level``, the coarser one, ``base``, and its solution ``below``, which is where the moments
-    ``values`` (in scratch) begin."""
-
-    level: Sweeper
-    base: Sweeper
-    below: Solution
-    values: F32
-
-    def told(self) -> tuple[F32, F32]:
-        """See `Solution`."""
-        return self.values[:, :_ALIKE].copy(), twice_as_fine_plane(self.below.fluxes, self.level.ground_albedo.shape)
-
-
-def told_ratio(told: F32, told_there: F32) -> F32:
-    """Of what a coarse grid tells at two wavelengths, within bounds."""
-    return np.clip(told / np.maximum(told_there, _DARK), 0.2, 5.0)
-
-
-def begin_from_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int) -> Begun:
-    """What the 2x2-coarse grid tells, see `coarse_to_fine`."""
-    base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, finer + 1)
-    if finer >= WHOLE:
-        level = fine
-    else:
-        whole = below.coarser  # the base's own, or the base itself
-        whole = whole._replace(factor=2 * whole.factor) if whole.factor else base.as_coarser(below)
-        level = fine.over(whole, like[len(below.sweeps) - 1].kept if like else None)
-    values = fine.pool.take("begin", *level.shape)
-    in_threads(
-        prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
-        level.grid.ground_node.shape[1], values, False,
-    )  # fmt: skip
-    return Begun(level, base, below, values)
-
-
-def coarse_to_fine(
-    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0, tell: bool = False
-) -> Solution:
-    """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
-
-    Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
-    finer: grids that this one is but a start for. Below two of them the moments of all that scatters are kept; the two
-    keep those of what is thick, and leave the rest to the grid that keeps all.
-    like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
-    tell: leave what other wavelengths need to be told (see `spectral.py`).
-    """
-    if fine.grid.periodic or min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
-        # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
-        # (nor does another wavelength's light help: what differs changes least of all)
-        values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
-        return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes(), fine.ratio)
-    begun = begin_from_coarse(fine, tolerance, most, like, finer)
-    level, below = begun.level, begun.below
-    told = begun.told() if tell else None
-    first = begun.values[:, :_ALIKE]
-    if like:
-        trace = like[len(below.sweeps) - 1]
-        level.amends, level.ratio = False, trace.ratio
-        ratio = told_ratio(first[:, :1], trace.start)
-        for at in range(0, len(first), FEW_BLOCKS):
-            some = slice(at, at + FEW_BLOCKS)
-            first[some] += trace.defect[some] * ratio[some]
-    else:
-        first = first.copy()
-    # the last sweep of that other wavelength, and what the guess adds
-    enough = (2 if like else 1) * tolerance
-    if finer not in (0, WHOLE):
-        enough *= _LOOSE
-    values, before, n = level.solve(begun.values, enough, most, correct=_Correction(level, begun.base))
-    traces = []
-    if not like:
-        traces = [*below.traces, Trace(level.place >= 0, first[:, :1].copy(), before[:, :_ALIKE] - first, level.ratio)]
-    return Solution(
-        Moments(level.place, values), level.coarser, [*below.sweeps, n], traces, level.fluxes(), level.ratio, told
-    )  # fmt: skip
-
-
-class _Correction:
-    """What will follow from the change of a sweep of the full grid, as the 2x2-coarse grid sees it."""
-
-    def __init__(self, fine: Sweeper, base: Sweeper):
-        self.fine = fine
-        kept = np.flatnonzero((fine.place >= 0).any(axis=(1, 2)))
-        self.levels = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0, 1)
-        self.dark = base.unlit(self.levels)
-        self.weight = total_extinction(fine.grid)[self.levels]
-
-    def __call__(self, before: F32, image: F32) -> None:
-        means = self.dark.pool.take("means", *self.dark.shape)
-        if not means.size:
-            return
-        place = np.ascontiguousarray(self.fine.place[self.levels])
-        nx = self.fine.grid.ground_node.shape[1]
-        in_threads(restrict, place, before, image, self.weight, nx, self.dark.place, means)
-        follows = Moments(self.dark.place, self.dark.answer(means))
-        in_threads(
-            prolong, follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, image, True
-        )  # fmt: skip

@@ -102,7 +102,7 @@ def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | N
 
 
 def build_medium(
-    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, coarseness: int = 1,
+    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, tall: bool = False,
     frame: Frame | None = None,
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
@@ -110,8 +110,8 @@ def build_medium(
     It divides columns too, up to `MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
     model's nodes tell of means; what lies between them is our guess, and nothing is gained by solving it better.
 
-    coarseness: columns, each way, that a cell of the sweeps is wide: its layers may be as tall. frame: another
-    scene's, around which this one lies.
+    tall: layers may be as tall as two columns are wide, and columns are not divided. frame: another scene's, around
+    which this one lies.
     """
     grid = scene.grid
     if grid is None:
@@ -143,10 +143,10 @@ def build_medium(
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        if not frame.curved and not sideless and coarseness == 1 and cell_m < WIDE_CELL_M:
+        if not frame.curved and not sideless and not tall and cell_m < WIDE_CELL_M:
             halvings = _halvings(levels, heights, total, cell_m, ny * nx)
         levels = _refined(
-            levels, heights, total, coarseness * min(dx, dy) / 2**halvings, ny * nx * 4**halvings,
+            levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings,
             0.35 * max(mu_sun, 0.12) if sideless else 1.0,
         )  # fmt: skip
     fineness = 1

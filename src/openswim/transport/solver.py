@@ -17,7 +17,7 @@ from openswim.errors import UserError
 from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
-from openswim.transport import compiling, diffuse, spectral, swim
+from openswim.transport import compiling, diffuse, spectral, swim, two_grids
 from openswim.transport.beam import beam_around
 from openswim.transport.beyond import Beyond
 from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
@@ -166,7 +166,7 @@ def _grid_field(
     started = time.perf_counter()
     fast = solver.name == "fast"
     setting = solver.setting
-    medium = build_medium(scene, wl, float(sun[2]), refine=fast, coarseness=2 if setting.tall else 1, frame=frame)
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast, tall=setting.tall, frame=frame)
     if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     landscape = landscape_of(scene, medium)
@@ -283,7 +283,7 @@ def _diffuse(
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
-    traces: list[diffuse.Trace] | None = None
+    traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}
     first = optical_grid(
         medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
@@ -310,13 +310,13 @@ def _diffuse(
             others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()))
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
-                solution = diffuse.Solution(
+                solution = two_grids.Solution(
                     Moments(sweeper.place, values), sweeper.coarser, [n], [], sweeper.fluxes(), sweeper.ratio
                 )
             elif others:
                 solution = spectral.between(sweeper, setting.tolerance, solver.most_sweeps, traces, others)
             else:
-                solution = diffuse.coarse_to_fine(
+                solution = two_grids.coarse_to_fine(
                     sweeper, setting.tolerance, solver.most_sweeps, traces, tell=count > 2
                 )
             traces = traces or solution.traces

@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.diffuse import FEW_BLOCKS, Solution, Sweeper, Trace, begin_from_coarse, told_ratio
+from openswim.transport.diffuse import Sweeper
 from openswim.transport.moments import Moments
 from openswim.transport.threads import in_threads
+from openswim.transport.two_grids import FEW_BLOCKS, Solution, Trace, begin_from_coarse, told_ratio
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -81,7 +82,7 @@ def on_both_sides(wavelength_nm: float, properties: F64, known: Sequence[Known])
 def between(
     fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, sides: Sequence[Known]
 ) -> Solution:  # fmt: skip
-    """The solution of a wavelength between others, whose moments may be what an eye sees; its own are then, too."""
+    """The solution of a wavelength between others, whose moments are of the light at the nodes, as its own are then."""
     begun = begin_from_coarse(fine, tolerance, most, like, 0)
     told, told_fluxes = begun.told()
     values = np.zeros(begun.level.shape, np.float32)
