@@ -74,8 +74,8 @@ class Shells(NamedTuple):
 class Volume(NamedTuple):
     """The gridded part: (nz, ny, nx) nodes with channels interleaved, and how to find one's place in it.
 
-    Channels: root of the delta-scaled beam, air included (PACK); smooth source (PACK); species extinctions; forward
-    depths to the sun; sum of species; padding to whole cache lines.
+    Channels: root of the delta-scaled beam, air included (PACK); smooth source, maybe `per_extinction` (PACK); species
+    extinctions; forward depths to the sun; sum of species; padding to whole cache lines.
     """
 
     chart_origin_m: float  # coordinate of chart[0, 0] on Lambert's azimuthal equal-area map around the scene's origin
