@@ -1,7 +1,10 @@
 """The lit ground: shadows of ridges, slopes, albedo, and light that goes to and fro."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from pyproj import CRS
 from tests.transport.scenes import (
     LAT,
     LON,
@@ -139,3 +142,24 @@ def test_a_brighter_ground_brightens_the_sky() -> None:
     reflectance = (bright - dark) / (0.8 * bright)
     # a conservative cloud with tau (1 - g) = .75: spherical albedo .75 x .75/(1 + .75 x .75) = .36
     assert reflectance == pytest.approx(0.36, abs=0.04)
+
+
+def test_land_has_patches_below_its_map_for_the_eye_alone() -> None:
+    """Seen from near: woods and fields, of the map's albedo in the mean; to rays of no width, and where it is not
+    wanted, the map itself."""
+    scene = grid_scene({}, (5, 9, 9), (20e3, 20e3, 500.0), curved=True)
+    france = replace(scene.grid, crs=CRS.from_proj4("+proj=lcc +lat_1=30 +lat_2=50 +lat_0=47 +lon_0=2 +R=6371000"))
+    scene = replace(scene, grid=france, data=scene.data.drop_vars("surface_albedo"))
+    field = Solver().solve(scene, sun_at_zenith_angle(30.0), [WAVELENGTH_NM])
+    x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(-60e3, 60e3, 60)]))
+    rays = down_on(x, y, 1000.0)
+    bare = field.view(rays).radiance[:, 0]
+    rays = Rays(rays.origin_m, rays.direction, 1e-3)
+    seen = field.view(rays).radiance[:, 0]
+    assert np.abs(seen / bare - 1).mean() > 0.15
+    assert seen.mean() == pytest.approx(bare.mean(), rel=0.03)
+    far = field.view(Rays(rays.origin_m, rays.direction, 10.0)).radiance[:, 0]
+    assert np.abs(far / bare - 1).mean() < 0.05  # the map itself is averaged over 10 km
+    pack = field.packs[0]
+    pack.solver = Solver(detail=False)
+    np.testing.assert_allclose(field.view(rays).radiance[:, 0], bare, rtol=1e-5)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
-from openswim.ground.fields import bilinear, blurred, filled, normal_noise
+from openswim.ground.fields import bilinear, blurred, filled, fractal_noise, resolved_share
 from openswim.ground.maps import Ground, mapped_albedo, textured
+from openswim.ground.patches import patched, wooded
 from openswim.scene.rims import BEYOND_CELLS
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ FloatArray = NDArray[np.float64]
 DEFAULT_WIND_M_S = 5.0
 SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
+_CHANCE = 0.66  # standard deviation, of 1, of where snow lies that height does not tell
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
 
@@ -51,8 +53,9 @@ class SurfaceSample:
 
 
 def surface_properties(
-    scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0
-) -> SurfaceSample:
+    scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0,
+    detail: bool = False,
+) -> SurfaceSample:  # fmt: skip
     """The ground at places (n,), in degrees; in flat scenes `lat` and `lon` are y and x in metres.
 
     - A scene that is flat, has no grid, or gives `surface_albedo` without `land_area_fraction` has exactly that
@@ -64,7 +67,8 @@ def surface_properties(
       (`spectra.visible_from_broadband`) of land and of snow; maps and the model's snow give the colour.
     - Snow of a fraction of a cell lies where it is higher than its neighbourhood, and by chance (`snow`).
 
-    footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it.
+    footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it. detail: whether land
+    is given the woods and clearings that maps are too coarse for, where a footprint is known (`patches`; invented).
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     lat_, lon_ = np.atleast_1d(np.asarray(lat, float)), np.atleast_1d(np.asarray(lon, float))
@@ -85,12 +89,11 @@ def surface_properties(
         model = _with_model(data, near.where(hit), sample[hit], wavelengths, mapped[hit])
         inside = _inside_weight(ix[hit], iy[hit], grid)
         _blend(sample, model, hit, inside)
-    textures = ground.maps_for(scene.time, texture=True)
-    if textures:
-        base = earth.PIXEL_M if not mapped.any() else ground.maps_for(scene.time, texture=False)[-1].pixel_m
-        base = min(base, near.cell_m) if "surface_albedo" in data else base
-        bright = textured(sample.albedo, textures, lat_, lon_, wavelengths, footprint, base)
-        sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
+    bright, known_m = _pictured(ground, scene, near, sample.albedo, wavelengths, mapped)
+    if detail:
+        fine = np.flatnonzero((sample.water < 1) & (sample.snow < 1) & (footprint > 0) & (footprint < known_m))
+        bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], footprint[fine])
+    sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
     return sample
 
 
@@ -166,6 +169,23 @@ def _without_model(
     return SurfaceSample(albedo, water, icy, np.zeros(lat.size), wind, green), mapped
 
 
+def _pictured(
+    ground: Ground, scene: Scene, near: _Places, albedo: FloatArray, wavelengths: FloatArray, mapped: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Albedo of land (n, nwl) with what aerial pictures show, and over how many metres (n,) it is then known."""
+    known_m = np.full(near.lat.size, earth.PIXEL_M)
+    if "surface_albedo" in scene.data and scene.grid is not None:
+        known_m *= np.minimum(near.cell_m / earth.PIXEL_M, 1.0) ** _inside_weight(near.ix, near.iy, scene.grid)
+    if mapped.any():
+        pixel_m = ground.maps_for(scene.time, texture=False)[-1].pixel_m
+        known_m *= np.minimum(pixel_m / known_m, 1.0) ** mapped
+    pictures = ground.maps_for(scene.time, texture=True)
+    if not pictures:
+        return albedo.copy(), known_m
+    bright, shown = textured(albedo, pictures, near.lat, near.lon, wavelengths, near.footprint_m, known_m)
+    return bright, known_m * (pictures[-1].pixel_m / known_m) ** shown
+
+
 def _with_model(
     data: xr.Dataset, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
 ) -> SurfaceSample:
@@ -202,7 +222,7 @@ def _snow_covered(
         return _land_level(data, near, default.albedo, wavelengths, mapped, None), default.snow
     land = _land_level(data, near, default.albedo, wavelengths, mapped, fraction)
     mean = near.fade * bilinear(blurred(fraction), near.ix, near.iy)
-    cover = snow.resolved_cover(mean, _favour(data, near))
+    cover = resolved_share(mean, *_favour(data, near))
     bright = _snow_level(data, near, fraction, default.albedo, wavelengths)
     if "surface_albedo" not in data:
         bright = land + _forest_stands_out(near, default.albedo)[:, None] * (bright - land)
@@ -219,22 +239,23 @@ def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
     return None
 
 
-def _favour(data: xr.Dataset, near: _Places) -> FloatArray:
-    """How much likelier snow lies here than nearby: height above the neighbourhood, and chance; standard normal."""
-    noise = normal_noise(near.lat, near.lon, 3 * near.cell_m, near.footprint_m)
+def _favour(data: xr.Dataset, near: _Places) -> tuple[FloatArray, FloatArray]:
+    """How much likelier snow lies here than nearby: height above the neighbourhood, and chance, of normal distribution;
+    and the variance of what is not seen of it."""
+    noise, unseen = fractal_noise(near.lat, near.lon, 3 * near.cell_m, near.footprint_m)
     if "surface_altitude" not in data:
-        return noise
+        return noise, unseen
     height = _surface(data, "surface_altitude")
     mean = blurred(blurred(height))
     deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), 50.0**2))
     above = bilinear((height - mean) / deviation, near.ix, near.iy)
-    return 0.75 * np.clip(above, -2.5, 2.5) + 0.66 * noise
+    return 0.75 * np.clip(above, -2.5, 2.5) + _CHANCE * noise, _CHANCE**2 * unseen
 
 
 def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
     """What snow lends of its albedo to land (n,), by how green it is; woods and clearings are finer than the map."""
-    chance = normal_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)
-    return snow.out_of_the_snow(colour.mean(axis=1) * np.exp(0.35 * chance))
+    share = snow.forest_share(colour.mean(axis=1))
+    return snow.out_of_the_snow(resolved_share(share, *wooded(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)))
 
 
 def _land_level(

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from functools import cache
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+_EARTH_M = 6_371_000.0
+_LUMPS, _FINER = 32, 3  # of the random numbers that noise is smooth between; its nodes between two of them
+_EDGE = 0.2  # softness of the edges of shares
 
 
 def bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: BoolArray | None = None) -> FloatArray:
@@ -60,7 +67,7 @@ def filled(
         x, y = (ix[left] + 0.5) / (1 << n) - 0.5, (iy[left] + 0.5) / (1 << n) - 0.5
         w = bilinear(weight, x, y)
         v = bilinear(total, x, y) / np.maximum(w, 1e-9).reshape(w.shape + trailing)
-        fits = np.clip((1 << n) - 0.5 * away[left], 0.0, 1.0) if n < levels else 1.0
+        fits = np.clip((1 << n) - away[left], 0.0, 1.0) if n < levels else 1.0
         share = (1 - known[left]) * fits * np.clip(4 * w, 0.0, 1.0)
         out[left] += share.reshape(share.shape + trailing) * v
         known[left] += share
@@ -77,51 +84,78 @@ def _halved(values: FloatArray) -> FloatArray:
     return 0.25 * (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2])
 
 
-def normal_noise(lat: FloatArray, lon: FloatArray, largest_m: float, smallest_m: FloatArray) -> FloatArray:
-    """Smooth random numbers (n,), mean 0 and standard deviation about 1, the same at a place in every picture.
+def fractal_noise(
+    lat: FloatArray, lon: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int = 7,
+    power: float = 1.0,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Smooth random numbers (n,) at places in degrees, the same in every picture: what is seen of a sum of normal
+    distribution, mean 0 and variance 1, and the variance (n,) of what is not.
 
-    Octaves from `largest_m` down to `smallest_m` (n,), amplitude in proportion to scale^.5.
+    Octaves from ``longest_m`` (n,) down, of variances as their scales to a ``power``; what is shorter than
+    ``shortest_m`` (n,) is not seen: it would only flicker.
     """
-    metres = 111_195.0
+    longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
     # three coordinates of the sphere: no seam at the date line, none at the poles
     la, lo = np.radians(lat), np.radians(lon)
-    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * np.degrees(1.0) * metres
-    out, variance = np.zeros(lat.size), 0.0
-    for octave in range(7):
-        scale = largest_m / 2**octave
-        amplitude = 2.0 ** (-0.5 * octave)
-        # what is too fine for the picture would only flicker
-        seen = np.clip(2.0 - 2.0 * np.asarray(smallest_m) / scale, 0.0, 1.0)
-        if not seen.any():
-            break
-        out += amplitude * seen * _value_noise(place / scale, octave)
-        variance += amplitude**2
-    return out / np.sqrt(max(variance, 1e-9)) / _NOISE_DEVIATION
+    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * _EARTH_M
+    total, value, seen_variance = np.zeros((3, lat.size))
+    top = np.log2(np.maximum(longest, 1e-3))
+    if lat.size == 0:
+        return value, 1.0 - seen_variance
+    for octave in range(math.ceil(top.max()), math.floor(top.min()) - octaves, -1):
+        scale = 2.0**octave
+        within = np.clip(top + 1.0 - octave, 0.0, 1.0) * np.clip(octave - top + octaves, 0.0, 1.0)
+        variance = within**2 * scale**power
+        seen = np.clip(2.0 - 2.0 * shortest / scale, 0.0, 1.0)
+        total += variance
+        some = np.flatnonzero(within * seen)
+        if some.size:
+            weight = np.sqrt(variance[some]) * seen[some]
+            value[some] += weight * _smooth(_tile(), _turned(octave) @ place[:, some] / scale)
+            seen_variance[some] += weight**2
+    total = np.maximum(total, 1e-30)
+    return value / np.sqrt(total), 1.0 - seen_variance / total
 
 
-_NOISE_DEVIATION = 0.183  # of trilinear value noise of uniform numbers, smoothstep weights, on a plane through it
+def resolved_share(share: FloatArray, favour: FloatArray, unseen: FloatArray) -> FloatArray:
+    """Where a share (n,) of a neighbourhood lies: 0 to 1 (n,), mostly either.
+
+    favour (n,): how much likelier it is there than elsewhere, standard normal but for the variance (n,) of what is
+    ``unseen`` of it. Phi((sqrt(1 - e^2) favour + probit(share)) / s), s^2 = e^2 + (1 - e^2) unseen, e = .2 for soft
+    edges: its mean is the share, whatever is unseen; where nothing is seen it is that. Shares within .02 of none or all
+    are even: no lone specks.
+    """
+    from scipy.special import ndtr, ndtri
+
+    seen = 1.0 - _EDGE**2
+    softness = np.sqrt(_EDGE**2 + seen * unseen)
+    lies = ndtr((np.sqrt(seen) * favour + ndtri(np.clip(share, 0.0, 1.0))) / softness)
+    return np.where(np.minimum(share, 1 - share) < 0.02, share, lies)
 
 
-def _value_noise(p: FloatArray, seed: int) -> FloatArray:
-    """Value noise (n,) between -.5 and .5 at points (3, n), one lattice cell to the unit."""
-    cell = np.floor(p).astype(np.int64)
-    f = p - cell
-    f = f * f * (3 - 2 * f)
-    out = np.zeros(p.shape[1])
-    for corner in range(8):
-        d = np.array([corner & 1, corner >> 1 & 1, corner >> 2])[:, None]
-        out += np.prod(np.where(d == 1, f, 1 - f), axis=0) * _hashed(cell + d, seed)
-    return out
+@cache
+def _turned(octave: int) -> FloatArray:
+    """Axes that no other octave has."""
+    return np.asarray(np.linalg.qr(np.random.default_rng(1000 + octave).standard_normal((3, 3)))[0])
 
 
-def _hashed(cell: NDArray[np.int64], seed: int) -> FloatArray:
-    """Uniform numbers (n,) from -.5 to .5 out of integers (3, n)."""
-    keys = (73856093, 19349663, 83492791)
-    h = np.full(cell.shape[1], seed * 2654435761 + 1, np.uint64)
-    with np.errstate(over="ignore"):
-        for part, key in zip(cell.astype(np.uint64), keys, strict=True):
-            h = (h ^ part * np.uint64(key)) * np.uint64(0x9E3779B97F4A7C15)
-            h ^= h >> np.uint64(29)
-        h = h * np.uint64(0xBF58476D1CE4E5B9)
-        h ^= h >> np.uint64(32)
-    return (h >> np.uint64(11)).astype(float) / 2.0**53 - 0.5
+@cache
+def _tile() -> NDArray[np.float32]:
+    """Quadratic B-splines over random numbers, periodic, of mean 0 and variance 1 between nodes, too."""
+    values = np.random.default_rng(5).standard_normal((_LUMPS,) * 3)
+    at = np.arange(_LUMPS * _FINER) / _FINER
+    first = np.floor(at - 0.5).astype(int)
+    t = at - first - 0.5
+    weights = (0.5 * (1.0 - t) ** 2, 0.5 + t * (1.0 - t), 0.5 * t * t)
+    for axis in range(3):
+        shape = tuple(-1 if a == axis else 1 for a in range(3))
+        values = sum(w.reshape(shape) * values.take((first + k) % _LUMPS, axis) for k, w in enumerate(weights))
+    sample = _smooth(np.asarray(values, np.float32), np.random.default_rng(6).uniform(0, _LUMPS, (3, 100_000)))
+    return np.asarray((values - sample.mean()) / sample.std(), np.float32)
+
+
+def _smooth(tile: NDArray[np.float32], place: FloatArray) -> NDArray[np.float32]:
+    """The noise (n,) at points (3, n), one lump to the unit."""
+    from scipy.ndimage import map_coordinates
+
+    return np.asarray(map_coordinates(tile, place * _FINER, order=1, mode="grid-wrap", prefilter=False), np.float32)

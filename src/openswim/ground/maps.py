@@ -165,23 +165,25 @@ def textured(
     lon: FloatArray,
     wavelengths_nm: FloatArray,
     footprint_m: FloatArray,
-    base_m: float,
-) -> FloatArray:
-    """Albedo (n, nwl) known over `base_m`, with the finer contrast and colour of aerial pictures; its mean is kept.
+    base_m: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Albedo (n, nwl) known over `base_m` (n,), with the finer contrast and colour of aerial pictures, its mean kept,
+    and the share (n,) that they show.
 
     "Only roughly controlled for spectral albedo" (section 3.7), so only their ratio to their own mean over `base_m`
     counts, at most 4.
     """
-    out = albedo
+    out, shown = albedo, np.zeros(lat.size)
     for one in maps:
         fine, known = one.colours(lat, lon, footprint_m)
-        mean, around = one.colours(lat, lon, np.maximum(footprint_m, max(base_m, one.pixel_m)))
+        mean, around = one.colours(lat, lon, np.maximum(footprint_m, np.maximum(base_m, one.pixel_m)))
         share = (known * (around > 0))[:, None]
         if not share.any():
             continue
         ratio = from_bands(np.maximum(fine, 1e-3), wavelengths_nm) / from_bands(np.maximum(mean, 1e-3), wavelengths_nm)
         out = out * (1 + share * (np.clip(ratio, 1 / _MOST_CONTRAST, _MOST_CONTRAST) - 1))
-    return np.clip(out, 0.0, 0.98)
+        shown = np.maximum(shown, share[:, 0])
+    return np.clip(out, 0.0, 0.98), shown
 
 
 def _colour_bands(raster: Raster) -> tuple[int, ...]:

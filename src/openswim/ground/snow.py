@@ -1,4 +1,4 @@
-"""Snow and ice: how bright, and where a model's fraction of a cell lies."""
+"""Snow and ice: how bright, and how much of the ground it covers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ FloatArray = NDArray[np.float64]
 
 FRESH_DAYS = 3.0  # age of snow where the model does not say
 _COVERING_M = 0.05  # depth that covers 76 % of grass and soil
-_LOGISTIC = 1.702  # the logistic function at 1.702 x is the normal distribution at x, within .01
-_SOFTNESS = 0.45  # 0: snow or none, nothing between; large: the same everywhere in the cell
+_IN_FOREST = 0.3  # of its albedo, that snow lends to forest
 
 
 def snow_albedo(wavelengths_nm: ArrayLike, age_days: ArrayLike = FRESH_DAYS) -> FloatArray:
@@ -45,23 +44,15 @@ def fraction_from_depth(depth_m: ArrayLike) -> FloatArray:
     return np.tanh(np.maximum(np.asarray(depth_m, float), 0.0) / _COVERING_M)
 
 
-def out_of_the_snow(visible_albedo: FloatArray) -> FloatArray:
-    """What snow lends of its albedo to land of a snow-free visible albedo (n,): .3 of it to forest, all to bare ground.
+def forest_share(visible_albedo: FloatArray) -> FloatArray:
+    """Share of forest on land of a snow-free visible albedo (n,): 1 at a map's darkest green (.03), 0 at .1."""
+    return np.interp(visible_albedo, [0.03, 0.1], [1.0, 0.0])
+
+
+def out_of_the_snow(forest: FloatArray) -> FloatArray:
+    """What snow lends of its albedo to land with a share of forest (n,): .3 of it to forest, all to bare ground.
 
     Trees stand out of it: snow-covered evergreen forest has .2 to .3 in the visible, grassland .7 to .9 (MODIS,
-    Gao et al. 2005); the darkest green of a map (.03) is forest, .1 is not.
+    Gao et al. 2005).
     """
-    return np.interp(visible_albedo, [0.03, 0.1], [0.3, 1.0])
-
-
-def resolved_cover(fraction: FloatArray, favour: FloatArray) -> FloatArray:
-    """Snow cover (n,) at places within cells whose mean is `fraction` (n,).
-
-    favour (n,): how much likelier snow is there than elsewhere in the neighbourhood, standard normal: height above
-    it, and chance. Phi((sqrt(1 + s^2) probit(fraction) + favour) / s): its mean over a standard normal `favour` is
-    the fraction, none stays none and full stays full.
-    """
-    p = np.clip(fraction, 1e-6, 1 - 1e-6)
-    place = np.sqrt(1 + _SOFTNESS**2) * np.log(p / (1 - p)) / _LOGISTIC
-    cover = 1 / (1 + np.exp(-np.clip(_LOGISTIC * (place + favour) / _SOFTNESS, -60, 60)))
-    return np.where(fraction < 0.01, fraction, np.where(fraction > 0.99, fraction, cover))
+    return 1.0 - (1.0 - _IN_FOREST) * forest

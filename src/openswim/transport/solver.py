@@ -54,11 +54,13 @@ class Solver:
 
     name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo).
     step: eye-ray step in cells.
+    detail: whether near eyes see more than is known: with "fast" in clouds of a model's liquid water below its grid
+    (docs/decisions/0017; what a scene has as extinction never is refined), with "fast" and "swim" on land below its
+    maps (docs/decisions/0020).
 
     Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
     change of the field, relative, at which sweeps end, before a last correction; .02, the standard's, leaves about 1 %
-    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE); detail: whether near clouds of
-    a model's liquid water are refined below its grid (docs/decisions/0017); what a scene has as extinction never is.
+    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
 
     Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
     seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.

@@ -278,7 +278,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= light_field.through_clouds(place[shaded])
-    sample = surface_properties(scene, lat, lon, wl, footprint)
+    sample = surface_properties(scene, lat, lon, wl, footprint, detail=light_field.solver.detail)
     maps = height_maps(scene)
     if maps and relief is None:
         own, known = mapped_normals(maps, frame, place, up, footprint)
