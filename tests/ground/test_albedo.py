@@ -104,6 +104,17 @@ def test_share_of_ocean():
     np.testing.assert_array_equal(earth.water_fraction([90.0, -90.0], [0.0, 0.0]), [1, 0])
 
 
+def test_shores_are_ragged_for_near_eyes_and_leave_as_much_water():
+    rng = np.random.default_rng(3)
+    lat, lon = rng.uniform(60, 63.5, 100_000), rng.uniform(22, 30, 100_000)  # Finland's coast and lakes
+    smooth = surface_properties(lonlat_scene(), lat, lon, WAVELENGTHS, 50.0).water
+    ragged = surface_properties(lonlat_scene(), lat, lon, WAVELENGTHS, 50.0, detail=True).water
+    assert 0.02 < (ragged != smooth).mean() < 0.3
+    assert ragged.mean() == pytest.approx(smooth.mean(), rel=0.01)
+    far = surface_properties(lonlat_scene(), lat[:5000], lon[:5000], WAVELENGTHS, 5e3, detail=True).water
+    np.testing.assert_array_equal(far, smooth[:5000])
+
+
 def test_date_line_has_no_seam():
     lat = np.full(200, 66.5)  # Chukotka, land on both sides
     lon = np.linspace(-180.2, -179.8, 200)

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 DEFAULT_WIND_M_S = 5.0
 SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
+_RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
 _CHANCE = 0.66  # standard deviation, of 1, of where snow lies that height does not tell
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
@@ -80,9 +81,10 @@ def surface_properties(
     if "surface_albedo" in data and "land_area_fraction" not in data:
         return _plain_at(data, ix, iy, wavelengths, lat_.size)
     ground = scene.ground or Ground()
-    sample, mapped = _without_model(ground, scene, lat_, lon_, wavelengths, footprint)
     ix, iy = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
-    near = _Places(lat_, lon_, ix, iy, _away(ix, iy, grid), footprint, min(grid.spacing_m()))
+    finest = np.where(footprint > 0, footprint, np.inf) if detail else np.full(lat_.size, np.inf)
+    near = _Places(lat_, lon_, ix, iy, _away(ix, iy, grid), footprint, finest, min(grid.spacing_m()))
+    sample, mapped = _without_model(ground, scene, near, wavelengths)
     sample.wind_speed[:] = _wind(data, near)
     hit = near.fade > 0.01
     if hit.any():
@@ -90,16 +92,16 @@ def surface_properties(
         inside = _inside_weight(ix[hit], iy[hit], grid)
         _blend(sample, model, hit, inside)
     bright, known_m = _pictured(ground, scene, near, sample.albedo, wavelengths, mapped)
-    if detail:
-        fine = np.flatnonzero((sample.water < 1) & (sample.snow < 1) & (footprint > 0) & (footprint < known_m))
-        bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], footprint[fine])
+    fine = np.flatnonzero((sample.water < 1) & (sample.snow < 1) & (finest < known_m))
+    bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], finest[fine])
     sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
     return sample
 
 
 @dataclass
 class _Places:
-    """Places (n,) by degrees and grid index, and how many cells they are `away` from the domain."""
+    """Places (n,) by degrees and grid index, how many cells they are `away` from the domain, what a pixel covers, and
+    what nothing that is invented may be finer than."""
 
     lat: FloatArray
     lon: FloatArray
@@ -107,6 +109,7 @@ class _Places:
     iy: FloatArray
     away: FloatArray
     footprint_m: FloatArray
+    finest_m: FloatArray
     cell_m: float
 
     @property
@@ -146,10 +149,11 @@ def _plain_at(
 
 
 def _without_model(
-    ground: Ground, scene: Scene, lat: FloatArray, lon: FloatArray, wavelengths: FloatArray, footprint: FloatArray
+    ground: Ground, scene: Scene, near: _Places, wavelengths: FloatArray
 ) -> tuple[SurfaceSample, FloatArray]:
     """The user's maps over the default Earth, and the share (n,) of each place that the maps show."""
-    water, lake = earth.water_fraction(lat, lon), earth.lake_fraction(lat, lon)
+    lat, lon, footprint = near.lat, near.lon, near.footprint_m
+    water, lake = _shored(earth.water_fraction(lat, lon), near, earth.MASK_M), earth.lake_fraction(lat, lon)
     albedo = np.broadcast_to(spectra.generic_land(wavelengths), (lat.size, wavelengths.size)).copy()
     land = water < 1
     if land.any():
@@ -167,6 +171,16 @@ def _without_model(
         green = np.full(lat.size, ground.chlorophyll_mg_m3)
     wind = np.full(lat.size, DEFAULT_WIND_M_S)
     return SurfaceSample(albedo, water, icy, np.zeros(lat.size), wind, green), mapped
+
+
+def _shored(share: FloatArray, near: _Places, cell_m: float) -> FloatArray:
+    """Water or land (n,) of a mask of cells of ``cell_m``, between which it is linear: with a smooth shore, or a ragged
+    one for near eyes, that has as much on either side."""
+    shore = np.flatnonzero((share > 0) & (share < 1) & (near.finest_m < cell_m))
+    ragged = share.copy()
+    noise, _ = fractal_noise(near.lat[shore], near.lon[shore], cell_m, near.finest_m[shore])
+    ragged[shore] += _RAGGED * noise
+    return earth.sharpened(ragged)
 
 
 def _pictured(
@@ -196,7 +210,7 @@ def _with_model(
         land = _surface(data, "land_area_fraction")
         dry = bilinear(land, ix, iy)
         if np.isin(land, (0.0, 1.0)).all():
-            dry = earth.sharpened(dry)
+            dry = _shored(dry, near, near.cell_m)
     ice = np.zeros(ix.size)
     if "sea_ice_area_fraction" in data:
         ice = bilinear(_surface(data, "sea_ice_area_fraction"), ix, iy)

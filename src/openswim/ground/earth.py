@@ -24,6 +24,7 @@ from openswim.ground.spectra import from_bands, generic_land
 FloatArray = NDArray[np.float64]
 
 PIXEL_M = 7400.0  # of the image, at the equator
+MASK_M = 4600.0  # cells of the mask of water there
 _LEAST_LAND = 0.02  # share of a place's surroundings whose colour is to be trusted
 _LEVELS = 6  # halvings of the image, to 240 km
 _IMAGE_SHAPE = (2700, 5400)
@@ -134,9 +135,9 @@ def _means(level: int) -> NDArray[np.float32]:
 
 
 def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
-    """1 on oceans and lakes, 0 on land (n,); the shoreline is a smooth line about 1 km wide."""
+    """1 on oceans and lakes, 0 on land (n,), linear over `MASK_M` between; `sharpened`, the shoreline is smooth."""
     rows, columns, weights = _around(lat, lon, _MASK_SHAPE)
-    return sharpened(((_mask()[rows, columns] != 1) * weights).sum(axis=0))
+    return ((_mask()[rows, columns] != 1) * weights).sum(axis=0)
 
 
 def water_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
