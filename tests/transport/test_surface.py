@@ -163,3 +163,26 @@ def test_land_has_patches_below_its_map_for_the_eye_alone() -> None:
     pack = field.packs[0]
     pack.solver = Solver(detail=False)
     np.testing.assert_allclose(field.view(rays).radiance[:, 0], bare, rtol=1e-5)
+
+
+def test_mountains_have_slopes_below_the_grid() -> None:
+    """Between hills of some cells, a low sun from either side lights other slopes, with as much light in all."""
+    n = 33
+    x, y = np.meshgrid(np.arange(n), np.arange(n))
+    terrain = 1000.0 + 300.0 * (np.sin(x) + np.cos(0.8 * y))
+    scene = grid_scene({}, (7, n, n), (3000.0, 3000.0, 500.0), curved=True, terrain_m=terrain)
+    france = replace(scene.grid, crs=CRS.from_proj4("+proj=lcc +lat_1=30 +lat_2=50 +lat_0=47 +lon_0=2 +R=6371000"))
+    scene = replace(scene, grid=france, data=scene.data.drop_vars("surface_albedo"))
+    places = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(-40e3, 40e3, 90)]))
+    rays = down_on(*places, 6000.0)
+    rays = Rays(rays.origin_m, rays.direction, 0.005)
+    changes = []
+    for azimuth in (120.0, 300.0):
+        field = Solver(quality="preview").solve(scene, toward(azimuth, 30.0), [WAVELENGTH_NM])
+        seen = field.view(rays).radiance[:, 0]
+        field.packs[0].solver = Solver(detail=False)
+        plain = field.view(rays).radiance[:, 0]
+        assert seen.mean() == pytest.approx(plain.mean(), rel=0.05)
+        changes.append(np.log(np.maximum(seen, 0.02) / np.maximum(plain, 0.02)))
+    # woods and fields change alike, and cancel
+    assert np.abs(changes[0] - changes[1]).mean() > 0.2

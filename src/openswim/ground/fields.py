@@ -13,6 +13,7 @@ BoolArray = NDArray[np.bool_]
 
 _EARTH_M = 6_371_000.0
 _LUMPS, _FINER = 32, 3  # of the random numbers that noise is smooth between; its nodes between two of them
+_STEP = 0.2  # of a lump, to either side, over which its slope is taken
 _EDGE = 0.2  # softness of the edges of shares
 
 
@@ -94,6 +95,22 @@ def fractal_noise(
     Octaves from ``longest_m`` (n,) down, of variances as their scales to a ``power``; what is shorter than
     ``shortest_m`` (n,) is not seen: it would only flicker.
     """
+    return _fractal(lat, lon, None, longest_m, shortest_m, octaves, power)
+
+
+def fractal_slope(
+    lat: FloatArray, lon: FloatArray, along: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int,
+    power: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """As `fractal_noise`, of slopes: rise of sharp ridges between round valleys, ``along`` unit vectors (n, 3) in
+    Earth-centred axes."""
+    return _fractal(lat, lon, along.T, longest_m, shortest_m, octaves, power)
+
+
+def _fractal(
+    lat: FloatArray, lon: FloatArray, along: FloatArray | None, longest_m: ArrayLike, shortest_m: ArrayLike,
+    octaves: int, power: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
     # three coordinates of the sphere: no seam at the date line, none at the poles
     la, lo = np.radians(lat), np.radians(lon)
@@ -111,7 +128,9 @@ def fractal_noise(
         some = np.flatnonzero(within * seen)
         if some.size:
             weight = np.sqrt(variance[some]) * seen[some]
-            value[some] += weight * _smooth(_tile(), _turned(octave) @ place[:, some] / scale)
+            axes = _turned(octave)
+            at = axes @ place[:, some] / scale
+            value[some] += weight * (_smooth(_tile(), at) if along is None else _ridged(at, axes @ along[:, some]))
             seen_variance[some] += weight**2
     total = np.maximum(total, 1e-30)
     return value / np.sqrt(total), 1.0 - seen_variance / total
@@ -159,3 +178,17 @@ def _smooth(tile: NDArray[np.float32], place: FloatArray) -> NDArray[np.float32]
     from scipy.ndimage import map_coordinates
 
     return np.asarray(map_coordinates(tile, place * _FINER, order=1, mode="grid-wrap", prefilter=False), np.float32)
+
+
+def _ridged(place: FloatArray, along: FloatArray) -> FloatArray:
+    """Slope (n,) of -|noise| along directions (3, n), of variance 1."""
+    ahead, behind = (_smooth(_tile(), place + side * _STEP * along) for side in (1, -1))
+    return np.asarray((np.abs(behind) - np.abs(ahead)) / _slope_deviation(), float)
+
+
+@cache
+def _slope_deviation() -> float:
+    rng = np.random.default_rng(7)
+    place, along = rng.uniform(0, _LUMPS, (3, 100_000)), rng.standard_normal((3, 100_000))
+    step = _STEP * along / np.linalg.norm(along, axis=0)
+    return float((np.abs(_smooth(_tile(), place + step)) - np.abs(_smooth(_tile(), place - step))).std())

@@ -79,6 +79,10 @@ class Frame:
             return np.eye(3)
         return _enu(lat, lon) @ self._axes.T
 
+    def earth_centred(self, direction: Array) -> Array:
+        """Vectors (..., 3) of the frame in Earth-centred axes: to 0 E on the equator, to 90 E, to the north pole."""
+        return direction @ self._axes
+
     def direction(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike, lat: float, lon: float) -> Array:
         """Unit vectors (..., 3) of an azimuth (clockwise from north) and altitude seen from a place."""
         az, alt = np.radians(np.asarray(azimuth_deg, float)), np.radians(np.asarray(altitude_deg, float))

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground import SurfaceSample, hemispherical_albedo, reflected_radiance, surface_properties
+from openswim.ground.fields import blurred
+from openswim.ground.hills import steepness_below, sunlight_on_slopes
 from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
@@ -51,6 +53,7 @@ class Lighting:
     axes: F32 | None = None
     clear_sky: F32 | None = None  # (mu, azimuth, nw) above the centre of the domain
     unshadowed: F32 | None = None  # ``direct`` without the terrain's own shadows, where a relief casts them
+    steepness: F64 | None = None  # (ny, nx) of what slopes there are below the scene's cells
     forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
 
     @classmethod
@@ -80,6 +83,7 @@ class Lighting:
         return cls(
             medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(np.float32), blank, blank.copy(), blank.copy(),
             normal=normal, axes=medium.axes,
+            steepness=steepness_below(blurred(slope_x**2 + slope_y**2), _scene_cell_m(medium)),
         )  # fmt: skip
 
     def place_sun(self, sun: F64) -> None:
@@ -258,7 +262,8 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     diffuse = np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
     normal = up.copy()
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
-    footprint = width_m / np.sqrt(np.clip(-(up * direction).sum(-1), 0.05, 1.0))
+    along_m = width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0)
+    footprint = np.sqrt(width_m * along_m)
     medium, relief = light_field.medium, light_field.relief
     if relief is not None:
         beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
@@ -285,11 +290,18 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
+    horizontal_sun = sun - mu_sun[:, None] * up
+    if medium is not None and light_field.solver.detail and not (maps or sample.lambertian):
+        rough = np.flatnonzero((sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
+        assert lighting.steepness is not None
+        beam[rough] *= sunlight_on_slopes(
+            lat[rough], lon[rough], frame.earth_centred(horizontal_sun[rough]), facet_sun[rough],
+            bilinear(lighting.steepness, ix[rough], iy[rough]), _scene_cell_m(medium), along_m[rough],
+        )[:, None]  # fmt: skip
     if relief is not None:
         lit = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
         beam[lit] *= relief.lit(place[lit], sun)[:, None]
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
-    horizontal_sun = sun - mu_sun[:, None] * up
     horizontal_view = -direction + (direction * up).sum(-1, keepdims=True) * up
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
@@ -323,6 +335,11 @@ def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored
         ground.sample, light_field.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
     ).astype(np.float32)  # fmt: skip
+
+
+def _scene_cell_m(medium: Medium) -> float:
+    """Width of the cells that the scene itself has."""
+    return min(medium.cell_m) * medium.fineness
 
 
 def _behind_grid(medium: Medium, sun: F64, mu_sun: F64, ix: F64, iy: F64) -> NDArray[np.bool_]:
