@@ -115,6 +115,18 @@ def test_shores_are_ragged_for_near_eyes_and_leave_as_much_water():
     np.testing.assert_array_equal(far, smooth[:5000])
 
 
+def test_wind_goes_on_beyond_the_domain():
+    """Glitter has no edge where a model's winds end: they go over to their mean, and that into the default."""
+    scene = lonlat_scene(wind_east_10m=2.0 + 10.0 * (LAT[:, None] - 44.0), wind_north_10m=0.0)
+    lon = np.linspace(5.5, 8.0, 500)  # the domain ends at 6
+    for lat, wind in ((44.3, 5.0), (45.7, 19.0)):
+        speed = surface_properties(scene, np.full(500, lat), lon, WAVELENGTHS).wind_speed
+        np.testing.assert_allclose(speed[lon <= 6.0], wind, atol=0.01)
+        assert np.abs(np.diff(speed)).max() < 0.05
+        assert 7.0 < speed[-1] < 12.0  # 20 cells away: between the default and the mean
+    assert surface_properties(scene, [44.3], [20.0], WAVELENGTHS).wind_speed == pytest.approx(5.0)
+
+
 def test_date_line_has_no_seam():
     lat = np.full(200, 66.5)  # Chukotka, land on both sides
     lon = np.linspace(-180.2, -179.8, 200)

@@ -84,6 +84,19 @@ def test_extinction_keeps_its_mean_however_much_is_seen(share: float, blur_m: fl
     assert (factor * bright).mean() == pytest.approx(factor.mean(), abs=0.01 + 3 * error)
 
 
+@pytest.mark.parametrize("cell_m", [100.0, 1500.0, 9000.0])
+def test_an_even_deck_lets_no_sky_through(cell_m: float) -> None:
+    """Straight through 600 m of it hardly a place has less than a third of the mean, however wide the lumps are."""
+    one = detail_of(np.full((4, 4, 4), 0.03, np.float32), np.ones(1, np.float32), cell_m, SUN)
+    foot = anywhere(4000)
+    depth = np.zeros(len(foot))
+    for height in np.arange(0.0, 600.0, 30.0):
+        place = foot + np.array([0.0, 0.0, height])
+        depth += _looked_up(one, 50.0, place, np.full(len(place), 0.03 / one.in_cloud.max()))[1] / 20
+    assert depth.mean() == pytest.approx(1, abs=0.02)
+    assert (depth < 1 / 3).mean() < 0.01
+
+
 def test_where_nothing_is_seen_nothing_changes() -> None:
     one, place = detail(), anywhere(100)
     _, factor, slope = _looked_up(one, one.wavelength_m[0], place, np.linspace(0, 1, 100))

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 DEFAULT_WIND_M_S = 5.0
 SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
+_WIND_CELLS = 10.0  # over which wind beyond the domain goes over to the domain's mean
 _RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
 _CHANCE = 0.66  # standard deviation, of 1, of where snow lies that height does not tell
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
@@ -318,12 +319,12 @@ def _snow_level(
 
 
 def _wind(data: xr.Dataset, near: _Places) -> FloatArray:
-    """10-m wind speed (n,): the model's, beyond its domain its mean, which fades into the default."""
+    """10-m wind speed (n,): the model's, beyond its domain its mean within some cells, which fades into the default."""
     if "wind_east_10m" not in data or "wind_north_10m" not in data:
         return np.full(near.ix.size, DEFAULT_WIND_M_S)
     speed = np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m"))
     here = bilinear(speed, near.ix, near.iy)
-    here += np.clip(near.away / _EDGE_CELLS, 0.0, 1.0) * (speed.mean() - here)
+    here += (1.0 - np.exp(-near.away / _WIND_CELLS)) * (speed.mean() - here)
     return DEFAULT_WIND_M_S + near.fade * (here - DEFAULT_WIND_M_S)
 
 

@@ -27,10 +27,12 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 # The noise: nodes of its period, a power of two; domes in it, each way; its integers per standard deviation
 TILE, _DOMES, _STEPS = 64, 11, 32
 _OCTAVES, _RATIO, _SHORTEST_M = 5, 2.17, 5.0
-_LONGEST_M = 500.0  # eddies and layers are no larger, however wide the cells
+_LONGEST_M = 2000.0  # cells of shallow convection are no larger, however wide those of the grid
 _PER_CELL = 1.4  # wavelength of the first octave: a grid tells what is two cells long, vaguely
 _EDGE = 0.2  # standard deviation of the octaves that are left out
-_SURPLUS = 1.1  # extinction within cloud over the greatest mean around, so that no cloud is quite even
+# Extinction within cloud over the greatest mean around, less one, so that no cloud is quite even; the less, the longer
+# waves are: holes as wide as a deck is thick would go through it
+_SURPLUS, _SURPLUS_M = 0.1, 500.0
 _THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
 _QUANTILES = 256
 _SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
@@ -97,13 +99,14 @@ def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
     turns = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in wavelength])
     weight = wavelength ** (1 / 3)  # k^-5/3
     weight *= np.sqrt((1 - _EDGE**2) / (weight**2).sum())
+    most = 1.0 + _SURPLUS * min(1.0, _SURPLUS_M / wavelength[0])
     share = np.linspace(0, 1, _QUANTILES) ** _THINNING
     least = 0.5 / _QUANTILES
     return Detail(
         _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
         np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(np.float32), wavelength,
         weight.astype(np.float32), ndtri(np.clip(share, least, 1 - least)).astype(np.float32), refined,
-        np.asarray(np.float32(_SURPLUS) * maximum_filter(extinction, 3, mode="nearest"), np.float32),
+        np.asarray(np.float32(most) * maximum_filter(extinction, 3, mode="nearest"), np.float32),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 FAINT = 0.03  # transmission below which detail is not seen
-_FINEST = 0.07  # least part of a step, of the first wavelength
+_FINEST, _COARSEST_M = 0.07, 35.0  # least part of a step, of the first wavelength, and at most
 _PART = 1.5  # part of a step, of the ray's width
 _BLUR = 1.6  # wavelength that begins to be seen, in parts of a step
 _HASTE = np.float32(6.0)  # by how much parts grow, less one, as it becomes dark
@@ -60,7 +60,7 @@ def detailed_step(
     dz = height_of_square_m(w[SQUARE] + s * (2.0 * w[RISE] + s), radius_m) - z
     dense, dense_far = scalar_at(detail.in_cloud, jx, jy, last_level), scalar_at(detail.in_cloud, ix, iy, level)
     first_m = flat(detail.wavelength_m, 0)
-    finest = max(_PART * width_m, _FINEST * first_m)
+    finest = max(_PART * width_m, min(_FINEST * first_m, _COARSEST_M))
     count, edge = seen_octaves(detail, _BLUR * finest, scratch)
     least, lump_m = np.float32(min(finest / ds, 1.0)), np.float32(0.25 * first_m)
     clear = largest(air) + _NOTHING
