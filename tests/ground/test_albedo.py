@@ -252,6 +252,21 @@ def test_model_albedo_ignores_its_water_cells_on_land():
     assert shore == pytest.approx(inland, rel=1e-3)
 
 
+def test_snow_of_a_domains_edge_is_not_combed_out_beyond_it():
+    """Stripes of snow and of mountains at the edge: some cells beyond, their mean, not stripes."""
+    rng = np.random.default_rng(6)
+    stripes = np.where(np.arange(LAT.size) // 3 % 2, 1.0, 0.0)[:, None]
+    height = 800.0 + 500.0 * np.repeat(rng.standard_normal((LAT.size, 1)), LON.size, axis=1)
+    scene = lonlat_scene(snow_area_fraction=stripes, surface_altitude=height)
+    lat = np.linspace(44.3, 45.7, 200)
+    edge, beyond = (
+        surface_properties(scene, lat, np.full(lat.size, lon), WAVELENGTHS, 60e3).snow for lon in (5.9, 7.2)
+    )
+    assert np.ptp(edge) > 0.5
+    assert np.ptp(beyond) < 0.15
+    assert 0.1 < beyond.mean() < 0.6
+
+
 def test_missing_map_says_what_to_install(monkeypatch):
     def absent(name):
         raise ModuleNotFoundError(name)

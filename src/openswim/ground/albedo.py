@@ -27,7 +27,7 @@ SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median,
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
 _WIND_CELLS = 10.0  # over which wind beyond the domain goes over to the domain's mean
 _RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
-_CHANCE = 0.66  # standard deviation, of 1, of where snow lies that height does not tell
+_BY_HEIGHT = 0.75  # standard deviation, of 1, of where snow lies that height tells; the rest is chance
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
 
@@ -236,7 +236,8 @@ def _snow_covered(
     if fraction is None:
         return _land_level(data, near, default.albedo, wavelengths, mapped, None), default.snow
     land = _land_level(data, near, default.albedo, wavelengths, mapped, fraction)
-    mean = near.fade * bilinear(blurred(fraction), near.ix, near.iy)
+    beyond, _ = filled(blurred(fraction), np.ones(fraction.shape, bool), near.ix, near.iy, near.away)
+    mean = near.fade * beyond
     cover = resolved_share(mean, *_favour(data, near))
     bright = _snow_level(data, near, fraction, default.albedo, wavelengths)
     if "surface_albedo" not in data:
@@ -264,7 +265,9 @@ def _favour(data: xr.Dataset, near: _Places) -> tuple[FloatArray, FloatArray]:
     mean = blurred(blurred(height))
     deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), 50.0**2))
     above = bilinear((height - mean) / deviation, near.ix, near.iy)
-    return 0.75 * np.clip(above, -2.5, 2.5) + _CHANCE * noise, _CHANCE**2 * unseen
+    by_height = _BY_HEIGHT * np.exp(-near.away / _EDGE_CELLS)  # what stands beyond the domain is not known
+    chance = np.sqrt(1 - by_height**2)
+    return by_height * np.clip(above, -2.5, 2.5) + chance * noise, chance**2 * unseen
 
 
 def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:

@@ -68,11 +68,12 @@ def filled(
         x, y = (ix[left] + 0.5) / (1 << n) - 0.5, (iy[left] + 0.5) / (1 << n) - 0.5
         w = bilinear(weight, x, y)
         v = bilinear(total, x, y) / np.maximum(w, 1e-9).reshape(w.shape + trailing)
-        fits = np.clip(1.5 - away[left] / (1 << n), 0.0, 1.0) if n < levels else 1.0
+        last = n == levels or min(weight.shape) < 4
+        fits = 1.0 if last else np.clip(1.5 - away[left] / (1 << n), 0.0, 1.0)
         share = (1 - known[left]) * fits * np.clip(4 * w, 0.0, 1.0)
         out[left] += share.reshape(share.shape + trailing) * v
         known[left] += share
-        if min(weight.shape) < 4 or left.size == 0:
+        if last or left.size == 0:
             break
         weight, total = _halved(weight), _halved(total)
     return out / np.maximum(known, 1e-9).reshape(known.shape + trailing), known

@@ -291,9 +291,9 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
     horizontal_sun = sun - mu_sun[:, None] * up
-    if medium is not None and light_field.solver.detail and not (maps or sample.lambertian):
+    detailed = light_field.solver.detail and not (maps or sample.lambertian)
+    if medium is not None and lighting.steepness is not None and detailed:
         rough = np.flatnonzero((sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
-        assert lighting.steepness is not None
         beam[rough] *= sunlight_on_slopes(
             lat[rough], lon[rough], frame.earth_centred(horizontal_sun[rough]), facet_sun[rough],
             bilinear(lighting.steepness, ix[rough], iy[rough]), _scene_cell_m(medium), along_m[rough],
