@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from openswim.ground.fields import fractal_noise, fractal_slope
 from openswim.ground.hills import steepness_below, sunlight_on_slopes
 
 
@@ -59,15 +58,3 @@ def test_steepness_grows_with_what_cells_hide():
     assert 0 < below[2] < below[3] < 0.6
     assert steepness_below(np.array(1.0), 3000.0) == pytest.approx(0.6)
     assert steepness_below(np.array(0.0), 3000.0) == 0
-
-
-def test_slopes_are_of_ridges():
-    """One octave: the slope is that of -|noise|, worked out from heights on either side."""
-    lat, lon = places(20_000, 0.5)
-    along = toward(lat, lon, 0.0)  # northward
-    slope, unseen = fractal_slope(lat, lon, along, 4096.0, 0.0, 1, 0.0)
-    step = np.degrees(0.2 * 4096.0 / 6_371_000.0)
-    high, low = (-np.abs(fractal_noise(lat + way, lon, 4096.0, 0.0, 1)[0]) for way in (step, -step))
-    assert np.corrcoef(slope, high - low)[0, 1] > 0.99
-    assert slope.std() == pytest.approx(1, abs=0.05)
-    np.testing.assert_allclose(unseen, 0, atol=1e-12)

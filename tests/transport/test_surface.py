@@ -20,6 +20,7 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
+from openswim.transport.surface import _steepness
 
 ALTITUDE = 30.0
 RIDGE_M, CELL = 500.0, 50.0
@@ -186,3 +187,16 @@ def test_mountains_have_slopes_below_the_grid() -> None:
         changes.append(np.log(np.maximum(seen, 0.02) / np.maximum(plain, 0.02)))
     # woods and fields change alike, and cancel
     assert np.abs(changes[0] - changes[1]).mean() > 0.2
+
+
+def test_slopes_of_a_domain_do_not_reach_far_beyond_it() -> None:
+    """Plains beyond mountains are plains: what stands there is not known."""
+    n = 17
+    terrain = 1000.0 + 300.0 * np.sin(np.arange(n))[:, None] * np.ones(n)
+    scene = grid_scene({}, (5, n, n), (3000.0, 3000.0, 700.0), curved=True, terrain_m=terrain)
+    field = Solver(quality="preview").solve(scene, toward(120.0, 30.0), [WAVELENGTH_NM]).packs[0]
+    fineness = field.medium.fineness
+    steep = _steepness(field.lighting, field.medium, fineness * np.array([8.0, 16.0, 26.0, 116.0]), np.full(4, 8.0))
+    assert steep[0] > 0.1
+    assert steep[1] > steep[2] > 0.3 * steep[1]
+    assert steep[3] < 1e-3

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
-from openswim.ground.fields import bilinear, blurred, filled, fractal_noise, resolved_share
+from openswim.ground.fields import bilinear, blurred, filled
 from openswim.ground.maps import Ground, mapped_albedo, textured
-from openswim.ground.patches import patched, wooded
+from openswim.ground.noise import fractal_noise, resolved_share
+from openswim.ground.patches import patched, wood_noise
 from openswim.scene.rims import BEYOND_CELLS
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ def _favour(data: xr.Dataset, near: _Places) -> tuple[FloatArray, FloatArray]:
 def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
     """What snow lends of its albedo to land (n,), by how green it is; woods and clearings are finer than the map."""
     share = snow.forest_share(colour.mean(axis=1))
-    return snow.out_of_the_snow(resolved_share(share, *wooded(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)))
+    return snow.out_of_the_snow(resolved_share(share, *wood_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)))
 
 
 def _land_level(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground.fields import fractal_slope
+from openswim.ground.noise import fractal_slope
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.ground.fields import fractal_noise, resolved_share
+from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.spectra import at_wavelengths
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +22,7 @@ _BARE_RATIO, _GREEN_RATIO = 0.85, 1.05
 _ROCKS, _ROCKY = 0.87, 0.4
 
 
-def wooded(
+def wood_noise(
     lat: FloatArray, lon: FloatArray, known_m: ArrayLike, footprint_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """`fractal_noise` by which woods lie where they do, below maps that know them over ``known_m``."""
@@ -46,6 +46,6 @@ def patched(
     dark = woods + bare[:, None] * (_ROCKS * albedo - woods)
     light = (albedo - share[:, None] * dark) / (1 - share[:, None])
     mottle, _ = fractal_noise(lat, lon, np.minimum(known_m, _MOTTLE_M), footprint_m, _MOTTLE_OCTAVES, 0.0)
-    forest = resolved_share(share, *wooded(lat, lon, known_m, footprint_m))
+    forest = resolved_share(share, *wood_noise(lat, lon, known_m, footprint_m))
     mixed = light + forest[:, None] * (dark - light)
     return np.clip(mixed * (1 + _MOTTLE * np.clip(mottle, -3, 3))[:, None], 0.0, 0.98)

@@ -13,6 +13,7 @@ from openswim.ground.fields import blurred
 from openswim.ground.hills import steepness_below, sunlight_on_slopes
 from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
+from openswim.scene.rims import BEYOND_CELLS
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium
 from openswim.transport.mirror import HIGHEST_EYE_M, mirrored_sky
@@ -32,6 +33,7 @@ _SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])
 _SKY_AZIMUTHS = 19
 _PART = 16_384  # places shaded together, so that what is known of them stays in a cache
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
+_LEAST_SLOPE = 1e-3  # slopes that are not seen
 _DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 
 
@@ -291,12 +293,12 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     facet_sun = (normal * sun).sum(-1)
     horizontal_sun = sun - mu_sun[:, None] * up
-    detailed = light_field.solver.detail and not (maps or sample.lambertian)
-    if medium is not None and lighting.steepness is not None and detailed:
-        rough = np.flatnonzero((sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
+    if medium is not None and light_field.solver.detail and not (maps or sample.lambertian):
+        steep = _steepness(lighting, medium, ix, iy)
+        rough = np.flatnonzero((steep > _LEAST_SLOPE) & (sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
         beam[rough] *= sunlight_on_slopes(
-            lat[rough], lon[rough], frame.earth_centred(horizontal_sun[rough]), facet_sun[rough],
-            bilinear(lighting.steepness, ix[rough], iy[rough]), _scene_cell_m(medium), along_m[rough],
+            lat[rough], lon[rough], frame.earth_centred(horizontal_sun[rough]), facet_sun[rough], steep[rough],
+            _scene_cell_m(medium), along_m[rough],
         )[:, None]  # fmt: skip
     if relief is not None:
         lit = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
@@ -335,6 +337,15 @@ def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored
         ground.sample, light_field.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
     ).astype(np.float32)  # fmt: skip
+
+
+def _steepness(lighting: Lighting, medium: Medium, ix: F64, iy: F64) -> F64:
+    """Of slopes below the scene's cells (n,), fading out beyond its domain; 0 where no terrain is known."""
+    if lighting.steepness is None:
+        return np.zeros(ix.shape)
+    _, ny, nx = medium.shape
+    away = np.hypot(ix - np.clip(ix, 0, nx - 1), iy - np.clip(iy, 0, ny - 1)) / medium.fineness
+    return bilinear(lighting.steepness, ix, iy) * np.exp(-((np.minimum(away, 1e3) / BEYOND_CELLS) ** 2))
 
 
 def _scene_cell_m(medium: Medium) -> float:

@@ -1,0 +1,128 @@
+"""Noise that belongs to places of the Earth, for what maps do not know: the same there in every picture.
+
+`transport.noise` is its like for clouds, compiled and without a period; this one reads a small tile, as fast without.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+_EARTH_M = 6_371_000.0
+_LUMPS, _FINER = 32, 3  # of the random numbers that noise is smooth between; its nodes between two of them
+_STEP = 0.2  # of a lump, to either side, over which its slope is taken
+_EDGE = 0.2  # softness of the edges of shares
+
+
+def fractal_noise(
+    lat: FloatArray, lon: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int = 7,
+    power: float = 1.0,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Smooth random numbers (n,) at places in degrees, the same in every picture: what is seen of a sum of normal
+    distribution, mean 0 and variance 1, and the variance (n,) of what is not.
+
+    Octaves from ``longest_m`` (n,) down, of variances as their scales to a ``power``; what is shorter than
+    ``shortest_m`` (n,) is not seen: it would only flicker.
+    """
+    return _fractal(lat, lon, None, longest_m, shortest_m, octaves, power)
+
+
+def fractal_slope(
+    lat: FloatArray, lon: FloatArray, along: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int,
+    power: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """As `fractal_noise`, of slopes: rise of sharp ridges between round valleys, ``along`` unit vectors (n, 3) in
+    Earth-centred axes."""
+    return _fractal(lat, lon, along.T, longest_m, shortest_m, octaves, power)
+
+
+def _fractal(
+    lat: FloatArray, lon: FloatArray, along: FloatArray | None, longest_m: ArrayLike, shortest_m: ArrayLike,
+    octaves: int, power: float,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
+    # three coordinates of the sphere: no seam at the date line, none at the poles
+    la, lo = np.radians(lat), np.radians(lon)
+    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * _EARTH_M
+    total, value, seen_variance = np.zeros((3, lat.size))
+    top = np.log2(np.maximum(longest, 1e-3))
+    if lat.size == 0:
+        return value, 1.0 - seen_variance
+    for octave in range(math.ceil(top.max()), math.floor(top.min()) - octaves, -1):
+        scale = 2.0**octave
+        within = np.clip(top + 1.0 - octave, 0.0, 1.0) * np.clip(octave - top + octaves, 0.0, 1.0)
+        variance = within**2 * scale**power
+        seen = np.clip(2.0 - 2.0 * shortest / scale, 0.0, 1.0)
+        total += variance
+        some = np.flatnonzero(within * seen)
+        if some.size:
+            weight = np.sqrt(variance[some]) * seen[some]
+            axes = _turned(octave)
+            at = axes @ place[:, some] / scale
+            value[some] += weight * (_smooth(_tile(), at) if along is None else _ridged(at, axes @ along[:, some]))
+            seen_variance[some] += weight**2
+    total = np.maximum(total, 1e-30)
+    return value / np.sqrt(total), 1.0 - seen_variance / total
+
+
+def resolved_share(share: FloatArray, favour: FloatArray, unseen: FloatArray) -> FloatArray:
+    """Where a share (n,) of a neighbourhood lies: 0 to 1 (n,), mostly either.
+
+    favour (n,): how much likelier it is there than elsewhere, standard normal but for the variance (n,) of what is
+    ``unseen`` of it. Phi((sqrt(1 - e^2) favour + probit(share)) / s), s^2 = e^2 + (1 - e^2) unseen, e = .2 for soft
+    edges: its mean is the share, whatever is unseen; where nothing is seen it is that. Shares within .02 of none or all
+    are even: no lone specks.
+    """
+    from scipy.special import ndtr, ndtri
+
+    seen = 1.0 - _EDGE**2
+    softness = np.sqrt(_EDGE**2 + seen * unseen)
+    lies = ndtr((np.sqrt(seen) * favour + ndtri(np.clip(share, 0.0, 1.0))) / softness)
+    return np.where(np.minimum(share, 1 - share) < 0.02, share, lies)
+
+
+@cache
+def _turned(octave: int) -> FloatArray:
+    """Axes that no other octave has."""
+    return np.asarray(np.linalg.qr(np.random.default_rng(1000 + octave).standard_normal((3, 3)))[0])
+
+
+@cache
+def _tile() -> NDArray[np.float32]:
+    """Quadratic B-splines over random numbers, periodic, of mean 0 and variance 1 between nodes, too."""
+    values = np.random.default_rng(5).standard_normal((_LUMPS,) * 3)
+    at = np.arange(_LUMPS * _FINER) / _FINER
+    first = np.floor(at - 0.5).astype(int)
+    t = at - first - 0.5
+    weights = (0.5 * (1.0 - t) ** 2, 0.5 + t * (1.0 - t), 0.5 * t * t)
+    for axis in range(3):
+        shape = tuple(-1 if a == axis else 1 for a in range(3))
+        values = sum(w.reshape(shape) * values.take((first + k) % _LUMPS, axis) for k, w in enumerate(weights))
+    sample = _smooth(np.asarray(values, np.float32), np.random.default_rng(6).uniform(0, _LUMPS, (3, 100_000)))
+    return np.asarray((values - sample.mean()) / sample.std(), np.float32)
+
+
+def _smooth(tile: NDArray[np.float32], place: FloatArray) -> NDArray[np.float32]:
+    """The noise (n,) at points (3, n), one lump to the unit."""
+    from scipy.ndimage import map_coordinates
+
+    return np.asarray(map_coordinates(tile, place * _FINER, order=1, mode="grid-wrap", prefilter=False), np.float32)
+
+
+def _ridged(place: FloatArray, along: FloatArray) -> FloatArray:
+    """Slope (n,) of -|noise| along directions (3, n), of variance 1."""
+    ahead, behind = (_smooth(_tile(), place + side * _STEP * along) for side in (1, -1))
+    return np.asarray((np.abs(behind) - np.abs(ahead)) / _slope_deviation(), float)
+
+
+@cache
+def _slope_deviation() -> float:
+    rng = np.random.default_rng(7)
+    place, along = rng.uniform(0, _LUMPS, (3, 100_000)), rng.standard_normal((3, 100_000))
+    step = _STEP * along / np.linalg.norm(along, axis=0)
+    return float((np.abs(_smooth(_tile(), place + step)) - np.abs(_smooth(_tile(), place - step))).std())
