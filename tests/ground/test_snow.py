@@ -1,4 +1,4 @@
-"""Snow: how bright it is, and where a fraction of a cell lies."""
+"""Snow: how bright it is; gaps of fields filled."""
 
 import numpy as np
 import pytest
