@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from openswim.ground import snow
-from openswim.ground.fields import filled
+from openswim.ground.fields import Filled
 
 
 def test_snow_albedo_by_age():
@@ -23,11 +23,11 @@ def test_gaps_are_filled_from_near_by_and_edges_do_not_streak():
     valid = np.ones((32, 32), bool)
     valid[10:20, 10:20] = False
     x, y = np.full(200, 31.0), np.linspace(4, 28, 200)
-    at_edge, _ = filled(values, valid, x, y, np.zeros(200))
-    far, known = filled(values, valid, x + 12, y, np.full(200, 12.0))
+    at_edge, _ = Filled(values, valid).at(x, y, np.zeros(200))
+    far, known = Filled(values, valid).at(x + 12, y, np.full(200, 12.0))
     assert np.ptp(at_edge) > 0.9
     assert np.ptp(far) < 0.3
     assert (known > 0.9).all()
-    middle, known = filled(np.full((32, 32), 0.3), valid, np.array([15.0]), np.array([15.0]), np.zeros(1))
+    middle, known = Filled(np.full((32, 32), 0.3), valid).at(np.array([15.0]), np.array([15.0]), np.zeros(1))
     assert known > 0.9
     assert middle == pytest.approx(0.3)

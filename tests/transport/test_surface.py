@@ -18,9 +18,10 @@ from tests.transport.scenes import (
 )
 
 from openswim.cameras import Rays
+from openswim.ground.model import ModelGround
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.surface import _steepness
+from openswim.transport.surface import _PART, _steepness
 
 ALTITUDE = 30.0
 RIDGE_M, CELL = 500.0, 50.0
@@ -200,3 +201,14 @@ def test_slopes_of_a_domain_do_not_reach_far_beyond_it() -> None:
     assert steep[0] > 0.1
     assert steep[1] > steep[2] > 0.3 * steep[1]
     assert steep[3] < 1e-3
+
+
+def test_what_a_model_says_of_the_ground_is_worked_out_once(monkeypatch) -> None:
+    calls = []
+    of = ModelGround.of
+    monkeypatch.setattr(ModelGround, "of", lambda *given: calls.append(1) or of(*given))
+    field = Solver().solve(grid_scene({}, (3, 5, 5), curved=True, surface_albedo=0.2), toward(90.0, 40.0), [550.0])
+    solved = len(calls)
+    for _ in range(2):
+        ground(field, np.linspace(-500.0, 500.0, 3 * _PART), np.zeros(3 * _PART))
+    assert len(calls) == solved + 1

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
-from openswim.ground.fields import bilinear, blurred, filled
+from openswim.ground.fields import bilinear, spectral
 from openswim.ground.maps import Ground, mapped_albedo, textured
+from openswim.ground.model import ModelGround
 from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.patches import patched, wood_noise
 from openswim.scene.rims import BEYOND_CELLS
@@ -29,7 +30,6 @@ _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default 
 _WIND_CELLS = 10.0  # over which wind beyond the domain goes over to the domain's mean
 _RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
 _BY_HEIGHT = 0.75  # standard deviation, of 1, of where snow lies that height tells; the rest is chance
-_BARE = 0.05  # snow cover below which a model's albedo is that of the land
 
 
 @dataclass
@@ -57,7 +57,7 @@ class SurfaceSample:
 
 def surface_properties(
     scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0,
-    detail: bool = False,
+    detail: bool = False, model: ModelGround | None = None,
 ) -> SurfaceSample:  # fmt: skip
     """The ground at places (n,), in degrees; in flat scenes `lat` and `lon` are y and x in metres.
 
@@ -72,6 +72,7 @@ def surface_properties(
 
     footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it. detail: whether land
     is given the woods and clearings that maps are too coarse for, where a footprint is known (`patches`; invented).
+    model: the scene's `ModelGround` at the wavelengths, for who asks more than once.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     lat_, lon_ = np.atleast_1d(np.asarray(lat, float)), np.atleast_1d(np.asarray(lon, float))
@@ -86,13 +87,14 @@ def surface_properties(
     ix, iy = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
     finest = np.where(footprint > 0, footprint, np.inf) if detail else np.full(lat_.size, np.inf)
     near = _Places(lat_, lon_, ix, iy, _away(ix, iy, grid), footprint, finest, min(grid.spacing_m()))
+    model = ModelGround.of(scene, wavelengths) if model is None else model
     sample, mapped = _without_model(ground, scene, near, wavelengths)
-    sample.wind_speed[:] = _wind(data, near)
+    sample.wind_speed[:] = _wind(model, near)
     hit = near.fade > 0.01
     if hit.any():
-        model = _with_model(data, near.where(hit), sample[hit], wavelengths, mapped[hit])
+        modelled = _with_model(model, near.where(hit), sample[hit], wavelengths, mapped[hit])
         inside = _inside_weight(ix[hit], iy[hit], grid)
-        _blend(sample, model, hit, inside)
+        _blend(sample, modelled, hit, inside)
     bright, known_m = _pictured(ground, scene, near, sample.albedo, wavelengths, mapped)
     fine = np.flatnonzero((sample.water < 1) & (sample.snow < 1) & (finest < known_m))
     bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], finest[fine])
@@ -141,12 +143,12 @@ def _plain_at(
     if "surface_albedo" not in data:
         albedo = np.zeros((n, wavelengths.size))
     elif "x" in data["surface_albedo"].dims:
-        values = _spectral(data["surface_albedo"], wavelengths)
+        values = spectral(data["surface_albedo"], wavelengths)
         if periodic:
             values = np.pad(values, ((0, 1), (0, 1), (0, 0)), mode="wrap")
         albedo = bilinear(values, ix, iy)
     else:
-        albedo = np.broadcast_to(_spectral(data["surface_albedo"], wavelengths), (n, wavelengths.size)).copy()
+        albedo = np.broadcast_to(spectral(data["surface_albedo"], wavelengths), (n, wavelengths.size)).copy()
     return SurfaceSample(albedo, zero, zero, zero, zero, zero + SEA_CHLOROPHYLL, lambertian=True)
 
 
@@ -203,20 +205,17 @@ def _pictured(
 
 
 def _with_model(
-    data: xr.Dataset, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
+    model: ModelGround, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
 ) -> SurfaceSample:
     """The model's fields over `default` (at the same places)."""
     ix, iy = near.ix, near.iy
     dry = 1.0 - default.water
-    if "land_area_fraction" in data:
-        land = _surface(data, "land_area_fraction")
-        dry = bilinear(land, ix, iy)
-        if np.isin(land, (0.0, 1.0)).all():
+    if model.land is not None:
+        dry = bilinear(model.land, ix, iy)
+        if model.sharp_shores:
             dry = _shored(dry, near, near.cell_m)
-    ice = np.zeros(ix.size)
-    if "sea_ice_area_fraction" in data:
-        ice = bilinear(_surface(data, "sea_ice_area_fraction"), ix, iy)
-    albedo, cover = _snow_covered(data, near, default, wavelengths, mapped)
+    ice = np.zeros(ix.size) if model.sea_ice is None else bilinear(model.sea_ice, ix, iy)
+    albedo, cover = _snow_covered(model, near, default, wavelengths, mapped)
     frozen = (1 - dry) * ice
     solid = dry + frozen
     share = np.divide(frozen, solid, out=np.zeros_like(solid), where=solid > 0)
@@ -230,42 +229,28 @@ def _with_model(
 
 
 def _snow_covered(
-    data: xr.Dataset, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
+    model: ModelGround, near: _Places, default: SurfaceSample, wavelengths: FloatArray, mapped: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Albedo of land under the model's snow, and the share that reflects like snow."""
-    fraction = _snow_fraction(data)
-    if fraction is None:
-        return _land_level(data, near, default.albedo, wavelengths, mapped, None), default.snow
-    land = _land_level(data, near, default.albedo, wavelengths, mapped, fraction)
-    beyond, _ = filled(blurred(fraction), np.ones(fraction.shape, bool), near.ix, near.iy, near.away)
-    mean = near.fade * beyond
-    cover = resolved_share(mean, *_favour(data, near))
-    bright = _snow_level(data, near, fraction, default.albedo, wavelengths)
-    if "surface_albedo" not in data:
+    land = _land_level(model, near, default.albedo, mapped)
+    if model.snow_near is None:
+        return land, default.snow
+    beyond, _ = model.snow_near.at(near.ix, near.iy, near.away)
+    cover = resolved_share(near.fade * beyond, *_favour(model, near))
+    bright = _snow_level(model, near, default.albedo, wavelengths)
+    if model.land_albedo is None and model.snow_level is None:
         bright = land + _forest_stands_out(near, default.albedo)[:, None] * (bright - land)
     own = cover * (1 - default.snow)
     return land + own[:, None] * np.maximum(bright - land, 0.0), default.snow + own
 
 
-def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
-    """Share of every node (ny, nx) under snow, by its fraction or its depth; None where the model has neither."""
-    if "snow_area_fraction" in data:
-        return _surface(data, "snow_area_fraction")
-    if "snow_depth" in data:
-        return snow.fraction_from_depth(_surface(data, "snow_depth"))
-    return None
-
-
-def _favour(data: xr.Dataset, near: _Places) -> tuple[FloatArray, FloatArray]:
+def _favour(model: ModelGround, near: _Places) -> tuple[FloatArray, FloatArray]:
     """How much likelier snow lies here than nearby: height above the neighbourhood, and chance, of normal distribution;
     and the variance of what is not seen of it."""
     noise, unseen = fractal_noise(near.lat, near.lon, 3 * near.cell_m, near.footprint_m)
-    if "surface_altitude" not in data:
+    if model.standing_out is None:
         return noise, unseen
-    height = _surface(data, "surface_altitude")
-    mean = blurred(blurred(height))
-    deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), 50.0**2))
-    above = bilinear((height - mean) / deviation, near.ix, near.iy)
+    above = bilinear(model.standing_out, near.ix, near.iy)
     by_height = _BY_HEIGHT * np.exp(-near.away / _EDGE_CELLS)  # what stands beyond the domain is not known
     chance = np.sqrt(1 - by_height**2)
     return by_height * np.clip(above, -2.5, 2.5) + chance * noise, chance**2 * unseen
@@ -277,72 +262,40 @@ def _forest_stands_out(near: _Places, colour: FloatArray) -> FloatArray:
     return snow.out_of_the_snow(resolved_share(share, *wood_noise(near.lat, near.lon, earth.PIXEL_M, near.footprint_m)))
 
 
-def _land_level(
-    data: xr.Dataset, near: _Places, colour: FloatArray, wavelengths: FloatArray, mapped: FloatArray,
-    snowy: FloatArray | None,
-) -> FloatArray:  # fmt: skip
+def _land_level(model: ModelGround, near: _Places, colour: FloatArray, mapped: FloatArray) -> FloatArray:
     """Albedo of snow-free land: the user's maps, else the model's own, or its broadband level in the map's colour."""
-    if "surface_albedo" not in data:
+    if model.land_albedo is None:
         return colour
-    field = data["surface_albedo"]
-    bare = _surface(data, "land_area_fraction") >= 0.5
-    if snowy is not None and "wavelength" not in field.dims:
-        bare &= snowy < _BARE
-    if not bare.any():
-        return colour
-    share = (near.fade * (1 - mapped))[:, None]
-    if "wavelength" in field.dims:
-        own, known = filled(_spectral(field, wavelengths), bare, near.ix, near.iy, near.away)
-        return colour + share * known[:, None] * (own - colour)
-    visible = spectra.visible_from_broadband(_surface(data, "surface_albedo"))
-    level, known = filled(visible, bare, near.ix, near.iy, near.away)
-    ratio = level / np.maximum(colour.mean(axis=1), 1e-3)
-    return np.clip(colour * (1 + share * known[:, None] * (ratio[:, None] - 1)), 0.0, 0.98)
+    own, known = model.land_albedo.at(near.ix, near.iy, near.away)
+    share = (near.fade * (1 - mapped) * known)[:, None]
+    if model.spectral:
+        return colour + share * (own - colour)
+    ratio = own / np.maximum(colour.mean(axis=1), 1e-3)
+    return np.clip(colour * (1 + share * (ratio[:, None] - 1)), 0.0, 0.98)
 
 
-def _snow_level(
-    data: xr.Dataset, near: _Places, fraction: FloatArray, colour: FloatArray, wavelengths: FloatArray
-) -> FloatArray:
+def _snow_level(model: ModelGround, near: _Places, colour: FloatArray, wavelengths: FloatArray) -> FloatArray:
     """Albedo (n, nwl) of the snow: by its age, dimmed to the model's broadband level (forest stands out of it)."""
     age = np.full(near.ix.size, snow.FRESH_DAYS)
-    if "snow_age" in data:
-        age = bilinear(_surface(data, "snow_age"), near.ix, near.iy)
+    if model.snow_age is not None:
+        age = bilinear(model.snow_age, near.ix, near.iy)
     pure = snow.snow_albedo(wavelengths, age)
-    if "surface_albedo" not in data or "wavelength" in data["surface_albedo"].dims:
+    if model.snow_level is None:
         return pure
-    white = (fraction > 0.5) & (_surface(data, "land_area_fraction") >= 0.5)
-    if not white.any():
-        return pure
-    visible = spectra.visible_from_broadband(_surface(data, "surface_albedo"))
-    # what the rest of the cell reflects is taken off
-    level, known = filled((visible - (1 - fraction) * 0.08) / np.maximum(fraction, 0.5), white, near.ix, near.iy,
-                          near.away)  # fmt: skip
+    level, known = model.snow_level.at(near.ix, near.iy, near.away)
     share = np.clip((level - 0.08) / (pure.mean(axis=1) - 0.08), 0.0, 1.1)[:, None]
     seen = colour + share * (pure - colour)
     return np.clip(pure + known[:, None] * (seen - pure), 0.0, 0.98)
 
 
-def _wind(data: xr.Dataset, near: _Places) -> FloatArray:
+def _wind(model: ModelGround, near: _Places) -> FloatArray:
     """10-m wind speed (n,): the model's, beyond its domain its mean within some cells, which fades into the default."""
-    if "wind_east_10m" not in data or "wind_north_10m" not in data:
+    speed = model.wind_speed
+    if speed is None:
         return np.full(near.ix.size, DEFAULT_WIND_M_S)
-    speed = np.hypot(_surface(data, "wind_east_10m"), _surface(data, "wind_north_10m"))
     here = bilinear(speed, near.ix, near.iy)
     here += (1.0 - np.exp(-near.away / _WIND_CELLS)) * (speed.mean() - here)
     return DEFAULT_WIND_M_S + near.fade * (here - DEFAULT_WIND_M_S)
-
-
-def _surface(data: xr.Dataset, name: str) -> FloatArray:
-    return np.asarray(data[name].transpose("y", "x").values, float)
-
-
-def _spectral(field: xr.DataArray, wavelengths: FloatArray) -> FloatArray:
-    """(..., nwl): interpolated where the field has wavelengths, repeated where it has not."""
-    if "wavelength" not in field.dims:
-        return np.repeat(np.asarray(field.values, float)[..., None], wavelengths.size, axis=-1)
-    field = field.transpose(..., "wavelength")
-    known = np.asarray(field["wavelength"].values, float)
-    return spectra.at_wavelengths(known, np.asarray(field.values, float), wavelengths)
 
 
 def _away(ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:

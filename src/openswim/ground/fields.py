@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
+
+from openswim.ground.spectra import at_wavelengths
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -31,44 +38,65 @@ def bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: BoolArra
 
 def blurred(values: FloatArray) -> FloatArray:
     """(ny, nx) smoothed by a binomial of 2 cells' standard deviation; the edge holds beyond."""
-    out = values
+    from scipy.ndimage import correlate1d
+
     for axis in (0, 1):
         for _ in range(4):
-            f = np.moveaxis(out, axis, -1)
-            padded = np.concatenate([f[..., :1], f[..., :1], f, f[..., -1:], f[..., -1:]], axis=-1)
-            n = f.shape[-1]
-            shifted = np.stack([padded[..., k : k + n] for k in range(5)], axis=-1)
-            out = np.moveaxis(shifted @ (np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16), -1, axis)
-    return out
+            values = correlate1d(values, np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16, axis, mode="nearest")
+    return values
 
 
-def filled(
-    values: FloatArray, valid: BoolArray, ix: FloatArray, iy: FloatArray, away: FloatArray, levels: int = 4
-) -> tuple[FloatArray, FloatArray]:
-    """(ny, nx[, k]) among `valid` nodes at fractional indices: values (n[, k]) and whether any were near (n,), 0 to 1.
+class Filled:
+    """A field (ny, nx[, k]) known at `valid` nodes, for any place.
 
-    Where no valid node is next to a place, and `away` (cells) from the grid, means over 2, 4, 8, ... cells stand in,
-    so that nothing of a single cell is drawn out into a streak.
+    Where no valid node is next to it, and away from the grid, means over 2, 4, 8, ... cells stand in, so that nothing
+    of a single cell is drawn out into a streak.
     """
-    trailing = (1,) * (values.ndim - 2)
-    weight = valid.astype(float)
-    total = values * weight.reshape(weight.shape + trailing)
-    out = np.zeros(ix.shape + values.shape[2:])
-    known = np.zeros(ix.shape)
-    for n in range(levels + 1):
-        left = np.flatnonzero(known < 1)
-        x, y = (ix[left] + 0.5) / (1 << n) - 0.5, (iy[left] + 0.5) / (1 << n) - 0.5
-        w = bilinear(weight, x, y)
-        v = bilinear(total, x, y) / np.maximum(w, 1e-9).reshape(w.shape + trailing)
-        last = n == levels or min(weight.shape) < 4
-        fits = 1.0 if last else np.clip(1.5 - away[left] / (1 << n), 0.0, 1.0)
-        share = (1 - known[left]) * fits * np.clip(4 * w, 0.0, 1.0)
-        out[left] += share.reshape(share.shape + trailing) * v
-        known[left] += share
-        if last or left.size == 0:
-            break
-        weight, total = _halved(weight), _halved(total)
-    return out / np.maximum(known, 1e-9).reshape(known.shape + trailing), known
+
+    def __init__(self, values: FloatArray, valid: BoolArray, levels: int = 4) -> None:
+        weight = valid.astype(float)
+        total = values * _spread(weight, values.ndim)
+        self.levels = [(weight, total)]
+        while len(self.levels) <= levels and min(weight.shape) >= 4:
+            weight, total = _halved(weight), _halved(total)
+            self.levels.append((weight, total))
+
+    @classmethod
+    def among(cls, values: FloatArray, valid: BoolArray) -> Filled | None:
+        """None where no node is valid."""
+        return cls(values, valid) if valid.any() else None
+
+    def at(self, ix: FloatArray, iy: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (n[, k]) at fractional indices `away` cells from the grid, and whether any were near (n,), 0 to 1."""
+        out = np.zeros(ix.shape + self.levels[0][1].shape[2:])
+        known = np.zeros(ix.shape)
+        for n, (weight, total) in enumerate(self.levels):
+            left = np.flatnonzero(known < 1)
+            if left.size == 0:
+                break
+            x, y = (ix[left] + 0.5) / (1 << n) - 0.5, (iy[left] + 0.5) / (1 << n) - 0.5
+            w = bilinear(weight, x, y)
+            v = bilinear(total, x, y) / _spread(np.maximum(w, 1e-9), out.ndim)
+            last = n == len(self.levels) - 1
+            fits = 1.0 if last else np.clip(1.5 - away[left] / (1 << n), 0.0, 1.0)
+            share = (1 - known[left]) * fits * np.clip(4 * w, 0.0, 1.0)
+            out[left] += _spread(share, out.ndim) * v
+            known[left] += share
+        return out / _spread(np.maximum(known, 1e-9), out.ndim), known
+
+
+def spectral(field: xr.DataArray, wavelengths_nm: FloatArray) -> FloatArray:
+    """(..., nwl): interpolated where the field has wavelengths, repeated where it has not."""
+    if "wavelength" not in field.dims:
+        return np.repeat(np.asarray(field.values, float)[..., None], wavelengths_nm.size, axis=-1)
+    field = field.transpose(..., "wavelength")
+    known = np.asarray(field["wavelength"].values, float)
+    return at_wavelengths(known, np.asarray(field.values, float), wavelengths_nm)
+
+
+def _spread(values: FloatArray, ndim: int) -> FloatArray:
+    """With as many axes as `ndim`, the new ones last."""
+    return values.reshape(values.shape + (1,) * (ndim - values.ndim))
 
 
 def _halved(values: FloatArray) -> FloatArray:

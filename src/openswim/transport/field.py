@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
+from openswim.ground.model import ModelGround
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
@@ -167,6 +168,11 @@ class PackField:
     def levels(self) -> list[PackField]:
         """This field and the wider ones around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
+
+    @cached_property
+    def model_ground(self) -> ModelGround:
+        """What the scene says of the ground."""
+        return ModelGround.of(self.scene, self.wavelengths_nm)
 
     @property
     def sky(self) -> Shells:

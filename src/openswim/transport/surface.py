@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from openswim.ground import SurfaceSample, hemispherical_albedo, reflected_radiance, surface_properties
 from openswim.ground.fields import blurred
 from openswim.ground.hills import steepness_below, sunlight_on_slopes
+from openswim.ground.model import ModelGround
 from openswim.ground.relief import height_maps, mapped_normals
 from openswim.scene.frame import Frame
 from openswim.scene.rims import BEYOND_CELLS
@@ -219,11 +220,12 @@ def shade(
     out = np.empty((len(place), PACK), np.float32)
     found: dict[int, tuple[NDArray[np.int64], _Ground]] = {}
     near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
+    model = light_field.model_ground
 
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
             part = slice(start, start + _PART)
-            ground = _ground(light_field, shells, place[part], direction[part], width_m[part])
+            ground = _ground(light_field, shells, model, place[part], direction[part], width_m[part])
             out[part] = _reflected(light_field, shells, ground)
             wet = np.flatnonzero(ground.sample.water > 0.05)
             if near and wet.size and not ground.sample.lambertian:
@@ -252,7 +254,9 @@ def _any_outside(light_field: PackField, place: F64) -> bool:
     return bool(((plane < sides[[0, 2]]) | (plane > sides[[1, 3]])).any())
 
 
-def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64) -> _Ground:
+def _ground(
+    light_field: PackField, shells: Shells, model: ModelGround, place: F64, direction: F64, width_m: F64
+) -> _Ground:
     """What is there, and the light on it: see `shade`."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
@@ -285,7 +289,7 @@ def _ground(light_field: PackField, shells: Shells, place: F64, direction: F64, 
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= light_field.through_clouds(place[shaded])
-    sample = surface_properties(scene, lat, lon, wl, footprint, detail=light_field.solver.detail)
+    sample = surface_properties(scene, lat, lon, wl, footprint, light_field.solver.detail, model)
     maps = height_maps(scene)
     if maps and relief is None:
         own, known = mapped_normals(maps, frame, place, up, footprint)

@@ -1,0 +1,99 @@
+"""What a model says of the ground, worked out once for all places that are looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.ground import snow, spectra
+from openswim.ground.fields import Filled, blurred, spectral
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from openswim.scene.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+_BARE = 0.05  # snow cover below which a model's albedo is that of the land
+_DARK_LAND = 0.08  # what is taken to lie between patches of snow
+_LEAST_DEVIATION_M = 50.0  # of heights, below which land is flat to snow
+
+
+@dataclass(frozen=True, eq=False)
+class ModelGround:
+    """Fields (ny, nx) of a curved scene's ground at wavelengths; None for what it does not have.
+
+    land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); sharp_shores: whether nodes are
+    either land or water; snow_near: share of the neighbourhood under snow; standing_out: height above the neighbourhood
+    in its standard deviations; land_albedo: of nodes without snow, (k) at the wavelengths where `spectral`, else the
+    visible level; snow_level: visible level of what is white.
+    """
+
+    spectral: bool = False
+    land: FloatArray | None = None
+    sharp_shores: bool = False
+    sea_ice: FloatArray | None = None
+    wind_speed: FloatArray | None = None
+    snow_near: Filled | None = None
+    snow_age: FloatArray | None = None
+    standing_out: FloatArray | None = None
+    land_albedo: Filled | None = None
+    snow_level: Filled | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, wavelengths_nm: FloatArray) -> ModelGround:
+        """What a scene on a curved grid has; others say nothing of the ground but its albedo."""
+        if scene.grid is None or not scene.grid.curved:
+            return cls()
+        data = scene.data
+        land, wind = surface(data, "land_area_fraction"), None
+        east, north = surface(data, "wind_east_10m"), surface(data, "wind_north_10m")
+        if east is not None and north is not None:
+            wind = np.hypot(east, north)
+        fraction, snow_near, above = _snow_fraction(data), None, None
+        if fraction is not None:
+            snow_near = Filled(blurred(fraction), np.ones(fraction.shape, bool))
+            above = _standing_out(surface(data, "surface_altitude"))
+        has_spectrum = "surface_albedo" in data and "wavelength" in data["surface_albedo"].dims
+        albedo, land_albedo, snow_level = surface(data, "surface_albedo"), None, None
+        if albedo is not None and land is not None:
+            bare = land >= 0.5
+            if has_spectrum:
+                values = spectral(data["surface_albedo"], wavelengths_nm)
+            else:
+                values = spectra.visible_from_broadband(albedo)
+                if fraction is not None:
+                    # what the rest of the cell reflects is taken off
+                    white = (values - (1 - fraction) * _DARK_LAND) / np.maximum(fraction, 0.5)
+                    snow_level = Filled.among(white, bare & (fraction > 0.5))
+                    bare &= fraction < _BARE
+            land_albedo = Filled.among(values, bare)
+        return cls(
+            has_spectrum, land, land is not None and bool(np.isin(land, (0.0, 1.0)).all()),
+            surface(data, "sea_ice_area_fraction"), wind, snow_near, surface(data, "snow_age"), above, land_albedo,
+            snow_level,
+        )  # fmt: skip
+
+
+def surface(data: xr.Dataset, name: str) -> FloatArray | None:
+    """A field (ny, nx), None where there is none."""
+    return np.asarray(data[name].transpose("y", "x", ...).values, float) if name in data else None
+
+
+def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
+    """Share of every node (ny, nx) under snow, by its fraction or its depth."""
+    fraction, depth = surface(data, "snow_area_fraction"), surface(data, "snow_depth")
+    return snow.fraction_from_depth(depth) if fraction is None and depth is not None else fraction
+
+
+def _standing_out(height: FloatArray | None) -> FloatArray | None:
+    """Height above the neighbourhood (ny, nx), in its standard deviations."""
+    if height is None:
+        return None
+    mean = blurred(blurred(height))
+    deviation = np.sqrt(np.maximum(blurred(blurred((height - mean) ** 2)), _LEAST_DEVIATION_M**2))
+    return np.asarray((height - mean) / deviation)
