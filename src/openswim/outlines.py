@@ -1,4 +1,4 @@
-"""Outlines: pixels in which a ridge ends are seen by several rays."""
+"""Outlines: pixels in which a ridge ends, or the ground changes its brightness, are seen by several rays."""
 
 from __future__ import annotations
 
@@ -17,16 +17,26 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 
 _LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outline
+_CONTRAST = 1.3  # of the ground's radiances
+_HIDDEN = 1e-3  # transmittance
+_HIGHEST_EYE_M = 1e5  # farther up pixels are about as long on the ground as they are wide, and are seen as one
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
 
 
 def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, pixels: Pixels) -> None:
     """Give the pixels on outlines, of ``radiance`` (n, nw), the mean of what four rays through each of them see."""
-    edge = np.flatnonzero(outlines(view.distance_m, np.asarray(pixels.inside)))
+    up = rays.origin_m + np.array([0.0, 0.0, field.frame.radius_m])
+    if np.linalg.norm(up) > field.frame.radius_m + _HIGHEST_EYE_M:
+        return
+    inside = np.asarray(pixels.inside)
+    # what is hidden by a cloud, whose edges are soft, has no outline
+    distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
+    ground = np.where(distance > 0, radiance.mean(axis=1), np.nan)
+    edge = np.flatnonzero(outlines(distance, inside) | leaps(ground, inside, _CONTRAST))
     if not edge.size:
         return
     direction = rays.directions()[edge]
-    across = np.cross(direction, _upward(rays.origins()[edge], field.frame.radius_m))
+    across = np.cross(direction, up)
     across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
     above = np.cross(across, direction)
     width = np.broadcast_to(np.asarray(rays.width_rad, float), len(rays))[edge]
@@ -38,19 +48,20 @@ def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, 
 
 def outlines(distance_m: F64, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether the ground in a pixel (n,) of those ``inside`` (ny, nx) ends beside that of a neighbour; negative
-    distances: no ground."""
-    far = np.where(distance_m > 0, distance_m, np.inf)
+    distances: no ground; NaN: not seen."""
+    return leaps(np.where(distance_m < 0, np.inf, distance_m), inside, _LEAP)
+
+
+def leaps(values: F64, inside: NDArray[np.bool_], ratio: float) -> NDArray[np.bool_]:
+    """Whether positive values (n,) of the pixels ``inside`` (ny, nx) are in a ``ratio`` to a neighbour's, or a larger;
+    none to NaN."""
     image = np.full(inside.shape, np.nan)
-    image[inside] = np.log(far)
     edge = np.zeros(inside.shape, bool)
-    for axis in (0, 1):
-        a, b = (np.moveaxis(v, axis, 0) for v in (image, edge))
-        with np.errstate(invalid="ignore"):
-            leap = np.abs(a[1:] - a[:-1]) > np.log(_LEAP)  # inf - inf is no leap
-        b[1:] |= leap
-        b[:-1] |= leap
+    with np.errstate(invalid="ignore", divide="ignore"):  # inf - inf is no leap
+        image[inside] = np.log(values)
+        for axis in (0, 1):
+            a, b = (np.moveaxis(v, axis, 0) for v in (image, edge))
+            leap = np.abs(a[1:] - a[:-1]) > np.log(ratio)
+            b[1:] |= leap
+            b[:-1] |= leap
     return np.asarray(edge[inside])
-
-
-def _upward(place: F64, radius_m: float) -> F64:
-    return place + np.array([0.0, 0.0, radius_m])

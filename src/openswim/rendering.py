@@ -121,7 +121,7 @@ def render(
         attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
     view = field.view(rays)
     relative = view.radiance.astype(np.float32)
-    if not isinstance(field, ReferenceField) and field.landscape is not None and rays.origin_m.ndim == 1:
+    if not isinstance(field, ReferenceField) and frame.curved and rays.origin_m.ndim == 1:
         soften(relative, view, field, rays, pixels)
     _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
     image = _dataset(lit, pixels, relative, view, attrs)
