@@ -185,11 +185,11 @@ def test_no_cloud_is_cut_off_at_the_sides(scene: Scene, name: str) -> None:
 
 def test_cirrus_is_thin_and_covers_part_of_the_sky(scene: Scene, cirrus_depth: np.ndarray) -> None:
     cloudy = cirrus_depth > 0.03
-    assert 0.2 < cloudy.mean() < 0.7
-    assert cirrus_depth[cloudy].mean() == pytest.approx(0.25, rel=0.08)
-    assert cirrus_depth.max() <= 0.68
+    assert 0.1 < cloudy.mean() < 0.7
+    assert cirrus_depth[cloudy].mean() == pytest.approx(0.15, rel=0.08)
+    assert cirrus_depth.max() <= 0.41
     height, content = scene.data["height"].values, scene.data["ice_content"].values
-    assert not content[(height < 8300.0) | (height > 10_800.0)].any()
+    assert not content[(height < 9500.0) | (height > 10_800.0)].any()
     assert 1e-6 < np.median(content[content > 1e-6]) < 1e-5
     radius = scene.data["ice_effective_radius"].values
     assert (radius.min(), radius.max()) == pytest.approx((25e-6, 40e-6), rel=1e-3)
