@@ -11,6 +11,7 @@ from openswim.ground.spectra import at_wavelengths
 FloatArray = NDArray[np.float64]
 
 _LONGEST_M = 4000.0  # woods and hollows are no larger, however coarse the map
+_POWER = 0.1  # of wavelength, that variances of patches go with: of one size they would be dapples, from space
 _MOTTLE_M, _MOTTLE, _MOTTLE_OCTAVES = 60.0, 0.13, 9  # brightness within each: longest wave, standard deviation
 # Green country is woods (dark conifers, MODIS) among fields: share of woods by mean albedo
 _WOODS_NM = np.array([400.0, 469.0, 555.0, 645.0, 700.0])
@@ -26,7 +27,7 @@ def wood_noise(
     lat: FloatArray, lon: FloatArray, known_m: ArrayLike, footprint_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """`fractal_noise` by which woods lie where they do, below maps that know them over ``known_m``."""
-    return fractal_noise(lat, lon, np.minimum(known_m, _LONGEST_M), footprint_m, power=0.6)
+    return fractal_noise(lat, lon, np.minimum(known_m, _LONGEST_M), footprint_m, power=_POWER)
 
 
 def patched(

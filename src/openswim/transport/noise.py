@@ -16,7 +16,7 @@ _SCALE = np.sqrt(12.0 / 0.55**3)
 _SLICES = 64
 _CUMULUS_M, _MESOSCALE_M = 4000.0, 32_000.0
 # Eddies that stir an octave: widths in its spacings, and how far they carry it, in steps, in their widths
-_EDDIES, _CARRIED, _STEPS = (4.0, 8.0), 0.2, 2
+_EDDIES, _CARRIED, _STEPS = (4.0, 8.0), 0.07, 2
 
 
 @njit(cache=True, error_model="numpy")
