@@ -123,6 +123,7 @@ def test_sizes_follow_from_a_width():
     assert Camera.sphere(0, 0, size=1440).shape == (720, 1440)
     assert Camera.perspective(0, 0, size=900).shape == (600, 900)
     assert Camera.satellite(0, 0, size=(300, 500)).shape == (300, 500)
+    assert Camera.allsky(0, 0, size=(300, 300)) == Camera.allsky(0, 0, size=300)
 
 
 @pytest.mark.parametrize(
@@ -139,6 +140,7 @@ def test_sizes_follow_from_a_width():
         lambda: Camera.allsky(0, 0, height_m=float("nan")),
         lambda: Camera.allsky(0, 0, size=0),
         lambda: Camera.allsky(0, 0, size=10.5),
+        lambda: Camera.allsky(0, 0, size=(300, 400)),
         lambda: Camera.allsky(0, 0, size=1_000_000),
         lambda: Camera.allsky(0, 0, centre="west"),
         lambda: Camera.allsky(0, 0, fov_deg=0),

@@ -51,14 +51,14 @@ class Camera:
         lat: float | None = None,
         lon: float | None = None,
         height_m: float = 2.0,
-        size: int = 800,
+        size: int | tuple[int, int] = 800,
         centre: Literal["zenith", "nadir"] = "zenith",
         fov_deg: float = 180.0,
         *,
         x_m: float | None = None,
         y_m: float | None = None,
     ) -> "Camera":
-        """Polar equidistant disc of `size` pixels across, north up.
+        """Polar equidistant disc of `size` pixels across (one number, or twice the same), north up.
 
         Centred on the zenith, east is on the LEFT, as in every photograph of the sky taken with north on top;
         centred on the nadir, east is on the right, as on a map.
@@ -66,9 +66,10 @@ class Camera:
         if centre not in ("zenith", "nadir"):
             raise UserError(f"allsky camera: centre {centre!r} is unknown; use 'zenith' or 'nadir'")
         altitude = 90.0 if centre == "zenith" else -90.0
-        return cls(
-            "allsky", (size, size), lat, lon, x_m, y_m, height_m, altitude_deg=altitude, fov_deg=fov_deg
-        )
+        shape = size if isinstance(size, tuple) else (size, size)
+        if len(set(shape)) > 1:
+            raise UserError(f"allsky camera: size {size} is not square; give one number")
+        return cls("allsky", shape, lat, lon, x_m, y_m, height_m, altitude_deg=altitude, fov_deg=fov_deg)
 
     @classmethod
     def panorama(
