@@ -32,7 +32,7 @@ from matplotlib import pyplot as plt
 
 ROOT = Path(__file__).parents[1]
 PAGE, TARGET, KEPT = ROOT / "docs/solvers.md", ROOT / "docs/images/solvers", ROOT / "build/solvers"
-DEMO_NODES, DEMO_PATHS, RICO_PATHS = 128, 64, 256
+DEMO_NODES, DEMO_PATHS, RICO_PATHS = 128, 256, 256
 VIEWS = {"rico_nadir": "from above", "rico_oblique": "aslant", "rico_ground_shadow": "ground, in shadow",
          "rico_ground_sun": "ground, in the sun"}  # fmt: skip
 SETTINGS = {
