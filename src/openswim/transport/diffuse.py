@@ -44,6 +44,7 @@ _FEW_COLUMNS = 500  # fewer than these are swept by one thread
 _MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _STRIP = 32  # rows of a plane that an ordinate crosses together
+_SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
@@ -236,13 +237,15 @@ class Sweeper:
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
         correct(before, image) adds to a sweep's result what is yet to follow from its change.
-        Levels count by their change relative to their light, since little light under a thick cloud is seen too.
+        Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
+        last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were.
         """
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
+        before = 0.0
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare())
             if correct is not None and n <= _MOST_CORRECTIONS:
@@ -250,8 +253,12 @@ class Sweeper:
             size = np.zeros((threads, len(self.place)))
             in_threads(squares, values, image, level, change, size)
             size = size.sum(axis=0)
-            if change.sum() <= tolerance**2 * size.sum():
+            changed = float(np.sqrt(change.sum() / max(size.sum(), 1e-30)))
+            # without corrections a sweep may change little of what it has to
+            follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
+            if min(changed, _SLOW * follows) <= tolerance:
                 break
+            before = changed
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)

@@ -59,8 +59,8 @@ class Solver:
     maps (docs/decisions/0020).
 
     Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
-    change of the field, relative, at which sweeps end, before a last correction; .02, the standard's, leaves about 1 %
-    of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
+    change of the field, relative, at which sweeps end, or 1.6 times what seems to follow; .02, the standard's, leaves
+    about 1 % of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
 
     Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
     seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.
