@@ -9,7 +9,7 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 
 import openswim
 from openswim import Camera, Scene, UserError
-from openswim.lights import solar_irradiance, sun_position
+from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
 from openswim.readers.beyond import far_m
 from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
 from openswim.rendering import daylight, light
@@ -148,6 +148,21 @@ def test_clear_sky_irradiance_is_haurwitzs(zenith: float) -> None:
     assert direct == pytest.approx(mu * attrs["direct_normal_irradiance_w_m2"], rel=1e-3)
     parts = [np.array(attrs[f"{p}_horizontal_spectral_irradiance_w_m2_nm"]) for p in ("direct", "diffuse", "global")]
     np.testing.assert_allclose(parts[0] + parts[1], parts[2], rtol=1e-5)
+
+
+@pytest.mark.parametrize("altitude", [5.0, 30.0])
+def test_irradiance_grows_with_height_to_the_suns_own(altitude: float) -> None:
+    """Above the air the beam is the solar constant, but for the 1.4 % beyond 280-4000 nm, and nothing is diffuse."""
+    scene = Scene.clear(LAT, LON)
+    normal, diffuse = np.array([
+        [openswim.render(scene, Camera.allsky(LAT, LON, height, size=4), sun=(180.0, altitude)).attrs[name]
+         for height in (2.0, 3e3, 9e3, 25e3, 99e3)]
+        for name in ("direct_normal_irradiance_w_m2", "diffuse_horizontal_irradiance_w_m2")
+    ])  # fmt: skip
+    assert (np.diff(normal) > 0).all()
+    assert (np.diff(diffuse) < 0).all()
+    assert normal[-1] == pytest.approx(0.986 * SOLAR_CONSTANT_W_M2, rel=0.003)
+    assert diffuse[-1] < 0.1
 
 
 def test_spectral_irradiance_is_that_of_the_field(clear, allsky: xr.Dataset) -> None:

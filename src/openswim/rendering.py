@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import openswim
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
-from openswim.irradiance import broadband, quadrature_directions, spectral_irradiance
+from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
 from openswim.outlines import soften
 from openswim.scene import Scene
@@ -256,7 +256,10 @@ def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, alti
     direct = view.transmittance[-1] * (not view.hit[-1])
     wl = field.wavelengths_nm
     spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, lit.daylight.distance_au)
-    wide = broadband(direct, spectral["relative_diffuse_horizontal"].values, wl, altitude, lit.daylight.distance_au)
+    gases = gases_above(lit.scene.atmosphere, float(field.frame.latlon(origin)[2]))
+    wide = broadband(
+        direct, spectral["relative_diffuse_horizontal"].values, wl, altitude, lit.daylight.distance_au, **gases
+    )
     out: dict[str, Any] = {
         "global_horizontal_irradiance_w_m2": wide.global_horizontal,
         "direct_normal_irradiance_w_m2": wide.direct_normal,
@@ -287,6 +290,11 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "height_m": float(camera.height_m),
         "height_above": camera.above,
     }
+    if camera.view == "perspective":
+        attrs |= {
+            "view_azimuth_deg": float(camera.azimuth_deg), "view_altitude_deg": float(camera.altitude_deg),
+            "view_roll_deg": float(camera.roll_deg), "field_of_view_deg": float(camera.fov_deg),
+        }  # fmt: skip
     x, y = _place(camera)
     attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
     if lit.time is not None:

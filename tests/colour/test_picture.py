@@ -72,6 +72,15 @@ def test_png_metadata_says_what_was_rendered(image, tmp_path):
     assert "wrfout_d01" in text["Description"]
 
 
+@pytest.mark.parametrize(
+    ("altitude", "where"), [(-14.0, "azimuth 160.5, altitude -14"), (-90.0, "straight down")], ids=["aslant", "down"]
+)
+def test_a_perspective_says_where_it_looks(image, tmp_path, altitude, where):
+    looking = {"view_azimuth_deg": 160.5, "view_altitude_deg": altitude, "field_of_view_deg": 65.0}
+    save(image.assign_attrs(view="perspective", **looking), tmp_path / "air.png")
+    assert text_of(tmp_path / "air.png")["View"] == f"perspective, {where}, 65 degrees wide"
+
+
 def test_jpeg_and_tiff_describe_themselves_too(image, tmp_path):
     for name in ("sky.jpg", "sky.tif"):
         save(image, tmp_path / name)

@@ -3,10 +3,11 @@ import csv
 import numpy as np
 import pytest
 
-from openswim.irradiance import broadband
+from openswim.irradiance import broadband, gases_above
 from openswim.irradiance.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
 from openswim.lights import SOLAR_CONSTANT_W_M2
 from openswim.lights.spectrum import solar_bins
+from openswim.scene.atmosphere import Atmosphere
 
 THREE = np.array([615.0, 546.0, 450.0])
 BODHAINE = np.array([0.0615, 0.0999, 0.2209])  # Rayleigh: Bodhaine et al. (1999)
@@ -168,3 +169,15 @@ def test_solar_bins_cover_what_a_pyranometer_sees():
     edges, _ = solar_bins()
     assert edges[0] <= 285
     assert edges[-1] >= 2800
+
+
+def test_gases_above_a_height_are_the_standards() -> None:
+    """US Standard Atmosphere 1976: 540.5 hPa at 5 km, 25.49 hPa at 25 km; about half of the ozone is above 22 km."""
+    air = Atmosphere.us_standard(ozone_du=300.0)
+    ground, middle, high = (gases_above(air, height) for height in (0.0, 5000.0, 25_000.0))
+    assert ground == pytest.approx({"water_vapour_cm": 1.5, "ozone_du": 300.0, "pressure_pa": 101_325.0}, rel=1e-3)
+    assert middle["pressure_pa"] == pytest.approx(54_048.0, rel=2e-3)
+    assert high["pressure_pa"] == pytest.approx(2549.2, rel=2e-3)
+    assert gases_above(air, 22_000.0)["ozone_du"] == pytest.approx(150.0, rel=0.15)
+    assert middle["ozone_du"] > 0.95 * ground["ozone_du"]
+    assert not any(gases_above(None, 0.0).values())

@@ -12,13 +12,13 @@ BACKGROUND, INK = (16, 16, 18), (205, 205, 200)
 def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
     """What is known of a rendered image, by name: view, place, time, sun, irradiance and so on.
 
-    Read from the attributes view; latitude, longitude or x_m, y_m; height_m, height_above; time;
-    sun_altitude_deg, sun_azimuth_deg; global_, direct_ and diffuse_horizontal_irradiance_w_m2; source;
-    solver.  What the image lacks is left out.
+    Read from the attributes view, view_azimuth_deg, view_altitude_deg, field_of_view_deg; latitude, longitude or
+    x_m, y_m; height_m, height_above; time; sun_altitude_deg, sun_azimuth_deg; global_, direct_ and
+    diffuse_horizontal_irradiance_w_m2; source; solver.  What the image lacks is left out.
     """
     attrs = image.attrs
     found = {
-        "View": str(attrs.get("view", "")),
+        "View": _view(attrs),
         "Place": _place(attrs),
         "Time": f"{str(attrs['time'])[:19].replace('T', ' ')} UTC" if attrs.get("time") else "",
         "Sun": _sun(attrs),
@@ -28,6 +28,17 @@ def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
         "Exposure": f"{exposure:.3g}" if exposure is not None else "",
     }
     return {key: value for key, value in found.items() if value}
+
+
+def _view(attrs: dict[Any, Any]) -> str:
+    text = str(attrs.get("view", ""))
+    if attrs.get("view_azimuth_deg") is None:
+        return text
+    azimuth, altitude, wide = (
+        float(attrs[name]) for name in ("view_azimuth_deg", "view_altitude_deg", "field_of_view_deg")
+    )
+    where = "straight down" if altitude == -90.0 else f"azimuth {azimuth:g}, altitude {altitude:g}"
+    return f"{text}, {where}, {wide:.3g} degrees wide"
 
 
 def _place(attrs: dict[Any, Any]) -> str:

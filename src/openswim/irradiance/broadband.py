@@ -5,14 +5,21 @@ transmittances of Bird and Riordan (1984).  This replaces the proportionality to
 Sect. 3.1 (corrected: broadband over 546-nm transmittance is .87-.89 at 1.5 cm of water vapour).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from openswim.irradiance.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
 from openswim.lights.spectrum import solar_bins
 
+if TYPE_CHECKING:
+    from openswim.scene.atmosphere import Atmosphere
+
 SEA_LEVEL_PA = 101_325.0
+SEA_LEVEL_WATER_CM, WATER_SCALE_M = 1.5, 2000.0
 AEROSOL_ANGSTROM = 1.3  # where a single wavelength cannot tell
 AEROSOL_ALBEDO = 0.93
 AEROSOL_FORWARD = 0.75  # share of its scattered light that aerosol sends down, Rayleigh air sending 1/2
@@ -50,24 +57,36 @@ class _Sky:
         return ozone_optical_depth(wavelength_nm, self.ozone_cm) * self.airmass
 
 
+def gases_above(atmosphere: Atmosphere | None, height_m: float) -> dict[str, float]:
+    """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone, and precipitable water as
+    of the US standard, 1.5 cm that thin with a scale height of 2 km. None of each without an atmosphere."""
+    if atmosphere is None:
+        return {"water_vapour_cm": 0.0, "ozone_du": 0.0, "pressure_pa": 0.0}
+    return {
+        "water_vapour_cm": SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M)),
+        "ozone_du": atmosphere.ozone_column_du(height_m),
+        "pressure_pa": float(atmosphere.at(height_m)[0]),
+    }
+
+
 def broadband(
     direct_transmittance: np.ndarray,
     relative_diffuse: np.ndarray,
     wavelengths_nm: np.ndarray,
     sun_altitude_deg: float,
     distance_au: float = 1.0,
-    water_vapour_cm: float = 1.5,
+    water_vapour_cm: float = SEA_LEVEL_WATER_CM,
     ozone_du: float = 300.0,
     pressure_pa: float = SEA_LEVEL_PA,
 ) -> Broadband:
     """Broadband irradiance from the beam's transmittance and the diffuse horizontal light over E_TOA, (nwl,).
 
     Both include ozone, as the model's clear sky does.  `water_vapour_cm` is the precipitable water,
-    `pressure_pa` that of the air at the plane.  Global irradiance agrees with the spectral model whose gas
-    absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model is the highest of four
-    clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength instead of three
-    adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological one, which
-    lifts the visible share of the light by 8 % under overcast.
+    `pressure_pa` that of the air at the plane (`gases_above` tells them).  Global irradiance agrees with the
+    spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
+    is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength
+    instead of three adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological
+    one, which lifts the visible share of the light by 8 % under overcast.
     """
     order = np.argsort(wavelengths_nm)
     nodes = np.asarray(wavelengths_nm, dtype=float)[order]

@@ -175,8 +175,11 @@ class Atmosphere:
     def with_aerosol(self, aerosol: AerosolProfile | None) -> Atmosphere:
         return replace(self, aerosol=aerosol)
 
-    def ozone_column_du(self) -> float:
-        return float(np.trapezoid(self.ozone_per_m3, self.height_m) / DOBSON_PER_M2)
+    def ozone_column_du(self, above_m: float = -np.inf) -> float:
+        """Ozone (Dobson units) above a height; of the whole profile by default."""
+        height = np.unique(np.append(self.height_m, np.clip(above_m, self.height_m[0], self.height_m[-1])))
+        height = height[height >= above_m]
+        return float(np.trapezoid(np.interp(height, self.height_m, self.ozone_per_m3), height) / DOBSON_PER_M2)
 
     def to_dict(self) -> dict[str, Any]:
         """A JSON-ready description; `from_dict` is its inverse."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.cameras import Rays
-from openswim.irradiance import broadband, quadrature_directions, spectral_irradiance
+from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import Sun, sun_position
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
@@ -132,10 +132,8 @@ def _irradiance(scene: Scene, solver: Solver, sine: float, distance_au: float, w
     beam = np.asarray(field.view(Rays(here, toward_sun[None])).transmittance)[0]
     spectral = spectral_irradiance(radiance, sky, beam, altitude, WAVELENGTHS_NM, distance_au)
     diffuse = spectral["relative_diffuse_horizontal"].values
-    pressure = float(scene.atmosphere.at(height)[0]) if scene.atmosphere else 0.0
-    return broadband(
-        beam, diffuse, WAVELENGTHS_NM, altitude, distance_au, water_vapour_cm=water_cm, pressure_pa=pressure
-    )
+    gases = gases_above(scene.atmosphere, height) | {"water_vapour_cm": water_cm}
+    return broadband(beam, diffuse, WAVELENGTHS_NM, altitude, distance_au, **gases)
 
 
 def _albedo(reference: Reference) -> float:
