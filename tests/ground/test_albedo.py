@@ -115,6 +115,13 @@ def test_shores_are_ragged_for_near_eyes_and_leave_as_much_water():
     np.testing.assert_array_equal(far, smooth[:5000])
 
 
+def test_the_open_sea_has_no_specks_of_land():
+    rng = np.random.default_rng(3)
+    lat, lon = rng.uniform(25.5, 26.5, 100_000), rng.uniform(-91, -90, 100_000)  # the Gulf of Mexico
+    water = surface_properties(lonlat_scene(), lat, lon, WAVELENGTHS, 10.0, detail=True).water
+    assert water.min() > 1 - 1e-6
+
+
 def test_wind_goes_on_beyond_the_domain():
     """Glitter has no edge where a model's winds end: they go over to their mean, and that into the default."""
     scene = lonlat_scene(wind_east_10m=2.0 + 10.0 * (LAT[:, None] - 44.0), wind_north_10m=0.0)

@@ -28,6 +28,7 @@ DEFAULT_WIND_M_S = 5.0
 SEA_CHLOROPHYLL, LAKE_CHLOROPHYLL = 0.2, 2.0  # mg m-3: the open ocean's median, a clear lake
 _EDGE_CELLS = 3.0  # width over which the domain's shores fade into the default Earth's
 _WIND_CELLS = 10.0  # over which wind beyond the domain goes over to the domain's mean
+_NO_SHORE = 1e-6  # share of water, or of land, that is none
 _RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
 _BY_HEIGHT = 0.75  # standard deviation, of 1, of where snow lies that height tells; the rest is chance
 
@@ -180,7 +181,8 @@ def _without_model(
 def _shored(share: FloatArray, near: _Places, cell_m: float) -> FloatArray:
     """Water or land (n,) of a mask of cells of ``cell_m``, between which it is linear: with a smooth shore, or a ragged
     one for near eyes, that has as much on either side."""
-    shore = np.flatnonzero((share > 0) & (share < 1) & (near.finest_m < cell_m))
+    # what is linear between ones is one but for rounding
+    shore = np.flatnonzero((share * (1 - share) > _NO_SHORE) & (near.finest_m < cell_m))
     ragged = share.copy()
     noise, _ = fractal_noise(near.lat[shore], near.lon[shore], cell_m, near.finest_m[shore])
     ragged[shore] += _RAGGED * noise
