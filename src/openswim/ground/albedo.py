@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, spectral
 from openswim.ground.maps import Ground, mapped_albedo, textured
-from openswim.ground.model import ModelGround
+from openswim.ground.model import DARK_LAND, ModelGround
 from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.patches import patched, wood_noise
 from openswim.scene.rims import BEYOND_CELLS
@@ -285,7 +285,7 @@ def _snow_level(model: ModelGround, near: _Places, colour: FloatArray, wavelengt
     if model.snow_level is None:
         return pure
     level, known = model.snow_level.at(near.ix, near.iy, near.away)
-    share = np.clip((level - 0.08) / (pure.mean(axis=1) - 0.08), 0.0, 1.1)[:, None]
+    share = np.clip((level - DARK_LAND) / (pure.mean(axis=1) - DARK_LAND), 0.0, 1.1)[:, None]
     seen = colour + share * (pure - colour)
     return np.clip(pure + known[:, None] * (seen - pure), 0.0, 0.98)
 

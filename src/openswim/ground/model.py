@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
-_DARK_LAND = 0.08  # what is taken to lie between patches of snow
+DARK_LAND = 0.08  # what is taken to lie between patches of snow
 _LEAST_DEVIATION_M = 50.0  # of heights, below which land is flat to snow
 
 
@@ -68,7 +68,7 @@ class ModelGround:
                 values = spectra.visible_from_broadband(albedo)
                 if fraction is not None:
                     # what the rest of the cell reflects is taken off
-                    white = (values - (1 - fraction) * _DARK_LAND) / np.maximum(fraction, 0.5)
+                    white = (values - (1 - fraction) * DARK_LAND) / np.maximum(fraction, 0.5)
                     snow_level = Filled.among(white, bare & (fraction > 0.5))
                     bare &= fraction < _BARE
             land_albedo = Filled.among(values, bare)
