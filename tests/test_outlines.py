@@ -16,15 +16,17 @@ def test_outlines_are_where_the_ground_leaps() -> None:
     distance = np.array([[-1.0, -1.0, -1.0], [900.0, 5000.0, -1.0], [890.0, 900.0, 4800.0], [100.0, 101.0, 102.0]])
     inside = np.ones((4, 3), bool)
     expected = np.array([[1, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]], bool)
-    np.testing.assert_array_equal(outlines(distance.ravel(), inside).reshape(4, 3), expected)
+    bright = np.where(np.indices((4, 3)).sum(axis=0) % 2, 1.0, 1.1)
+    np.testing.assert_array_equal(outlines(distance.ravel(), bright.ravel(), inside).reshape(4, 3), expected)
+    assert not outlines(distance.ravel(), np.full(12, 1.0), inside).any()  # nobody sees them
     smooth = np.tile(np.geomspace(100.0, 300.0, 12), (5, 1))
-    assert not outlines(smooth.ravel(), np.ones((5, 12), bool)).any()
+    assert not outlines(smooth.ravel(), np.tile([1.0, 1.1], 30), np.ones((5, 12), bool)).any()
 
 
 def test_pixels_outside_the_picture_have_no_outline() -> None:
     """In a round picture the corners are no pixels."""
     inside = np.array([[False, True, False], [True, True, True]])
-    assert not outlines(np.full(4, 700.0), inside).any()
+    assert not outlines(np.full(4, 700.0), np.ones(4), inside).any()
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3, -2.0])
@@ -48,7 +50,7 @@ def test_a_pixel_across_a_ridge_is_the_mean_of_both_sides(slope: float) -> None:
     u, v = np.meshgrid(np.linspace(-0.5, 0.5, 41) * width, np.linspace(-0.5, 0.5, 41) * width)
     above = z.ravel() - slope * x.ravel() - 0.3e-3
     share = np.mean([above + dv - slope * du > 0 for du, dv in zip(u.ravel(), v.ravel(), strict=True)], axis=0)
-    edge = outlines(view.distance_m, np.ones((n, n), bool))
+    edge = outlines(view.distance_m, 1.0 * sky, np.ones((n, n), bool))
     assert np.abs(radiance[edge, 0] - share[edge]).max() <= 0.25
     assert np.abs(radiance[edge, 0] - share[edge]).mean() < 0.07
     assert np.abs(sky[edge] - share[edge]).mean() > 0.1

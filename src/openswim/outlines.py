@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
-_LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outline
-_CONTRAST = 1.3  # of the ground's radiances
+_LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outline,
+_SEEN = 1.05  # if their radiances are in such a ratio
+_CONTRAST = 1.3  # of the ground's radiances, that makes one at any distance
 _HIDDEN = 1e-3  # transmittance
 _HIGHEST_EYE_M = 1e5  # farther up pixels are about as long on the ground as they are wide, and are seen as one
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
@@ -31,8 +32,7 @@ def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, 
     inside = np.asarray(pixels.inside)
     # what is hidden by a cloud, whose edges are soft, has no outline
     distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
-    ground = np.where(distance > 0, radiance.mean(axis=1), np.nan)
-    edge = np.flatnonzero(outlines(distance, inside) | leaps(ground, inside, _CONTRAST))
+    edge = np.flatnonzero(outlines(distance, radiance.mean(axis=1), inside))
     if not edge.size:
         return
     direction = rays.directions()[edge]
@@ -46,22 +46,18 @@ def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, 
     radiance[edge] = seen.radiance.reshape(len(_PARTS), edge.size, -1).mean(axis=0)
 
 
-def outlines(distance_m: F64, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the ground in a pixel (n,) of those ``inside`` (ny, nx) ends beside that of a neighbour; negative
-    distances: no ground; NaN: not seen."""
-    return leaps(np.where(distance_m < 0, np.inf, distance_m), inside, _LEAP)
-
-
-def leaps(values: F64, inside: NDArray[np.bool_], ratio: float) -> NDArray[np.bool_]:
-    """Whether positive values (n,) of the pixels ``inside`` (ny, nx) are in a ``ratio`` to a neighbour's, or a larger;
-    none to NaN."""
-    image = np.full(inside.shape, np.nan)
+def outlines(distance_m: F64, brightness: NDArray[np.floating], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the ground in a pixel (n,) of those ``inside`` (ny, nx) ends beside that of a neighbour, or is another;
+    negative distances: no ground; NaN: not seen."""
+    image = np.full((2, *inside.shape), np.nan)
     edge = np.zeros(inside.shape, bool)
     with np.errstate(invalid="ignore", divide="ignore"):  # inf - inf is no leap
-        image[inside] = np.log(values)
+        image[:, inside] = np.log([np.where(distance_m < 0, np.inf, distance_m), brightness])
         for axis in (0, 1):
-            a, b = (np.moveaxis(v, axis, 0) for v in (image, edge))
-            leap = np.abs(a[1:] - a[:-1]) > np.log(ratio)
-            b[1:] |= leap
-            b[:-1] |= leap
+            leap, contrast = np.abs(np.diff(image, axis=axis + 1))
+            found = (leap > np.log(_LEAP)) & (contrast > np.log(_SEEN))
+            found |= np.isfinite(leap) & (contrast > np.log(_CONTRAST))
+            b = np.moveaxis(edge, axis, 0)
+            b[1:] |= np.moveaxis(found, axis, 0)
+            b[:-1] |= np.moveaxis(found, axis, 0)
     return np.asarray(edge[inside])
