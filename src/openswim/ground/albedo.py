@@ -270,7 +270,7 @@ def _land_level(model: ModelGround, near: _Places, colour: FloatArray, mapped: F
         return colour
     own, known = model.land_albedo.at(near.ix, near.iy, near.away)
     share = (near.fade * (1 - mapped) * known)[:, None]
-    if model.spectral:
+    if model.has_spectrum:
         return colour + share * (own - colour)
     ratio = own / np.maximum(colour.mean(axis=1), 1e-3)
     return np.clip(colour * (1 + share * (ratio[:, None] - 1)), 0.0, 0.98)

@@ -29,11 +29,11 @@ class ModelGround:
 
     land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); sharp_shores: whether nodes are
     either land or water; snow_near: share of the neighbourhood under snow; standing_out: height above the neighbourhood
-    in its standard deviations; land_albedo: of nodes without snow, (k) at the wavelengths where `spectral`, else the
+    in its standard deviations; land_albedo: of nodes without snow, (k) at the wavelengths if it `has_spectrum`, else the
     visible level; snow_level: visible level of what is white.
     """
 
-    spectral: bool = False
+    has_spectrum: bool = False
     land: FloatArray | None = None
     sharp_shores: bool = False
     sea_ice: FloatArray | None = None
@@ -50,16 +50,16 @@ class ModelGround:
         if scene.grid is None or not scene.grid.curved:
             return cls()
         data = scene.data
-        land, wind = surface(data, "land_area_fraction"), None
-        east, north = surface(data, "wind_east_10m"), surface(data, "wind_north_10m")
+        land, wind = _surface(data, "land_area_fraction"), None
+        east, north = _surface(data, "wind_east_10m"), _surface(data, "wind_north_10m")
         if east is not None and north is not None:
             wind = np.hypot(east, north)
         fraction, snow_near, above = _snow_fraction(data), None, None
         if fraction is not None:
             snow_near = Filled(blurred(fraction), np.ones(fraction.shape, bool))
-            above = _standing_out(surface(data, "surface_altitude"))
+            above = _standing_out(_surface(data, "surface_altitude"))
         has_spectrum = "surface_albedo" in data and "wavelength" in data["surface_albedo"].dims
-        albedo, land_albedo, snow_level = surface(data, "surface_albedo"), None, None
+        albedo, land_albedo, snow_level = _surface(data, "surface_albedo"), None, None
         if albedo is not None and land is not None:
             bare = land >= 0.5
             if has_spectrum:
@@ -74,19 +74,19 @@ class ModelGround:
             land_albedo = Filled.among(values, bare)
         return cls(
             has_spectrum, land, land is not None and bool(np.isin(land, (0.0, 1.0)).all()),
-            surface(data, "sea_ice_area_fraction"), wind, snow_near, surface(data, "snow_age"), above, land_albedo,
+            _surface(data, "sea_ice_area_fraction"), wind, snow_near, _surface(data, "snow_age"), above, land_albedo,
             snow_level,
         )  # fmt: skip
 
 
-def surface(data: xr.Dataset, name: str) -> FloatArray | None:
+def _surface(data: xr.Dataset, name: str) -> FloatArray | None:
     """A field (ny, nx), None where there is none."""
     return np.asarray(data[name].transpose("y", "x", ...).values, float) if name in data else None
 
 
 def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
     """Share of every node (ny, nx) under snow, by its fraction or its depth."""
-    fraction, depth = surface(data, "snow_area_fraction"), surface(data, "snow_depth")
+    fraction, depth = _surface(data, "snow_area_fraction"), _surface(data, "snow_depth")
     return snow.fraction_from_depth(depth) if fraction is None and depth is not None else fraction
 
 
