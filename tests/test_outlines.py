@@ -57,7 +57,7 @@ def test_a_pixel_across_a_ridge_is_the_mean_of_both_sides(slope: float) -> None:
 
 
 def test_bright_and_dark_ground_are_mixed_but_not_clouds() -> None:
-    """1 and 2 on either side of a column: ground, an opaque cloud, and ground from space."""
+    """1 and 2 on either side of a column: ground, and an opaque cloud."""
     width, n = 2e-3, 20
     x, z = np.meshgrid((np.arange(n) - 0.5 * n) * width, -np.arange(1, n + 1) * width)
     direction = np.stack([x, np.ones_like(x), z], axis=-1).reshape(-1, 3)
@@ -68,10 +68,8 @@ def test_bright_and_dark_ground_are_mixed_but_not_clouds() -> None:
 
     field = SimpleNamespace(frame=FRAME, view=lambda r: SimpleNamespace(radiance=look(r.directions())))
     pixels = SimpleNamespace(inside=np.ones((n, n), bool))
-    for height_m, through, distance_m, expected in (
-        (100.0, 1.0, 500.0, {1.0, 1.25, 2.0}), (100.0, 0.0, -1.0, {1.0, 2.0}), (4e5, 1.0, 5e5, {1.0, 2.0}),
-    ):  # fmt: skip
+    for through, distance_m, expected in ((1.0, 500.0, {1.0, 1.25, 2.0}), (0.0, -1.0, {1.0, 2.0})):
         view = SimpleNamespace(distance_m=np.full(n * n, distance_m), transmittance=np.full((n * n, 1), through))
         radiance = look(rays.directions())
-        soften(radiance, view, field, Rays(np.array([0.0, 0.0, height_m]), rays.direction, width), pixels)
+        soften(radiance, view, field, rays, pixels)
         assert set(np.unique(radiance)) == expected

@@ -20,15 +20,12 @@ _LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outli
 _SEEN = 1.05  # if their radiances are in such a ratio
 _CONTRAST = 1.3  # of the ground's radiances, that makes one at any distance
 _HIDDEN = 1e-3  # transmittance
-_HIGHEST_EYE_M = 1e5  # farther up pixels are about as long on the ground as they are wide, and are seen as one
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
 
 
 def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, pixels: Pixels) -> None:
     """Give the pixels on outlines, of ``radiance`` (n, nw), the mean of what four rays through each of them see."""
     up = rays.origin_m + np.array([0.0, 0.0, field.frame.radius_m])
-    if np.linalg.norm(up) > field.frame.radius_m + _HIGHEST_EYE_M:
-        return
     inside = np.asarray(pixels.inside)
     # what is hidden by a cloud, whose edges are soft, has no outline
     distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)

@@ -116,12 +116,14 @@ def render(
     rays = camera.rays(frame, ground_m, pixels)
     sun_azimuth, sun_altitude = _sun_at(lit, camera)
     attrs = _attributes(lit, camera, sun_azimuth, sun_altitude)
-    if camera.height_above_sea_m(ground_m) < _SPACE_M:
+    near = camera.height_above_sea_m(ground_m) < _SPACE_M
+    if near:
         # before the view, which ends with light toward another eye where there is water
         attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
     view = field.view(rays)
     relative = view.radiance.astype(np.float32)
-    if not isinstance(field, ReferenceField) and frame.curved and rays.origin_m.ndim == 1:
+    # from space pixels are about as long on the ground as they are wide, and are seen as one
+    if near and not isinstance(field, ReferenceField) and frame.curved:
         soften(relative, view, field, rays, pixels)
     _add_disc(relative, view, lit, np.asarray(pixels.angle_to_deg(sun_azimuth, sun_altitude)).ravel(), pixels)
     image = _dataset(lit, pixels, relative, view, attrs)
