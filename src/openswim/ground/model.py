@@ -29,7 +29,7 @@ class ModelGround:
 
     land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); sharp_shores: whether nodes are
     either land or water; snow_near: share of the neighbourhood under snow; standing_out: height above the neighbourhood
-    in its standard deviations; land_albedo: of nodes without snow, (k) at the wavelengths if it `has_spectrum`, else the
+    in its standard deviations; land_albedo: of nodes without snow, (k) at wavelengths if it `has_spectrum`, else the
     visible level; snow_level: visible level of what is white.
     """
 
