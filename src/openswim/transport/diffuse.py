@@ -22,7 +22,6 @@ from openswim.transport.moments import (
 )
 from openswim.transport.optical_grid import (
     OpticalGrid,
-    blocks_of,
     coarsen,
     coarser_grid,
     thick_blocks,
@@ -92,7 +91,7 @@ class Sweeper:
                 (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
-        kept = blocks_of(grid.cloudy) | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
             grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
             places(kept), with_ghosts(total_extinction(grid), nx, grid.periodic), pool,
@@ -236,19 +235,21 @@ class Sweeper:
     ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(before, image) adds to a sweep's result what is yet to follow from its change.
+        correct(before, image) adds to a sweep's result what is yet to follow from its change, instead of that.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
-        Returns the moments, those before the last sweep, and how many sweeps there were.
+        Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
         """
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
         before = 0.0
+        spare = None
         for n in range(1, most + 1):
-            image = self.sweep(values, recent.spare())
-            if correct is not None and n <= _MOST_CORRECTIONS:
+            image = self.sweep(values, recent.spare() if spare is None else spare)
+            corrected = correct is not None and n <= _MOST_CORRECTIONS
+            if correct is not None and corrected:
                 correct(values, image)
             size = np.zeros((threads, len(self.place)))
             in_threads(squares, values, image, level, change, size)
@@ -256,9 +257,13 @@ class Sweeper:
             changed = float(np.sqrt(change.sum() / max(size.sum(), 1e-30)))
             # without corrections a sweep may change little of what it has to
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
-            if min(changed, _SLOW * follows) <= tolerance:
+            if n == most or min(changed, _SLOW * follows) <= tolerance:
                 break
             before = changed
+            if corrected:
+                values, spare = image, values
+                continue
+            spare = None
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)

@@ -129,10 +129,9 @@ def _coarse_row(place, values, k, j, factor, columns, row):
         one = (at if at >= 0 else next_at) * _MOMENTS * BLOCK
         two = (next_at if next_at >= 0 else at) * _MOMENTS * BLOCK
         for c in range(_MOMENTS):
-            for i in range(0, BLOCK, LANES):
-                n = c * BLOCK + i
-                mean = near * read_quadruple(values, one + n) + far * read_quadruple(values, two + n)
-                write(row, c * width + 1 + b * BLOCK + i, mean)
+            n = c * BLOCK
+            mean = near * read_quadruple(values, one + n) + far * read_quadruple(values, two + n)
+            write(row, c * width + 1 + b * BLOCK, mean)
     for c in range(_MOMENTS):
         row[c, 0], row[c, columns + 1] = row[c, 1], row[c, columns]
 

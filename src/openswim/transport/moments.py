@@ -188,10 +188,8 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
                 continue
             for c in range(count):
                 at = (place[k, j, b] * moments + c) * BLOCK
-                for i in range(0, BLOCK, LANES):
-                    x = min((b * BLOCK + i) // 2, coarse_nx)  # blocks may go on beyond the last node
-                    mean = interpolated(read_quadruple(one, c * width + x), 2)
-                    write(values, at + i, mean + read_quadruple(values, at + i) if again else mean)
+                mean = interpolated(read_quadruple(one, c * width + b * BLOCK // 2), 2)
+                write(values, at, mean + read_quadruple(values, at) if again else mean)
                 for i in range(nx - b * BLOCK, BLOCK):
                     put(values, at + i, _ZERO)
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.free import beside
-from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK
 from openswim.transport.threads import in_threads
 
@@ -48,7 +47,7 @@ class OpticalGrid(NamedTuple):
     periodic: bool
     ends: bool  # there is no cloud beyond its sides, which may cut through some; else it goes on there a little
     ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
-    cloudy: np.ndarray  # (nz, ny, packs) LANES nodes each, with cloud in or next to them
+    cloudy: np.ndarray  # (nz, ny, nb) blocks with cloud in or next to them
 
 
 def optical_grid(
@@ -62,7 +61,7 @@ def optical_grid(
     return OpticalGrid(
         whole_blocks(extinction), c.scaled, c.scattering, c.air_extinction, c.air_scattering,
         np.ascontiguousarray(present), whole_blocks(beam), whole_blocks(sun_harmonics), levels_m, cell_m, periodic,
-        ends, ground_node, near_packs(np.asarray(cloud.any(axis=0)), periodic),
+        ends, ground_node, near_blocks(np.asarray(cloud.any(axis=0)), periodic),
     )  # fmt: skip
 
 
@@ -101,7 +100,7 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
         extinction=extinction, beam=beam,
         sun_harmonics=whole_blocks(harmonics), cell_m=2 * grid.cell_m,
         ground_node=np.ascontiguousarray(grid.ground_node[::2, ::2]),
-        cloudy=near_packs(np.asarray((extinction[..., :columns] > 0).any(axis=0)), grid.periodic),
+        cloudy=near_blocks(np.asarray((extinction[..., :columns] > 0).any(axis=0)), grid.periodic),
     )  # fmt: skip
 
 
@@ -141,21 +140,16 @@ def with_ghosts(extinction: F32, nx: int, periodic: bool) -> F32:
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) of cloud with cells of more than `_THIN` optical depth in or next to them."""
     extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
-    thick = near_packs(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
-    return blocks_of(thick) & blocks_of(grid.cloudy)
+    thick = near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+    return thick & grid.cloudy
 
 
-def near_packs(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
-    """Packs of nodes (nz, ny, pack) along the rows of whole blocks with such nodes (nz, ny, nx) in or next to them."""
+def near_blocks(found: NDArray[np.bool_], periodic: bool) -> NDArray[np.bool_]:
+    """Blocks (nz, ny, nb) with such nodes (nz, ny, nx) in or next to them."""
     found = beside(found, periodic)
     short = -found.shape[2] % BLOCK
     whole = np.pad(found, [(0, 0), (0, 0), (0, short)])
-    return np.asarray(whole.reshape(*whole.shape[:2], -1, LANES).any(axis=-1))
-
-
-def blocks_of(packs: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Blocks with such packs in them."""
-    return np.asarray(packs.reshape(*packs.shape[:2], -1, BLOCK // LANES).any(axis=-1))
+    return np.asarray(whole.reshape(*whole.shape[:2], -1, BLOCK).any(axis=-1))
 
 
 def coarsen(field: F32) -> F32:

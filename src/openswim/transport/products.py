@@ -15,7 +15,7 @@ from openswim.transport.pack import LANES, flat, read_quadruple, spread_quadrupl
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-BLOCK = 2 * LANES  # nodes of a row that are kept, or swept as clear, together
+BLOCK = LANES  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO = np.float32(0.0)
 
@@ -64,15 +64,10 @@ def multiply(sparse, first, last, x, x_at, x_stride, y, y_at, y_stride, again):
     """
     for r in range(first, last):
         at = y_at + (r - first) * y_stride
-        one, two = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
-        if again:
-            one, two = read_quadruple(y, at), read_quadruple(y, at + LANES)
+        total = read_quadruple(y, at) if again else spread_quadruple(_ZERO)
         for n in range(flat(sparse.start, r), flat(sparse.start, r + 1)):
-            v, c = flat(sparse.value, n), x_at + flat(sparse.column, n) * x_stride
-            one += v * read_quadruple(x, c)
-            two += v * read_quadruple(x, c + LANES)
-        write(y, at, one)
-        write(y, at + LANES, two)
+            total += flat(sparse.value, n) * read_quadruple(x, x_at + flat(sparse.column, n) * x_stride)
+        write(y, at, total)
 
 
 def mirrored(directions: F64, weight: F32, degree: int) -> Mirrored:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.transport.diffuse import Sweeper, of_nodes
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Moments, gathered
-from openswim.transport.optical_grid import OpticalGrid, near_packs, whole_blocks
+from openswim.transport.optical_grid import OpticalGrid, near_blocks, whole_blocks
 from openswim.transport.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.pool import Pool
 
@@ -131,7 +131,7 @@ def _moments_of_columns(
         extinction=whole_blocks(extinction), beam=whole_blocks(row(grid.beam[:, j, i], clear.beam)),
         sun_harmonics=whole_blocks(np.moveaxis(row(harmonics[:, j, i], harmonics[:, ny // 2, nx // 2]), 1, 0)),
         cell_m=np.full(2, width_m), ends=False, ground_node=row(grid.ground_node[j, i], grid.ground_node.min()),
-        cloudy=near_packs(np.asarray((extinction > 0).any(axis=0)), False),
+        cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), False),
     )  # fmt: skip
     sweeper = Sweeper.of(
         strip, clear.inflow, row(ground_albedo, clear.ground_albedo), row(direct_flux, clear.direct_flux), ordinates,

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.diffuse import Sweeper
 from openswim.transport.moments import Moments
-from openswim.transport.threads import in_threads
-from openswim.transport.two_grids import FEW_BLOCKS, Solution, Trace, begin_from_coarse, told_ratio
+from openswim.transport.two_grids import ALIKE, Solution, Trace, begin_from_coarse, by_blocks, told_ratio
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -84,22 +83,19 @@ def between(
 ) -> Solution:  # fmt: skip
     """The solution of a wavelength between others, whose moments are of the light at the nodes, as its own are then."""
     begun = begin_from_coarse(fine, tolerance, most, like, 0)
-    told, told_fluxes = begun.told()
-    values = np.zeros(begun.level.shape, np.float32)
-    few = told.shape[1]
+    values = begun.values
 
-    def share(part: int, parts: int) -> None:
-        for at in range(part * FEW_BLOCKS, len(values), parts * FEW_BLOCKS):
-            some = slice(at, at + FEW_BLOCKS)
-            own = values[some]
-            own[:, :few] = told[some]
-            for k in sides:
-                solved, coarse = k.solution.moments.values[some], k.told[0][some]
-                counts = np.float32(k.share) * told_ratio(told[some, :1], coarse[:, :1])
-                own[:, :few] += counts * (solved[:, :few] - coarse)
-                own[:, few:] += counts * solved[:, few:]
+    def amend(some: slice) -> None:
+        own, mean = values[some], values[some, :1].copy()
+        own[:, ALIKE:] = 0
+        for k in sides:
+            solved, coarse = k.solution.moments.values[some], k.told[0][some]
+            counts = np.float32(k.share) * told_ratio(mean, coarse[:, :1])
+            own[:, :ALIKE] += counts * (solved[:, :ALIKE] - coarse)
+            own[:, ALIKE:] += counts * solved[:, ALIKE:]
 
-    in_threads(share)
+    by_blocks(amend, len(values))
+    told_fluxes = begun.told_fluxes()
     fluxes = told_fluxes.copy()
     for k in sides:
         coarse = k.told[1]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.moments import Coarser
 from openswim.transport.optical_grid import OpticalGrid
-from openswim.transport.pack import LANES, flat, put, read_quadruple, write
+from openswim.transport.pack import flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
 from openswim.transport.sweep_row import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
 from openswim.transport.sweep_source import (
@@ -237,8 +237,7 @@ def _leave_light(k, n, rows, place, row, light, start, radiance):
             if kept >= 0:
                 out = first + n * apart + kept * BLOCK
                 at = start + (j - rows[0] + 1) * stride + 1 + b * BLOCK
-                for i in range(0, BLOCK, LANES):
-                    write(radiance, out + i, read_quadruple(light, at + i))
+                write(radiance, out, read_quadruple(light, at))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

@@ -36,16 +36,15 @@ def _block_source(
     """
     degree = grid.air_scattering.shape[1]
     start = at * degree * degree * BLOCK
-    for i in range(0, BLOCK, LANES):
-        lit = _FOUR_PI * read_quadruple(beam, node + i)
-        for ell in range(degree):
-            sigma = flat(grid.air_scattering, k * degree + ell) * read_quadruple(amounts, i)
-            for s in range(grid.scattering.shape[0]):
-                sigma += flat(grid.scattering, s * degree + ell) * read_quadruple(amounts, (1 + s) * BLOCK + i)
-            for index in range(ell * ell, (ell + 1) * (ell + 1)):
-                moment = read_quadruple(values, start + index * BLOCK + i)
-                solar = read_quadruple(harmonics, column + index * stride + i)
-                write(terms, index * BLOCK + i, sigma * (moment + lit * solar))
+    lit = _FOUR_PI * read_quadruple(beam, node)
+    for ell in range(degree):
+        sigma = flat(grid.air_scattering, k * degree + ell) * read_quadruple(amounts, 0)
+        for s in range(grid.scattering.shape[0]):
+            sigma += flat(grid.scattering, s * degree + ell) * read_quadruple(amounts, (1 + s) * BLOCK)
+        for index in range(ell * ell, (ell + 1) * (ell + 1)):
+            moment = read_quadruple(values, start + index * BLOCK)
+            solar = read_quadruple(harmonics, column + index * stride)
+            write(terms, index * BLOCK, sigma * (moment + lit * solar))
     multiply(group.parts, flat(group.sum, g), flat(group.sum, g + 1), terms, 0, BLOCK, sums, 0, BLOCK, False)
     multiply(group.whole, flat(group.first, g), flat(group.first, g + 1), sums, 0, BLOCK, out, first, apart, False)
 
@@ -74,10 +73,9 @@ def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, sums, emi
         if kept < 0:
             continue
         node = (k * ny + j) * nx + b * BLOCK
-        for i in range(0, BLOCK, LANES):
-            write(amounts, i, spread_quadruple(_ONE))
-            for s in range(ns):
-                write(amounts, (1 + s) * BLOCK + i, read_quadruple(grid.extinction, s * nz * ny * nx + node + i))
+        write(amounts, 0, spread_quadruple(_ONE))
+        for s in range(ns):
+            write(amounts, (1 + s) * BLOCK, read_quadruple(grid.extinction, s * nz * ny * nx + node))
         _block_source(
             g, k, amounts, grid, group, values, kept, grid.beam, node, grid.sun_harmonics, j * count * nx + b * BLOCK,
             nx, terms, sums, emission, first + kept * BLOCK, apart,
@@ -89,19 +87,18 @@ def _mixture(k, node, grid, extinction, apart, amounts):
     """What species a unit of delta-scaled extinction of the coarser grid's cloud is; all alike where there is none."""
     ns = grid.scattering.shape[0]
     tiny = np.float32(1e-12)
-    for i in range(0, BLOCK, LANES):
-        write(amounts, i, spread_quadruple(_ZERO))
-        total = spread_quadruple(tiny * tiny)
-        for s in range(ns):
-            if flat(grid.present, k * (1 + ns) + 1 + s):
-                amount = tiny + read_quadruple(extinction, s * apart + node + i)
-                total += flat(grid.scaled, s) * amount
-                write(amounts, (1 + s) * BLOCK + i, amount)
-            else:
-                write(amounts, (1 + s) * BLOCK + i, spread_quadruple(_ZERO))
-        per = _ONE / total
-        for s in range(ns):
-            write(amounts, (1 + s) * BLOCK + i, per * read_quadruple(amounts, (1 + s) * BLOCK + i))
+    write(amounts, 0, spread_quadruple(_ZERO))
+    total = spread_quadruple(tiny * tiny)
+    for s in range(ns):
+        if flat(grid.present, k * (1 + ns) + 1 + s):
+            amount = tiny + read_quadruple(extinction, s * apart + node)
+            total += flat(grid.scaled, s) * amount
+            write(amounts, (1 + s) * BLOCK, amount)
+        else:
+            write(amounts, (1 + s) * BLOCK, spread_quadruple(_ZERO))
+    per = _ONE / total
+    for s in range(ns):
+        write(amounts, (1 + s) * BLOCK, per * read_quadruple(amounts, (1 + s) * BLOCK))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -116,16 +113,14 @@ def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, sums
     line = out.shape[2]
     first = out_row * out.shape[1] * line
     size = flat(group.first, g + 1) - flat(group.first, g)
-    for i in range(0, BLOCK, LANES):
-        write(amounts, i, spread_quadruple(_ONE))
-        for s in range(grid.scattering.shape[0]):
-            write(amounts, (1 + s) * BLOCK + i, spread_quadruple(_ZERO))
+    write(amounts, 0, spread_quadruple(_ONE))
+    for s in range(grid.scattering.shape[0]):
+        write(amounts, (1 + s) * BLOCK, spread_quadruple(_ZERO))
     for b in range(blocks):
         kept = flat(coarser.place, (k * rows + m) * blocks + b)
         if kept < 0:
             for n in range(size):
-                for i in range(0, BLOCK, LANES):
-                    write(out, first + n * line + 1 + b * BLOCK + i, spread_quadruple(_ZERO))
+                write(out, first + n * line + 1 + b * BLOCK, spread_quadruple(_ZERO))
             continue
         node = (k * rows + m) * nx + b * BLOCK
         if cloud:
@@ -167,7 +162,6 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
     (see `thin_row`) of this level begin at ``air`` and ``cloud``, there are none if these are negative.
     """
     ny, blocks = place.shape[1], place.shape[2]
-    packs = grid.cloudy.shape[2]
     rows, apart = coarser.beam.shape[1], thin.shape[1] * thin.shape[2]
     factor = max(coarser.factor, 1)
     m, share = between(j, factor, rows)
@@ -182,19 +176,17 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
     _expect_next(k * ny + j, n, row, emission, thin, max(air_row, 0), max(cloud_row, 0))
     for b in range(blocks):
         kept = flat(place, (k * ny + j) * blocks + b)
-        at = first + kept * BLOCK
-        for i in range(0, BLOCK, LANES):
-            x = b * BLOCK + i
-            total = spread_quadruple(_ZERO)
-            if kept >= 0:
-                total = read_quadruple(emission, at + i)
-            else:
-                if air >= 0:
-                    total += _upsampled(thin, air_row, next_row, x, factor, rest, share)
-                if cloud >= 0 and flat(grid.cloudy, (k * ny + j) * packs + x // LANES):
-                    amount = read_quadruple(extinction, here + x) - clear
-                    total += amount * _upsampled(thin, cloud_row, next_row, x, factor, rest, share)
-            write(out, start + 1 + x, total)
+        x = b * BLOCK
+        total = spread_quadruple(_ZERO)
+        if kept >= 0:
+            total = read_quadruple(emission, first + kept * BLOCK)
+        else:
+            if air >= 0:
+                total += _upsampled(thin, air_row, next_row, x, factor, rest, share)
+            if cloud >= 0 and flat(grid.cloudy, (k * ny + j) * blocks + b):
+                amount = read_quadruple(extinction, here + x) - clear
+                total += amount * _upsampled(thin, cloud_row, next_row, x, factor, rest, share)
+        write(out, start + 1 + x, total)
     row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
 
 

@@ -116,21 +116,18 @@ def _fold_sides(plane, nx, periodic):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
     """What a swept strip's light is to be amended by, a share ``amended`` of it, into the sums of thread t."""
-    ny, blocks, packs = place.shape[1], place.shape[2], cloudy.shape[2]
+    ny, blocks = place.shape[1], place.shape[2]
     stride = light.shape[3]
     first = t * more.shape[1] * BLOCK
     for j in range(rows[0], rows[1]):
         for b in range(blocks):
             kept = flat(place, (k * ny + j) * blocks + b)
-            if kept < 0:
+            if kept < 0 or not flat(cloudy, (k * ny + j) * blocks + b):
                 continue
             at = start + (j - rows[0] + 1) * stride + 1 + b * BLOCK
             out = first + kept * BLOCK
-            for i in range(0, BLOCK, LANES):
-                if not flat(cloudy, (k * ny + j) * packs + (b * BLOCK + i) // LANES):
-                    continue
-                added = read_quadruple(light, at + i) * read_quadruple(amended, at + i)
-                write(more, out + i, read_quadruple(more, out + i) + weight * added)
+            added = read_quadruple(light, at) * read_quadruple(amended, at)
+            write(more, out, read_quadruple(more, out) + weight * added)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
