@@ -42,7 +42,7 @@ def test_a_pixel_across_a_ridge_is_the_mean_of_both_sides(slope: float) -> None:
     rays = Rays(np.array([0.0, 0.0, 100.0]), direction / np.linalg.norm(direction, axis=-1, keepdims=True), width)
     sky = look(rays.directions())
     field = SimpleNamespace(
-        frame=FRAME, view=lambda r: SimpleNamespace(radiance=look(r.directions())[:, None].astype(np.float32))
+        frame=FRAME, view=lambda r, more: SimpleNamespace(radiance=look(r.directions())[:, None].astype(np.float32))
     )
     view = SimpleNamespace(distance_m=np.where(sky, -1.0, 500.0), transmittance=np.ones((sky.size, 1)))
     radiance = sky[:, None].astype(np.float32)
@@ -66,7 +66,7 @@ def test_bright_and_dark_ground_are_mixed_but_not_clouds() -> None:
     def look(directions: np.ndarray) -> np.ndarray:
         return np.where(directions[:, 0] > 0.3e-3, 2.0, 1.0)[:, None].astype(np.float32)
 
-    field = SimpleNamespace(frame=FRAME, view=lambda r: SimpleNamespace(radiance=look(r.directions())))
+    field = SimpleNamespace(frame=FRAME, view=lambda r, more: SimpleNamespace(radiance=look(r.directions())))
     pixels = SimpleNamespace(inside=np.ones((n, n), bool))
     for through, distance_m, expected in ((1.0, 500.0, {1.0, 1.25, 2.0}), (0.0, -1.0, {1.0, 2.0})):
         view = SimpleNamespace(distance_m=np.full(n * n, distance_m), transmittance=np.full((n * n, 1), through))

@@ -39,7 +39,7 @@ def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, 
     width = np.broadcast_to(np.asarray(rays.width_rad, float), len(rays))[edge]
     parts = np.concatenate([direction + width[:, None] * (a * across + b * above) for a, b in _PARTS])
     parts /= np.linalg.norm(parts, axis=-1, keepdims=True)
-    seen = field.view(Rays(rays.origins()[0], parts, np.tile(0.5 * width, len(_PARTS))))
+    seen = field.view(Rays(rays.origins()[0], parts, np.tile(0.5 * width, len(_PARTS))), more=True)
     radiance[edge] = seen.radiance.reshape(len(_PARTS), edge.size, -1).mean(axis=0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,6 +48,7 @@ class LitScene:
     field: Field | ReferenceField
     daylight: Daylight
     time: np.datetime64 | None
+    irradiances: dict[bytes, dict[str, Any]] = dataclasses.field(default_factory=dict, repr=False)  # by place
 
 
 def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:
@@ -119,7 +121,10 @@ def render(
     near = camera.height_above_sea_m(ground_m) < _SPACE_M
     if near:
         # before the view, which ends with light toward another eye where there is water
-        attrs |= _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
+        place = np.asarray(rays.origin_m, float).tobytes()
+        if place not in lit.irradiances:
+            lit.irradiances[place] = _irradiance(lit, rays.origin_m, camera, sun_azimuth, sun_altitude)
+        attrs |= lit.irradiances[place]
     view = field.view(rays)
     relative = view.radiance.astype(np.float32)
     # from space pixels are about as long on the ground as they are wide, and are seen as one

@@ -106,3 +106,21 @@ def test_the_aureole_is_left_to_the_glitter(lake) -> None:
     aside = sky(lake, place[None], (toward + 0.18 * np.cross(toward, [0.0, 0.0, 1.0]))[None])
     assert (seen < 0.9 * whole).all()
     np.testing.assert_allclose(seen, aside, rtol=0.25)
+
+
+def test_more_rays_of_a_picture_find_in_it_what_is_mirrored(lake) -> None:
+    """Rays beside those of a view see what they would by themselves, and the sky is not mirrored anew; a ray far from
+    them is not told what it cannot be."""
+    eye, _, direction = glance(np.repeat(np.arange(-30.0, 31.0, 2.0), 8), np.tile(np.linspace(8.0, 22.0, 8), 31))
+    _, _, between = glance(np.linspace(-29.0, 29.0, 40), np.linspace(9.0, 21.0, 40))
+    alone = lake.view(Rays(eye, between)).radiance
+    lake.view(Rays(eye, direction))
+    kept = lake.packs[0].mirrored
+    more = lake.view(Rays(eye, between), more=True).radiance
+    assert lake.packs[0].mirrored is kept
+    np.testing.assert_allclose(more, alone, rtol=0.01)
+    _, _, behind = glance(np.linspace(150.0, 210.0, 40), np.linspace(9.0, 21.0, 40))
+    np.testing.assert_array_equal(
+        lake.view(Rays(eye, behind), more=True).radiance, lake.view(Rays(eye, behind)).radiance
+    )
+    assert lake.packs[0].mirrored is not kept

@@ -50,7 +50,7 @@ def _plane(scene: Any, sun: np.ndarray, origin: np.ndarray, direction: np.ndarra
 
 
 def _image() -> np.ndarray:
-    """`_plane` averaged over the 2x2 sub-rays of each pixel, per ground albedo."""
+    """`_plane` averaged over the sub-rays of each pixel, per ground albedo."""
     x, y = 0.1 * np.arange(12.0)[:, None], 0.1 * np.arange(8.0)
     square = x**2 + 0.025**2  # mean of (x +- 0.025)^2
     image = np.stack([1 + x + 2 * y + 40 * square + albedo for albedo in (0.0, 0.3)], axis=-1)

@@ -33,6 +33,7 @@ from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
 if TYPE_CHECKING:
     from openswim.transport.beyond import Beyond
     from openswim.transport.landscape import Landscape
+    from openswim.transport.mirror import Mirrored
     from openswim.transport.relief import Relief
     from openswim.transport.solver import Solver
 
@@ -113,9 +114,10 @@ class Field:
                 out[name] = out.get(name, 0.0) + seconds
         return out
 
-    def view(self, rays: Rays) -> View:
-        """Radiance along rays; memory is bounded by tiling over them."""
-        views = [pack.view(rays) for pack in self.packs]
+    def view(self, rays: Rays, more: bool = False) -> View:
+        """Radiance along rays; memory is bounded by tiling over them. ``more`` of the last ones: what water mirrors to
+        their eye is not looked at again."""
+        views = [pack.view(rays, more) for pack in self.packs]
         first = views[0]
         return replace(
             first,
@@ -153,6 +155,7 @@ class PackField:
     landscape: Landscape | None = None
     relief: Relief | None = None  # what the landscape is from the last eye
     own_sky: Shells | None = None  # and the shells that its rays go through
+    mirrored: Mirrored | None = None  # what water mirrors to it
     wider: PackField | None = None  # the field of a wider grid, seen beyond the core of this
     core: Core | None = None
     detail: Detail | None = None  # below the grid, once an eye was near
@@ -179,12 +182,13 @@ class PackField:
         """The shells that the last eye's rays go through."""
         return self.shells if self.own_sky is None else self.own_sky
 
-    def view(self, rays: Rays) -> View:
+    def view(self, rays: Rays, more: bool = False) -> View:
         """See `Field.view`."""
         started = time.perf_counter()
         relief = None if self.landscape is None else self.landscape.seen_from(rays)
         for level in self.levels:
             level.relief, level.own_sky = relief, level._shells_for(rays)
+            level.mirrored = level.mirrored if more else None
         n = len(rays)
         out = View(
             np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),

@@ -87,8 +87,8 @@ class LargeField(PackField):
         """See `PackField.quality`."""
         return "columns" if self.solver.name == "fast" else self.solver.quality
 
-    def view(self, rays: Rays) -> View:
-        """See `Field.view`; for eyes in space."""
+    def view(self, rays: Rays, more: bool = False) -> View:
+        """See `Field.view`; for eyes in space, to whom water mirrors the clear sky."""
         started = time.perf_counter()
         n = len(rays)
         if self.frame.latlon(rays.origins()[0])[2] < _LEAST_HEIGHT_M:

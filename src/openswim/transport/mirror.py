@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -21,9 +22,73 @@ F64 = NDArray[np.float64]
 HIGHEST_EYE_M = 30_000.0  # from above, water mirrors 2 % of the sky: the clear one will do
 _ROWS, _COLUMNS = 50, 90  # of the mirrored picture, at most
 _LEAST_STEP_RAD = np.radians(0.4)  # waves smear over several degrees
+_BESIDE_RAD = np.radians(1.0)  # so that this far from its end a mirrored picture is what it is there
 _FACETS = 16
+_LIKE_WIND = 0.5  # m/s, by which winds of a picture's parts may differ
 _LIFT_M = 0.5  # above the ground, that mirrored rays begin
 _LOWEST = 0.01  # sine of the altitude: what would be mirrored from below the horizon is seen by way of a second wave
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """The sky that waves at a wind speed mirror to an eye, by azimuth and altitude (rad) there: radiance ``seen``
+    (altitudes, azimuths, PACK), where it is ``known``. Azimuths count from ``start``."""
+
+    eye: F64
+    wind_speed: float
+    up: F64
+    axes: F64
+    start: float
+    azimuth: F64
+    altitude: F64
+    seen: F64
+    known: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, field: PackField, eye: F64, place: F64, direction: F64, wind_speed: float) -> Mirrored:
+        """That part of it which is seen along ``direction`` (n, 3) at ``place`` (n, 3)."""
+        radius = field.frame.radius_m
+        up = _upward(eye[None], radius)[0]
+        axes = _horizontal(up)
+        azimuth, altitude = _angles(direction, axes, up)
+        start = _widest_gap(azimuth)
+        grid_az, grid_alt = _axis((azimuth - start) % (2 * np.pi), _COLUMNS), _axis(altitude, _ROWS)
+        level = float(np.median(np.linalg.norm(place + np.array([0.0, 0.0, radius]), axis=-1))) + 0.5
+        az, alt = (v.ravel() for v in np.meshgrid(grid_az, grid_alt))
+        az += start
+        toward = np.cos(alt)[:, None] * (np.sin(az)[:, None] * axes[0] + np.cos(az)[:, None] * axes[1])
+        toward += np.sin(alt)[:, None] * up
+        node = _on_sphere(eye, toward, level, radius)
+        if field.relief is not None:  # where no water lies level, it is as high as the ground
+            distance = field.relief.meet(eye[None], toward)
+            met = distance < FAR_M
+            node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
+        shape = (grid_alt.size, grid_az.size)
+        seen, known = _marched(field, eye, node, toward, wind_speed)
+        seen = seen.reshape(*shape, PACK)
+        return cls(eye, wind_speed, up, axes, start, grid_az, grid_alt, seen, known.reshape(shape))
+
+    def angles(self, direction: F64) -> tuple[F64, F64]:
+        """Azimuth and altitude (n,) as they are counted here."""
+        azimuth, altitude = _angles(direction, self.axes, self.up)
+        before = _BESIDE_RAD  # the first node, and not a turn after it
+        return (azimuth - self.start + before) % (2 * np.pi) - before, altitude
+
+    def covers(self, eye: F64, direction: F64, wind_speed: float) -> bool:
+        """Whether it is this eye's, by about this wind, and holds all along ``direction`` (n, 3) or beside."""
+        if not np.array_equal(eye, self.eye) or abs(wind_speed - self.wind_speed) > _LIKE_WIND:
+            return False
+        return all(
+            angle.min() > nodes[0] - _BESIDE_RAD and angle.max() < nodes[-1] + _BESIDE_RAD
+            for angle, nodes in zip(self.angles(direction), (self.azimuth, self.altitude), strict=True)
+        )
+
+    def along(self, direction: F64) -> F32:
+        """Radiance (n, PACK), NaN where there is no node that is known."""
+        azimuth, altitude = self.angles(direction)
+        x = np.interp(azimuth, self.azimuth, np.arange(self.azimuth.size))
+        y = np.interp(altitude, self.altitude, np.arange(self.altitude.size))
+        return _among(self.seen, self.known, x, y)
 
 
 def mirrored_sky(field: PackField, eye: F64, place: F64, direction: F64, wind_speed: F64) -> F32:
@@ -31,29 +96,12 @@ def mirrored_sky(field: PackField, eye: F64, place: F64, direction: F64, wind_sp
 
     The mirrored picture is smooth, so it is marched on its own coarse grid of azimuth and altitude at the eye, sixteen
     facets to a node: tilted by Cox & Munk's (1954) slopes, weighted with Fresnel reflectance and the area they show.
+    The field keeps it for as long as a picture is made.
     """
-    radius = field.frame.radius_m
-    up = _upward(eye[None], radius)[0]
-    axes = _horizontal(up)
-    azimuth, altitude = _angles(direction, axes, up)
-    start = _widest_gap(azimuth)
-    azimuth = (azimuth - start) % (2 * np.pi)
-    grid_az, grid_alt = _axis(azimuth, _COLUMNS), _axis(altitude, _ROWS)
-    level = float(np.median(np.linalg.norm(place + np.array([0.0, 0.0, radius]), axis=-1))) + 0.5
-    az, alt = (v.ravel() for v in np.meshgrid(grid_az, grid_alt))
-    az += start
-    toward = np.cos(alt)[:, None] * (np.sin(az)[:, None] * axes[0] + np.cos(az)[:, None] * axes[1])
-    toward += np.sin(alt)[:, None] * up
-    node = _on_sphere(eye, toward, level, radius)
-    if field.relief is not None:  # where no water lies level, it is as high as the ground
-        distance = field.relief.meet(eye[None], toward)
-        met = distance < FAR_M
-        node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
-    shape = (grid_alt.size, grid_az.size)
-    seen, known = _marched(field, eye, node, toward, float(np.mean(wind_speed)))
-    x = np.interp(azimuth, grid_az, np.arange(grid_az.size))
-    y = np.interp(altitude, grid_alt, np.arange(grid_alt.size))
-    return _among(seen.reshape(*shape, PACK), known.reshape(shape), x, y)
+    wind = float(np.mean(wind_speed))
+    if field.mirrored is None or not field.mirrored.covers(eye, direction, wind):
+        field.mirrored = Mirrored.of(field, eye, place, direction, wind)
+    return field.mirrored.along(direction)
 
 
 def _marched(

@@ -127,10 +127,11 @@ def _sides(reference: Reference) -> list[Array]:
 
 
 def _footprint(reference: Reference) -> Array:
-    """Offsets (n, 3) in km of a pixel's sub-rays: 2x2, for sharp-edged bodies 3x3, one for a point ray."""
+    """Offsets (n, 3) in km of a pixel's sub-rays: two on a diagonal, for sharp-edged bodies 3x3, one for a point."""
     u, v = _sides(reference)
-    n = 2 if "extinction" in reference.data else 3
-    ticks = (np.arange(n) + 0.5) / n - 0.5
-    along_u = ticks[:, None] * u if u.any() else np.zeros((1, 3))
-    along_v = ticks[:, None] * v if v.any() else np.zeros((1, 3))
-    return (along_u[:, None] + along_v[None]).reshape(-1, 3)
+    if not (u.any() or v.any()):
+        return np.zeros((1, 3))
+    if "extinction" in reference.data:
+        return np.array([[-0.25], [0.25]]) * (u + v)
+    ticks = (np.arange(3) - 1) / 3
+    return np.asarray((ticks[:, None, None] * u + ticks[:, None] * v).reshape(-1, 3))
