@@ -168,6 +168,7 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     rows, width = coarse.place.shape[1], coarse_nx + 2 + LANES
     scratch = np.empty((count, coarsest.columns), np.float32)
     one, two = np.zeros((count, width), np.float32), np.zeros((count, width), np.float32)
+    in_one, in_two = -1, -1  # the coarse rows that they hold
     for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
         k, j = row // ny, row % ny
         kept = False
@@ -176,19 +177,23 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
         if not kept:
             continue
         m, w = between(j, 2, rows)
-        _moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, coarse_nx, one)
-        if w > 0:
+        first, second = k * rows + m, k * rows + min(m + 1, rows - 1)
+        if in_two == first:
+            one, two = two, one
+            in_one, in_two = in_two, in_one
+        if in_one != first:
+            _moment_row(coarse.place, coarse.values, coarsest, k, m, scratch, coarse_nx, one)
+            in_one = first
+        if in_two != second:
             _moment_row(coarse.place, coarse.values, coarsest, k, min(m + 1, rows - 1), scratch, coarse_nx, two)
-            for c in range(count):
-                near, far = one[c], two[c]
-                for i in range(width):
-                    near[i] += w * (far[i] - near[i])
+            in_two = second
         for b in range(nb):
             if place[k, j, b] < 0:
                 continue
             for c in range(count):
-                at = (place[k, j, b] * moments + c) * BLOCK
-                mean = interpolated(read_quadruple(one, c * width + b * BLOCK // 2), 2)
+                at, x = (place[k, j, b] * moments + c) * BLOCK, c * width + b * BLOCK // 2
+                near = read_quadruple(one, x)
+                mean = interpolated(near + w * (read_quadruple(two, x) - near), 2)
                 write(values, at, mean + read_quadruple(values, at) if again else mean)
                 for i in range(nx - b * BLOCK, BLOCK):
                     put(values, at + i, _ZERO)
