@@ -48,7 +48,9 @@ class LitScene:
     field: Field | ReferenceField
     daylight: Daylight
     time: np.datetime64 | None
-    irradiances: dict[bytes, dict[str, Any]] = dataclasses.field(default_factory=dict, repr=False)  # by place
+    irradiances: dict[bytes, dict[str, Any]] = dataclasses.field(
+        default_factory=dict, repr=False, compare=False
+    )  # of places that a picture has been made from
 
 
 def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:

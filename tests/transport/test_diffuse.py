@@ -49,9 +49,10 @@ def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> Non
         assert np.sqrt(((a - b) ** 2).mean()) < 0.04 * b.mean()
 
 
-def test_wavelengths_alike_are_lit_alike() -> None:
+@pytest.mark.parametrize("periodic", [False, True])
+def test_wavelengths_alike_are_lit_alike(periodic: bool) -> None:
     """Grey cloud over grey ground: no tint from one wavelength being solved whole and the others after it."""
-    scene = grid_scene(broken_cloud(2), SHAPE, CELL_M, surface_albedo=0.2)
+    scene = grid_scene(broken_cloud(2), SHAPE, CELL_M, surface_albedo=0.2, periodic=periodic)
     field = Solver().solve(scene, SUN, [615.0, 546.0, 450.0])
     for flux in field.fluxes().values():
         np.testing.assert_allclose(flux, flux[0], rtol=5e-4)

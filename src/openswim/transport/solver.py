@@ -319,7 +319,9 @@ def _diffuse(
                 solution = spectral.between(sweeper, setting.tolerance, solver.most_sweeps, traces, others)
             else:
                 solution = two_grids.coarse_to_fine(
-                    sweeper, setting.tolerance, solver.most_sweeps, traces, tell=count > 2
+                    sweeper, setting.tolerance, solver.most_sweeps, traces,
+                    # in periods coarse grids leave too much undone for what lies between to be told
+                    tell=count > 2 and not medium.periodic,
                 )
             traces = traces or solution.traces
             if not others:

@@ -146,7 +146,7 @@ def coarse_to_fine(
     if finer:
         enough *= _CLOSE if finer == _WHOLE else _LOOSE
     elif fine.grid.periodic:
-        enough *= _ENDLESS
+        enough = _ENDLESS * tolerance
     values, before, n = level.solve(begun.values, enough, most, correct=_Correction(level, begun.base))
     traces = []
     if not like:
