@@ -109,7 +109,7 @@ def test_data_come_back_as_they_were(image, tmp_path, name):
         with xr.open_dataset(tmp_path / name) as opened:
             back = opened.load()
     else:
-        back = xr.open_zarr(tmp_path / name, consolidated=False).load()
+        back = xr.open_zarr(tmp_path / name).load()
     for variable in image.data_vars:
         np.testing.assert_array_equal(back[variable], image[variable])
         assert back[variable].dims == ("y", "x", "wavelength")
@@ -132,7 +132,7 @@ def test_saving_again_replaces(image, tmp_path, name):
     save(image, tmp_path / name, caption=False)
     save(image.isel(y=slice(0, 10)), tmp_path / name, caption=False)
     if name == "sky.zarr":
-        assert xr.open_zarr(tmp_path / name, consolidated=False).sizes["y"] == 10
+        assert xr.open_zarr(tmp_path / name).sizes["y"] == 10
     elif name == "sky.nc":
         with xr.open_dataset(tmp_path / name) as back:
             assert back.sizes["y"] == 10

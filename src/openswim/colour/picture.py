@@ -108,7 +108,7 @@ def _write_netcdf(image: xr.Dataset, path: Path) -> None:
 
 
 def _write_zarr(image: xr.Dataset, path: Path) -> None:
-    _storable(image).to_zarr(path, consolidated=False)
+    _storable(image).to_zarr(path, zarr_format=2, consolidated=True)  # as scenes are
 
 
 def _storable(image: xr.Dataset) -> xr.Dataset:
