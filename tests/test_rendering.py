@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -163,6 +165,18 @@ def test_irradiance_grows_with_height_to_the_suns_own(altitude: float) -> None:
     assert (np.diff(diffuse) < 0).all()
     assert normal[-1] == pytest.approx(0.986 * SOLAR_CONSTANT_W_M2, rel=0.003)
     assert diffuse[-1] < 0.1
+
+
+def test_irradiance_is_reckoned_once_an_observer(clear) -> None:
+    """Two cameras at a place have the same, as a field that is lit anew; another height has its own."""
+    lit = dataclasses.replace(clear, irradiances={})
+    wide, above = Camera.panorama(LAT, LON, size=(16, 8)), Camera.allsky(LAT, LON, 3e3, size=8)
+    low, beside, high = (openswim.render(lit, c).attrs for c in (Camera.allsky(LAT, LON, size=8), wide, above))
+    name = "direct_normal_irradiance_w_m2"
+    assert low[name] == beside[name] < high[name]
+    assert len(lit.irradiances) == 2
+    anew = dataclasses.replace(clear, irradiances={})
+    assert openswim.render(anew, wide).attrs[name] == low[name]
 
 
 def test_spectral_irradiance_is_that_of_the_field(clear, allsky: xr.Dataset) -> None:

@@ -40,7 +40,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FEW_COLUMNS = 500  # fewer than these are swept by one thread
-_MOST_CORRECTIONS = 6  # where the coarse grid has not told the rest by then, it is misleading
+_MOST_CORRECTIONS = 30  # where the coarse grid has not told the rest by then, it is misleading
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
@@ -235,7 +235,8 @@ class Sweeper:
     ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(before, image) adds to a sweep's result what is yet to follow from its change, instead of that.
+        correct(before, image) adds to a sweep's result what is yet to follow from its change; the first
+        `_MOST_CORRECTIONS` sweeps begin from that as it is.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.

@@ -68,12 +68,12 @@ def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, sums, emi
     count = grid.sun_harmonics.shape[1]
     blocks = place.shape[2]
     first, apart = row_of_emission(k * ny + j, row, emission)
+    write(amounts, 0, spread_quadruple(_ONE))
     for b in range(blocks):
         kept = flat(place, (k * ny + j) * blocks + b)
         if kept < 0:
             continue
         node = (k * ny + j) * nx + b * BLOCK
-        write(amounts, 0, spread_quadruple(_ONE))
         for s in range(ns):
             write(amounts, (1 + s) * BLOCK, read_quadruple(grid.extinction, s * nz * ny * nx + node))
         _block_source(
