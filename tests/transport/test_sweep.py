@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.transport.scenes import toward
 
-from openswim.transport.sun import sun_sweep
+from openswim.transport.sun import inside, sun_sweep, weighted
 
 FLAT_M = 1e12
 
@@ -21,14 +22,14 @@ def depth_to_sun(
     nz, ny, nx = extinction.shape
     levels = cell_m[2] * np.arange(nz)
     lookup = np.linspace(0.0, nz - 1.0, 8 * (nz - 1) + 1)
-    channels = extinction[..., None] * np.array([1.0, 0.5, 0.0, 0.0])
+    fields = weighted(extinction[None], np.array([[1.0], [0.5]]), periodic)
     depth = sun_sweep(
-        channels.astype(np.float32), np.full((nz, ny, nx), exact), np.broadcast_to(sun, (ny, nx, 3)).copy(), levels,
+        fields, np.full((nz, ny, nx), exact), np.broadcast_to(sun, (ny, nx, 3)).copy(), levels,
         (0.0, 8.0 / cell_m[2], lookup), np.array(cell_m[:2]), radius_m, periodic,
     )  # fmt: skip
-    np.testing.assert_allclose(depth[..., 1], 0.5 * depth[..., 0], rtol=1e-6)
-    assert not depth[..., 2:].any()
-    return np.ascontiguousarray(depth[..., 0])
+    one, half = inside(depth)
+    np.testing.assert_allclose(half, 0.5 * one, rtol=1e-6)
+    return np.ascontiguousarray(one)
 
 
 @pytest.mark.parametrize("exact", [True, False])
@@ -128,3 +129,49 @@ def test_round_earth_shortens_the_way_to_a_low_sun() -> None:
 
 def test_no_cloud_no_depth() -> None:
     assert not depth_to_sun(np.zeros((5, 4, 4)), toward(10, 20), (100.0,) * 3, False, True).any()
+
+
+def _straight(field: np.ndarray, sun: np.ndarray, cell: np.ndarray, periodic: bool) -> np.ndarray:
+    """Depths by many small steps along straight lines from the lowest nodes, by scipy's interpolation."""
+    nz, ny, nx = field.shape
+    j, i = np.mgrid[0:ny, 0:nx]
+    padded = np.pad(field, [(0, 0), (0, 1), (0, 1)], mode="wrap") if periodic else field
+    total = np.zeros((ny, nx))
+    step = 1.0 / 40.0  # of a level
+    for up in np.arange(0.5 * step, nz - 1, step):
+        y, x = (at + up * cell[2] / sun[2] * s / size for at, s, size in ((j, sun[1], cell[1]), (i, sun[0], cell[0])))
+        if periodic:
+            y, x = y % ny, x % nx
+        total += map_coordinates(padded, [np.full(x.shape, up), y, x], order=1, cval=0.0)
+    return total * step * cell[2] / sun[2]
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize(("azimuth", "altitude"), [(20, 80), (115, 40), (290, 12)])
+def test_depths_through_a_random_field(azimuth: float, altitude: float, periodic: bool) -> None:
+    """Rows of more than two packs and a bit, whose rays wrap around or leave through the sides one after another."""
+    rng = np.random.default_rng(int(azimuth))
+    nz, ny, nx, cell = 15, 21, 37, np.array([60.0, 80.0, 50.0])
+    field = 1e-3 * gaussian_filter(rng.random((nz, ny, nx)), 1.5, mode="wrap")
+    sun = toward(azimuth, altitude)
+    depth = depth_to_sun(field, sun, tuple(cell), periodic, True)[0]
+    expected = _straight(field, sun, cell, periodic)
+    # where rays graze a corner the way within is a part of a step
+    np.testing.assert_allclose(depth, expected, rtol=0.01, atol=1e-3 * 30.0)
+    assert np.sqrt(((depth - expected) ** 2).mean() / (expected**2).mean()) < 0.01
+
+
+@pytest.mark.parametrize("radius", [2e6, 1e5])
+@pytest.mark.parametrize("altitude_deg", [60.0, 15.0, 6.0, 1.0])
+def test_where_the_earth_bends_neighbours_see_their_own_suns(altitude_deg: float, radius: float) -> None:
+    """Rays of a pack go side by side, or in pieces: against every node's sun for all."""
+    rng = np.random.default_rng(5)
+    nz, ny, nx = 21, 2, 48
+    field = 1e-4 * gaussian_filter(rng.random((nz, ny, nx)) - 0.4, [1.0, 0.0, 1.0], mode="wrap").clip(0)
+    altitude = np.radians(altitude_deg) + (np.arange(nx) - nx / 2) * 500.0 / radius
+    suns = np.stack([np.cos(altitude), 0 * altitude, np.sin(altitude)], axis=-1)
+    cell = (500.0, 500.0, 200.0)
+    depth = depth_to_sun(field, np.broadcast_to(suns, (ny, nx, 3)), cell, True, True, radius)[0, 0]
+    own = np.array([depth_to_sun(field, s, cell, True, True, radius)[0, 0, i] for i, s in enumerate(suns)])
+    np.testing.assert_allclose(depth, own, atol=0.05 * own.mean())
+    assert abs(depth - own).mean() < 0.01 * own.mean()

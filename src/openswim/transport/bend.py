@@ -21,6 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.pack import PACK, flat, put
+from openswim.transport.sun import BEYOND
 
 F32 = NDArray[np.float32]
 
@@ -64,11 +65,11 @@ def _cell(t, e, v, bend, at):
 def bend_cells(t, threads, depth, lane, weights, sun, levels_m, cell_m, volume):
     """`Volume.bend` of thread t's levels: of the cells with cloud at a corner, the others stay zero.
 
-    depth (nz, ny, nx, channels): to the sun, of which ``lane`` is meant, with ``weights`` (species,) of the species'
+    depth: to the sun, see `sun_sweep`, of which field ``lane`` is meant, with ``weights`` (species,) of the species'
     extinctions; sun (ny, nx, 3): toward it, in each column's axes.
     """
     nz, ny, nx, nc = volume.fields.shape
-    depths = depth.shape[3]
+    width = depth.shape[3]
     taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
     for k in range(t, nz - 1, threads):
         for j in range(ny if volume.periodic else ny - 1):
@@ -80,7 +81,7 @@ def bend_cells(t, threads, depth, lane, weights, sun, levels_m, cell_m, volume):
                 for n in range(8):
                     x, y, z = (i + (n & 1)) % nx, (j + (n >> 1 & 1)) % ny, k + (n >> 2)
                     corner = (z * ny + y) * nx + x
-                    taus[n] = flat(depth, corner * depths + lane)
+                    taus[n] = flat(depth, ((lane * nz + z) * ny + y) * width + BEYOND + x)
                     betas[n] = 0.0
                     for s in range(weights.shape[0]):
                         betas[n] += weights[s] * flat(volume.fields, corner * nc + 2 * PACK + s)

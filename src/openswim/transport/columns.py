@@ -21,7 +21,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.pack import LANES, PACK
 from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.shells import clear_radiance, rows_between
-from openswim.transport.sun import direct_beam
+from openswim.transport.sun import beyond_sides, direct_beam
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 
@@ -148,7 +148,7 @@ def clear_beam(levels_m: F64, sun: F64, shells: Shells, count: int, fields: F32)
     nz, n = len(levels_m), sun.shape[1]
     beams, surface = np.empty((count, nz, 1, n), np.float32), np.empty((count, 1, n), np.float32)
     in_threads(
-        direct_beam, np.zeros((nz, 1, n, PACK), np.float32), np.zeros(PACK, np.int64), sun, levels_m,
+        direct_beam, beyond_sides(1, (nz, 1, n)), np.zeros(PACK, np.int64), sun, levels_m,
         np.full((1, n), shells.ground_m, np.float32), np.full((1, n), -1e9), np.zeros((1, n)), count, shells, beams,
         surface, fields,
     )  # fmt: skip

@@ -20,7 +20,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, shadow_rows
+from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, inside, shadow_rows
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
@@ -32,7 +32,7 @@ _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its 
 
 
 class SunDepth(NamedTuple):
-    """Optical depths to the sun (nz, ny, nx, channels), and which of them each wavelength reads (PACK,)."""
+    """Optical depths to the sun, see `sun_sweep`, and which of them each wavelength reads (PACK,)."""
 
     depth: F32
     lanes: NDArray[np.int64]
@@ -178,7 +178,7 @@ def sunlit_volume(
                 fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
             fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
             for n, channel in forward_channel.items():
-                fields[k, ..., channel] = depth[k, ..., n]
+                fields[k, ..., channel] = inside(depth[n, k])
 
     in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from openswim.scene.rims import CORE_RIM, LEAST_CORE_RIM
 from openswim.transport.march import DARK
 from openswim.transport.pack import PACK
+from openswim.transport.sun import inside
 from openswim.transport.surface import bilinear
 from openswim.transport.volume import FAR_M, Volume
 
@@ -151,8 +152,9 @@ def shade_from(wider: PackField, medium: Medium, volume: Volume, depths: SunDept
     assert wider.depths is not None
     assert lookup is not None
     inner, outer = [], []
+    channels, wider_channels = (np.moveaxis(inside(d.depth), 0, -1) for d in (depths, wider.depths))
     for own, theirs, first, second in (
-        (depths.lanes, wider.depths.lanes, depths.depth, wider.depths.depth),
+        (depths.lanes, wider.depths.lanes, channels, wider_channels),
         (volume.forward_channel, wider.volume.forward_channel, volume.fields, wider.volume.fields),
     ):
         for channel in np.unique(own):

@@ -9,12 +9,24 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from openswim.transport.pack import PACK, flat, put, read, spread, write
+from openswim.transport.pack import (
+    LANES,
+    PACK,
+    choose_above,
+    flat,
+    largest,
+    pack_of,
+    put,
+    read,
+    read_quadruple,
+    spread_quadruple,
+    write,
+)
 from openswim.transport.sample import sun_table_coordinate
-from openswim.transport.scalar import shadow_fraction, table_index
+from openswim.transport.scalar import shadow_fraction, table_index, transmission
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
@@ -26,7 +38,12 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_HALF = np.float32(0.5)
+_LANE = np.arange(LANES, dtype=np.float32)
+BEYOND = LANES  # nodes beyond a row's ends, where packs of rays that leave it or wrap around may read
+_FAR_M = 1e30
 _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
+_APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
 _DARKEST, _MOST_AIR = 1e-12, np.float32(27.631)  # transmission, and its depth, that stand for none
 
@@ -52,21 +69,21 @@ def _plane_value(plane, x, y, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _pack_at(grid, level, x, y, c, periodic):
-    """Pack at channel c of (nz, ny, nx, channels), bilinear at fractional (x, y) inside."""
-    _, ny, nx, nc = grid.shape
-    i, j = min(int(x), nx - 1), min(int(y), ny - 1)
-    a, b = np.float32(x - i), np.float32(y - j)
-    right, up = nc, nx * nc
-    if i + 1 >= nx:
-        right = -i * nc if periodic else 0
+def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
+    """LANES nodes of field n of (fields, nz, ny, nodes and what lies beyond), from fractional (x, y) on, bilinear, each
+    a little aside."""
+    width = grid.shape[3]
+    j = min(int(y), ny - 1)
+    i = min(max(math.floor(x), -BEYOND), nx)
+    a, b = np.float32(x - i) + aside_x, np.float32(y - j) + aside_y
+    up = width
     if j + 1 >= ny:
-        up = -j * nx * nc if periodic else 0
-    n = ((level * ny + j) * nx + i) * nc + c
-    low = read(grid, n)
-    low += a * (read(grid, n + right) - low)
-    high = read(grid, n + up)
-    high += a * (read(grid, n + up + right) - high)
+        up = -j * width if periodic else 0
+    at = ((n * grid.shape[1] + level) * ny + j) * width + BEYOND + i
+    low = read_quadruple(grid, at)
+    low += a * (read_quadruple(grid, at + 1) - low)
+    high = read_quadruple(grid, at + up)
+    high += a * (read_quadruple(grid, at + up + 1) - high)
     return low + b * (high - low)
 
 
@@ -81,87 +98,182 @@ def _way_up_m(mu, bend, rise_m):
 def _way_out(i, count, per_m):
     """Distance from node ``i`` of a row to its end, at so many cells per metre."""
     if abs(per_m) < _ALONG_PER_M:
-        return 1e30
+        return _FAR_M
     return (count - 1 - i if per_m > 0.0 else i) / abs(per_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _depth_to_sun(
-    extinction, depth, c, k, i, j, mu, vx, vy, last, filled, levels_m, level_origin_m, level_per_m, level_table,
-    radius_m, periodic,
-):  # fmt: skip
-    """Optical depths from node (k, j, i) toward the sun up to level ``last``, then what is known there.
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _ways_out(i, count, per_m):
+    """`_way_out` of LANES nodes from ``i`` on; none of those beyond the row."""
+    if abs(per_m) < _ALONG_PER_M:
+        return spread_quadruple(np.float32(_FAR_M))
+    nodes = read_quadruple(_LANE, 0) + np.float32(i)
+    if per_m > 0.0:
+        nodes = np.float32(count - 1) - nodes
+    ways = nodes * np.float32(1.0 / abs(per_m))
+    return choose_above(ways, _ZERO, ways, _ZERO)
 
-    Samples where the ray meets a level and, between levels, once a cell, until it leaves an open domain; ``vx``,
-    ``vy``: cells per metre.
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _depths_to_sun(
+    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m, level_table,
+    radius_m, nx, periodic, total, below,
+):  # fmt: skip
+    """Optical depths from LANES nodes (k, j, i on) toward the sun up to level ``last``, then what is known there, into
+    ``total`` (fields, LANES); ``below``: scratch as large.
+
+    Samples where the rays meet a level and, between levels, once a cell, until they leave an open domain. ``ray``:
+    cells per metre along x and y, and the cosine of the zenith angle, of the node ``middle``; ``turn``: by how much
+    they change from one node to the next, of which only the first order counts.
     """
-    nz, ny, nx, nc = extinction.shape
+    fields, nz, ny, width = extinction.shape
+    vx, vy, mu = ray[0], ray[1], ray[2]
     bend = (1.0 - mu * mu) / (2.0 * radius_m)
     fastest = max(abs(vx), abs(vy))
-    leave = 1e30 if periodic else min(_way_out(i, nx, vx), _way_out(j, ny, vy))
-    below = read(extinction, ((k * ny + j) * nx + i) * nc + c)
-    total = spread(_ZERO)
+    off = read_quadruple(_LANE, 0) - np.float32(middle - i)
+    leave = spread_quadruple(np.float32(_FAR_M))
+    gone = _FAR_M  # the last of them
+    if not periodic:
+        leave_x, leave_y = _ways_out(i, nx, vx), np.float32(_way_out(j, ny, vy))
+        leave = choose_above(leave_x, leave_y, leave_y, leave_x)
+        gone = float(largest(leave))
+    for n in range(fields):
+        write(below, n * LANES, read_quadruple(extinction, ((n * nz + k) * ny + j) * width + BEYOND + i))
+        write(total, n * LANES, spread_quadruple(_ZERO))
     s, at = 0.0, k
     for level in range(k + 1, last + 1):
         if not (filled[level] or filled[level - 1]) and (mu > 0.0 or level > k + 1):
             continue
         if at < level - 1:
-            s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), leave)
-        end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), leave)
+            s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), gone)
+        end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), gone)
+        longer = _longer(mu, bend, levels_m[level] - levels_m[k], turn[2])
         at = level
         count = int(fastest * (end - s)) + 1
         ds = (end - s) / count
-        half = np.float32(0.5 * ds)
-        for n in range(1, count + 1):
+        for piece in range(1, count + 1):
+            left = leave - np.float32(s)
+            left = choose_above(left, np.float32(ds), np.float32(ds), left)
+            half = _HALF * choose_above(left, _ZERO, left, _ZERO)
+            half += (np.float32(longer) * off) * half
             s += ds
             x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-            if n == count and end < leave:
-                here = _pack_at(extinction, level, x, y, c, periodic)
-            else:
+            aside_x = np.float32(s * (turn[0] + vx * longer)) * off
+            aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+            m, g = level, _ZERO
+            if piece < count or end >= gone:
                 fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
                 m = min(int(fk), nz - 2)
-                here = _pack_at(extinction, m, x, y, c, periodic)
-                here += np.float32(fk - m) * (_pack_at(extinction, m + 1, x, y, c, periodic) - here)
-            total += half * (below + here)
-            below = here
-        if end >= leave:
-            return total
+                g = np.float32(fk - m)
+            for n in range(fields):
+                here = _nodes_at(extinction, n, m, x, y, aside_x, aside_y, ny, nx, periodic)
+                if g > _ZERO:
+                    here += g * (_nodes_at(extinction, n, m + 1, x, y, aside_x, aside_y, ny, nx, periodic) - here)
+                added = half * (read_quadruple(below, n * LANES) + here)
+                write(total, n * LANES, read_quadruple(total, n * LANES) + added)
+                write(below, n * LANES, here)
+        if end >= gone:
+            return
+    rise = levels_m[last] - levels_m[k]
     if at < last:
-        s = _way_up_m(mu, bend, levels_m[last] - levels_m[k])
-        if s >= leave:
-            return total
+        s = _way_up_m(mu, bend, rise)
+        if s >= gone:
+            return
+    longer = _longer(mu, bend, rise, turn[2])
     x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
-    return total + _pack_at(depth, last, x, y, c, periodic)
+    aside_x = np.float32(s * (turn[0] + vx * longer)) * off
+    aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+    for n in range(fields):
+        beyond = _nodes_at(depth, n, last, x, y, aside_x, aside_y, ny, nx, periodic)
+        beyond = choose_above(leave, np.float32(s), beyond, _ZERO)
+        write(total, n * LANES, read_quadruple(total, n * LANES) + beyond)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _fill_beyond(row, nx, periodic):
+    """Nodes beyond the ends of a row: the other end's where periodic, else the end itself."""
+    for n in range(1, BEYOND + 1):
+        row[BEYOND - n] = row[BEYOND + ((-n) % nx if periodic else 0)]
+        row[BEYOND + nx - 1 + n] = row[BEYOND + ((n - 1) % nx if periodic else nx - 1)]
+    row[nx + 2 * BEYOND] = row[nx + 2 * BEYOND - 1]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _longer(mu, bend, rise_m, turn):
+    """Share by which the way up changes where the cosine of the zenith angle does by ``turn``."""
+    return -turn / max(math.sqrt(max(mu * mu + 4.0 * bend * rise_m, 0.0)), 1e-9)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _pieces(ray, turn, rise_m, radius_m, nodes):
+    """In how many pieces so many nodes go up by ``rise_m``, that their rays stay side by side and are about as long;
+    ``ray``, ``turn``: see `_depths_to_sun`."""
+    bend = (1.0 - ray[2] * ray[2]) / (2.0 * radius_m)
+    way, longer = _way_up_m(ray[2], bend, rise_m), _longer(ray[2], bend, rise_m, turn[2])
+    apart = way * max(abs(turn[0] + ray[0] * longer), abs(turn[1] + ray[1] * longer))
+    return int(min(nodes * max(apart / _APART, abs(longer) / _LONGER) + 1.0, float(nodes)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _aim(sun, cell_m, ray):
+    """``ray`` of `_depths_to_sun` toward a sun."""
+    ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], sun[2]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _row_to_sun(
     k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m,
-    radius_m, periodic, depth,
+    radius_m, periodic, depth, scratch, ray, turn,
 ):  # fmt: skip
-    """The nodes of a row."""
-    _, ny, nx, nc = extinction.shape
-    for i in range(nx):
-        last = followed[k] if exact[k, j, i] else passed[k]
-        vx, vy = sun[j, i, 0] / cell_m[0], sun[j, i, 1] / cell_m[1]
-        for c in range(0, nc, PACK):
-            total = _depth_to_sun(
-                extinction, depth, c, k, i, j, sun[j, i, 2], vx, vy, last, filled, levels_m, level_origin_m,
-                level_per_m, level_table, radius_m, periodic,
-            )  # fmt: skip
-            write(depth, ((k * ny + j) * nx + i) * nc + c, total)
+    """The nodes of a row, LANES at a time: along rays beside that of the middle one or, where the Earth bends and they
+    part, of the middle one of each of some pieces. Once for those that follow their rays, once for those that do not,
+    if a pack has both."""
+    fields, nz, ny, width = depth.shape
+    nx = exact.shape[2]
+    for first in range(0, nx, LANES):
+        i = max(min(first, nx - LANES), 0)
+        end = min(i + LANES, nx)
+        steps = max(end - 1 - i, 1)
+        turn[0] = (sun[j, end - 1, 0] - sun[j, i, 0]) / (cell_m[0] * steps)
+        turn[1] = (sun[j, end - 1, 1] - sun[j, i, 1]) / (cell_m[1] * steps)
+        turn[2] = (sun[j, end - 1, 2] - sun[j, i, 2]) / steps
+        following = 0
+        for n in range(i, end):
+            following += exact[k, j, n]
+        for follow in range(2):
+            if following == (0 if follow else end - i):
+                continue
+            last = followed[k] if follow else passed[k]
+            _aim(sun[j, (i + end) // 2], cell_m, ray)
+            pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
+            for piece in range(pieces):
+                one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
+                middle = (one + next_one) // 2
+                _aim(sun[j, middle], cell_m, ray)
+                _depths_to_sun(
+                    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m,
+                    level_table, radius_m, nx, periodic, scratch[0], scratch[1],
+                )  # fmt: skip
+                for n in range(fields):
+                    at = ((n * nz + k) * ny + j) * width + BEYOND
+                    for m in range(one, next_one):
+                        if exact[k, j, m] == (follow == 1):
+                            put(depth, at + m, scratch[0, n, m - i])
+    for n in range(fields):
+        _fill_beyond(depth[n, k, j], nx, periodic)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def _share_level(
     t, threads, k, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m,
-    level_table, cell_m, radius_m, periodic, depth,
+    level_table, cell_m, radius_m, periodic, depth, scratch,
 ):  # fmt: skip
     """Thread t's rows of level k: see `sun_sweep`."""
+    ray, turn = np.empty(3), np.empty(3)
     for j in range(t, exact.shape[1], threads):
         _row_to_sun(
             k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table,
-            cell_m, radius_m, periodic, depth,
+            cell_m, radius_m, periodic, depth, scratch[t], ray, turn,
         )  # fmt: skip
 
 
@@ -169,37 +281,62 @@ def sun_sweep(
     extinction: F32, exact: NDArray[np.bool_], sun: F64, levels_m: F64, lookup: tuple[float, float, F64], cell_m: F64,
     radius_m: float, periodic: bool,
 ) -> F32:  # fmt: skip
-    """Optical depths (nz, ny, nx, channels) from every node to the sun; ``sun`` (ny, nx, 3) in each column's own axes.
+    """Optical depths of fields of ``extinction`` from every node to the sun, both as `beyond_sides` makes them.
 
-    ``extinction``: as many channels, whole packs. Nodes marked ``exact`` follow their ray through the layer of cloud
+    ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
     level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
     horizon of a node on the curved Earth: the way up then starts downward.
     """
-    filled = extinction.any(axis=(1, 2, 3))
+    filled = np.asarray([[level.any() for level in field] for field in extinction]).any(axis=0)
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
     exact[gates] = True
     depth = np.zeros(extinction.shape, np.float32)  # which touches no memory yet
+    scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), np.float32)
     for k in range(len(levels_m) - 2, -1, -1):
         in_threads(
             _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,
-            periodic, depth,
+            periodic, depth, scratch,
         )  # fmt: skip
     return depth
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _weigh(t, threads, extinction, weights, periodic, out):
+    """Thread t's levels of `weighted`."""
+    ns, nz, ny, nx = extinction.shape
+    for k in range(t, nz, threads):
+        for n in range(weights.shape[0]):
+            for j in range(ny):
+                row = out[n, k, j]
+                for s in range(ns):
+                    for i in range(nx):
+                        row[BEYOND + i] += weights[n, s] * extinction[s, k, j, i]
+                _fill_beyond(row, nx, periodic)
+
+
+def beyond_sides(fields: int, shape: tuple[int, int, int]) -> F32:
+    """Zeros (fields, nz, ny, BEYOND + nx + BEYOND + 1), for what `sun_sweep` gives and takes on a grid (nz, ny, nx)."""
+    return np.zeros((fields, *shape[:2], shape[2] + 2 * BEYOND + 1), np.float32)
+
+
+def inside(fields: F32) -> F32:
+    """What of the last axis is no `beyond_sides`."""
+    return fields[..., BEYOND : -BEYOND - 1]
+
+
+def weighted(extinction: F32, weights: F32, periodic: bool) -> F32:
+    """Sums of species, ``extinction`` (ns, nz, ny, nx), a field for each row of ``weights`` (n, ns), as `sun_sweep`
+    takes them."""
+    out = beyond_sides(len(weights), (extinction.shape[1], extinction.shape[2], extinction.shape[3]))
+    in_threads(_weigh, np.require(extinction, np.float32, "CW"), np.array(weights, np.float32), periodic, out)
+    return out
+
+
 def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
-    """`sun_sweep` of a medium (nz, ny, nx, n or more), for each row of ``weights`` (n, ns) of its species."""
-    extinction = np.zeros((*medium.shape, -(-len(weights) // PACK) * PACK), np.float32)
-
-    def weigh(t: int, threads: int) -> None:
-        for k in range(t, len(extinction), threads):
-            for n, row in enumerate(weights):
-                for weight, species in zip(row, medium.extinction, strict=True):
-                    extinction[k, ..., n] += weight * species[k]
-
-    in_threads(weigh)
+    """`sun_sweep` of a medium, a field for each row of ``weights`` (n, ns) of its species."""
+    extinction = weighted(medium.extinction, weights, medium.periodic)
     return sun_sweep(
         extinction, exact, local_sun, medium.levels_m, medium.level_lookup, np.array(medium.cell_m, float),
         medium.frame.radius_m, medium.periodic,
@@ -279,7 +416,7 @@ def shell_transmission(height_m, mu_sun, w, shells):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields):
     """The nodes of a row: see `direct_beam`."""
-    nz, ny, nx, nc = depth.shape
+    _, nz, ny, width = depth.shape
     above = max(levels_m[k] - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     row = min(int(level), shells.rows.shape[0] - 2)
@@ -288,7 +425,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
     mu_horizon = -math.sqrt(max(0.0, 1.0 - ratio * ratio))
     softness = levels_m[min(k + 1, nz - 1)] - levels_m[max(k - 1, 0)]
     columns = shells.slant.shape[1]
-    for i in range(nx):
+    for i in range(sun.shape[1]):
         mu = sun[j, i, 2]
         lit = lit_fraction(levels_m[k], shadow_m[j, i], distance_m[j, i], softness)
         lit *= shadow_fraction(mu, mu_horizon, SUN_RADIUS_RAD)
@@ -300,25 +437,28 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
         near, far = read(shells.slant, n), read(shells.slant, n + up)
         near += e * (read(shells.slant, n + 2 * PACK) - near)
         far += e * (read(shells.slant, n + up + 2 * PACK) - far)
-        node = (k * ny + j) * nx + i
-        place = node * fields.shape[3]
-        air = near + c * (far - near)
+        total = near + c * (far - near)
         if lit < 1.0:
-            air += np.float32(-math.log(max(lit, _DARKEST)))
-        write(fields, place, air)
-        for w in range(PACK):
-            total = min(flat(fields, place + w), _MOST_AIR) + flat(depth, node * nc + lanes[min(w, count - 1)])
-            root = math.exp(-0.5 * total)
-            put(fields, place + w, root)
-            if w < count:
-                beams[w, k, j, i] = root * root
+            total += np.float32(-math.log(max(lit, _DARKEST)))
+        total = choose_above(total, _MOST_AIR, _MOST_AIR, total)
+        at = (k * ny + j) * width + BEYOND + i
+        level = nz * ny * width
+        total += pack_of(
+            flat(depth, lanes[0] * level + at), flat(depth, lanes[1] * level + at), flat(depth, lanes[2] * level + at),
+            flat(depth, lanes[3] * level + at),
+        )  # fmt: skip
+        place = ((k * ny + j) * sun.shape[1] + i) * fields.shape[3]
+        write(fields, place, transmission(_HALF * total))
+        for w in range(count):
+            root = flat(fields, place + w)
+            beams[w, k, j, i] = root * root
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface):
     """The ground under a row: see `direct_beam`."""
-    nz, _, nx, _ = depth.shape
-    for i in range(nx):
+    nz = depth.shape[1]
+    for i in range(sun.shape[1]):
         ground = terrain_m[j, i]
         k = 0
         while k < nz and levels_m[k] < ground:
@@ -330,7 +470,8 @@ def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m,
             if k < nz:
                 span = levels_m[k] - levels_m[before]
                 c = (levels_m[k] - ground) / span if span > 0.0 else 0.0
-                total = depth[k, j, i, lanes[w]] * (1 - c) + depth[before, j, i, lanes[w]] * c
+                at = BEYOND + i
+                total = depth[lanes[w], k, j, at] * (1 - c) + depth[lanes[w], before, j, at] * c
             surface[w, j, i] = lit * shell_transmission(ground, sun[j, i, 2], w, shells) * math.exp(-total)
 
 
@@ -344,9 +485,9 @@ def direct_beam(
     Between nodes the beam lies between a straight line and the exponential of one, since extinction changes there too;
     so does the square of its root.
 
-    ``depth``: see `sun_sweep`; ``lanes`` (PACK,): which of its channels a wavelength reads.
+    ``depth``: see `sun_sweep`; ``lanes`` (PACK,): which of its fields a wavelength reads.
     """
-    nz, ny = depth.shape[:2]
+    nz, ny = depth.shape[1:3]
     for j in range(t, ny, threads):
         for k in range(nz):
             _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields)
@@ -358,7 +499,7 @@ def ground_beam(
     t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
 ):  # fmt: skip
     """Direct transmission ``surface`` at the ground alone: see `direct_beam`."""
-    for j in range(t, depth.shape[1], threads):
+    for j in range(t, depth.shape[2], threads):
         _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 

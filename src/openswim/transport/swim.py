@@ -14,7 +14,7 @@ from openswim.transport.free import beside, occupied
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission
-from openswim.transport.sun import depths_to_sun, direct_beam
+from openswim.transport.sun import beyond_sides, depths_to_sun, direct_beam, inside
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
@@ -53,7 +53,7 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     airs = np.empty((light.count, *medium.shape), np.float32)
     clears = np.empty((light.count, *shape), np.float32)
     in_threads(
-        direct_beam, np.zeros((*medium.shape, PACK), np.float32), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
+        direct_beam, beyond_sides(1, medium.shape), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
         medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
     )  # fmt: skip
     for w in range(len(medium.wavelengths_nm)):
@@ -96,7 +96,7 @@ def _sun_path(medium: Medium, local_sun: F64, w: int) -> tuple[F64, F64, F64, F6
     relative = np.array([s.relative_extinction[w] for s in medium.species])
     asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
     weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
-    whole, scattered, forward = np.moveaxis(depths_to_sun(medium, weights, exact, local_sun)[..., :3], -1, 0)
+    whole, scattered, forward = inside(depths_to_sun(medium, weights, exact, local_sun))
     mu0 = np.broadcast_to(np.clip(local_sun[..., 2], 0.02, 1), medium.shape)
     omega = np.where(whole > 0, scattered / np.maximum(whole, 1e-12), 1.0)
     g = np.where(scattered > 0, forward / np.maximum(scattered, 1e-12), 0.0)
