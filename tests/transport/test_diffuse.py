@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from tests.transport.scenes import grid_scene, sky_directions, toward
@@ -79,22 +81,17 @@ def test_products_are_those_of_the_dense_matrices() -> None:
     """Group by group, as a sweep takes them: emission along each ordinate, and their light summed over all groups."""
     ordinates = lebedev(50)
     down = ordinates.direction[:, 2] >= 0
-    order, there = in_groups(ordinates.direction[down], ordinates.weight[down].astype(np.float32), 5, 10)
-    q, weight = ordinates.direction[down][order], ordinates.weight[down][order].astype(np.float32)
-    assert sorted(order) == list(range(len(q)))
+    q, weight = ordinates.direction[down], ordinates.weight[down].astype(np.float32)
+    there = in_groups(q, weight, 5, 10)
     assert len(there.first) == 3
     matrix = harmonic_matrix(q, 5)
     rng = np.random.default_rng(0)
     moments = rng.standard_normal((25, BLOCK)).astype(np.float32)
     light = rng.standard_normal((len(q), BLOCK)).astype(np.float32)
     emission, gathered = np.zeros_like(light), np.ones_like(moments)
-    sums = np.zeros((int(np.diff(there.sum).max()), BLOCK), np.float32)
-    for g in range(len(there.first) - 1):
-        (a, b), (first, last) = there.first[g : g + 2], there.sum[g : g + 2]
-        multiply(there.parts, first, last, moments, 0, BLOCK, sums, 0, BLOCK, False)
-        multiply(there.whole, a, b, sums, 0, BLOCK, emission, a * BLOCK, BLOCK, False)
-        multiply(there.gather, first, last, light, a * BLOCK, BLOCK, sums, 0, BLOCK, False)
-        multiply(there.spread, g * 25, (g + 1) * 25, sums, 0, BLOCK, gathered, 0, BLOCK, True)
+    for g, (a, b) in enumerate(pairwise(there.first)):
+        multiply(there.harmonics, g, b - a, 25, moments, 0, BLOCK, emission, a * BLOCK, BLOCK, False)
+        multiply(there.gather, g, 25, b - a, light, a * BLOCK, BLOCK, gathered, 0, BLOCK, True)
     np.testing.assert_allclose(emission, matrix @ moments, atol=2e-4)
     np.testing.assert_allclose(gathered, 1 + (matrix * weight[:, None]).T @ light, atol=2e-4)
 

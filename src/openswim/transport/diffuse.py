@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -80,8 +81,8 @@ class Sweeper:
         down = directions[:, 2] >= 0
         halves = []
         for half in (down, ~down):
-            order, group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
-            here = np.flatnonzero(half)[order]
+            group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
+            here = np.flatnonzero(half)
             if sides is not None:
                 edges = np.ascontiguousarray(sides[here])
             else:
@@ -156,7 +157,7 @@ class Sweeper:
             image = self.sweep(np.add(image, change, out=lit), image)
         return image
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int, int]:
         """Of the moments."""
         return int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK
@@ -202,31 +203,35 @@ class Sweeper:
         if self.ratio is not None:
             in_threads(scale, new, self.ratio)
 
+    @cached_property
+    def _layout(self) -> tuple[NDArray[np.int64], int, NDArray[np.int64], NDArray[np.int64]]:
+        """See `Room`: ``row``, how many rows of ``thin``, ``thin_level``, ``near_cloud``."""
+        grid, coarser = self.grid, self.coarser
+        rows = coarser.beam.shape[1]
+        wanted = np.stack([grid.present[:, 0], grid.present[:, 1:].any(axis=1)], axis=-1) & (coarser.factor > 0)
+        thin_level = np.where(wanted, rows * (np.cumsum(wanted).reshape(-1, 2) - 1), -1)
+        row = np.concatenate([[0], (self.place >= 0).sum(axis=2).ravel()]).cumsum()
+        return row, int(wanted.sum()) * rows, thin_level.astype(np.int64), _near_cloud(grid)
+
     def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
-        grid, coarser = self.grid, self.coarser
+        grid = self.grid
         nz, ny, columns = grid.beam.shape
         most = max(int(np.diff(group.first).max()) for _, group in self.halves)
-        sums = max(int(np.diff(group.sum).max()) for _, group in self.halves)
         degree = grid.air_scattering.shape[1]
-        _, rows, width = coarser.beam.shape
-        wanted = np.stack([grid.present[:, 0], grid.present[:, 1:].any(axis=1)], axis=-1) & (coarser.factor > 0)
-        levels = int(wanted.sum())
-        thin_level = np.where(wanted, rows * (np.cumsum(wanted).reshape(nz, 2) - 1), -1)
-
-        row = np.concatenate([[0], (self.place >= 0).sum(axis=2).ravel()]).cumsum()
+        row, thin_rows, thin_level, near_cloud = self._layout
         height = ny if grid.periodic else min(ny, _STRIP)
         ends = columns + 2
         f32 = self.pool.take
         return Room(
             self.extinction, f32("emission", most, self.shape[0], BLOCK), row,
-            f32("thin", levels * rows, most, width + LANES), thin_level.astype(np.int64),
+            f32("thin", thin_rows, most, self.coarser.beam.shape[2] + LANES), thin_level,
             f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
             f32("amended", threads, 2, (height + 2) * self.amends, ends),
-            f32("more", threads, self.shape[0] * self.amends, BLOCK), _near_cloud(grid),
+            f32("more", threads, self.shape[0] * self.amends, BLOCK), near_cloud,
             f32("front", threads, 2, nz, ends), f32("work", threads, 2, ends),
             f32("flux", threads, ny, grid.ground_node.shape[1]), f32("amounts", threads, 1 + len(grid.scaled), BLOCK),
-            f32("terms", threads, degree**2, BLOCK), f32("sums", threads, sums, BLOCK),
+            f32("terms", threads, degree**2, BLOCK),
         )  # fmt: skip
 
     def solve(

@@ -254,21 +254,30 @@ def view_source(
 def _thickest_rows(t, threads, total, near, periodic, out):
     """`thickest_around`; near (nz, ny): whether there is cloud on a row or those around it."""
     nz, ny, nx = total.shape
+    rows = np.empty(9, np.int64)
     for row in range(t, nz * ny, threads):
         k, j = row // ny, row % ny
         for i in range(nx):
             out[k, j, i] = row * nx + i
+        count = 0  # rows around
+        for dk in range(max(k - 1, 0), min(k + 2, nz) if near[k, j] else 0):
+            for b in range(j - 1, j + 2):
+                if 0 <= b < ny or periodic:
+                    rows[count] = (dk * ny + b % ny) * nx
+                    count += 1
         for i in range(nx if near[k, j] else 0):
-            if total[k, j, i] > _ZERO:
+            if flat(total, row * nx + i) > _ZERO:
                 continue
             most = _ZERO
-            for dk in range(max(k - 1, 0), min(k + 2, nz)):
-                for b in range(j - 1, j + 2):
-                    for a in range(i - 1, i + 2):
-                        inside = 0 <= a < nx and 0 <= b < ny
-                        if (inside or periodic) and total[dk, b % ny, a % nx] > most:
-                            most = total[dk, b % ny, a % nx]
-                            out[k, j, i] = (dk * ny + b % ny) * nx + a % nx
+            for a in range(i - 1, i + 2):
+                if not (0 <= a < nx or periodic):
+                    continue
+                x = a if 0 <= a < nx else a % nx
+                for n in range(count):
+                    there = flat(rows, n) + x
+                    if flat(total, there) > most:
+                        most = flat(total, there)
+                        out[k, j, i] = there
 
 
 def thickest_around(extinction: NDArray[np.float32], periodic: bool) -> NDArray[np.int32]:

@@ -90,10 +90,9 @@ def lebedev(count: int) -> Ordinates:
 
 def harmonic_matrix(directions: Array, degree: int) -> Array:
     """Y[n, l*l + l + m] of unit vectors (n, 3), l < degree."""
-    out = np.empty((len(directions), degree * degree))
-    for row, (x, y, z) in zip(out, directions, strict=True):
-        harmonics(x, y, z, degree, row)
-    return out
+    out = np.empty((degree * degree, len(directions)))
+    harmonics.py_func(*directions.T, degree, out)  # of all at once: numpy's arithmetic in place of the kernels'
+    return out.T
 
 
 def hemisphere_product(mu_count: int, azimuth_count: int) -> tuple[Array, Array, Array]:

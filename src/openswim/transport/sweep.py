@@ -63,7 +63,6 @@ class Room(NamedTuple):
     flux: np.ndarray  # (threads, ny, nx)
     amounts: np.ndarray  # (threads, 1 + s, BLOCK)
     terms: np.ndarray  # (threads, M*M, BLOCK)
-    sums: np.ndarray  # (threads, sums of a group, BLOCK)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -340,12 +339,12 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
         for j in range(t, ny, threads):
             if g > 0:
                 collect_row(
-                    g - 1, k, j, threads, g > 1 or not begins, room.emission, group, place, room.row, room.sums[t],
-                    new_values, grid.ground_node.shape[1],
+                    g - 1, k, j, threads, g > 1 or not begins, room.emission, group, place, room.row, new_values,
+                    grid.ground_node.shape[1],
                 )  # fmt: skip
             if g < groups:
                 kept_row(
-                    g, k, j, grid, group, place, room.row, values, room.amounts[t], room.terms[t], room.sums[t],
+                    g, k, j, grid, group, place, room.row, values, room.amounts[t], room.terms[t],
                     room.emission,
                 )
         if g < groups:
@@ -354,7 +353,7 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
                 for m in range(t, coarser.place.shape[1] if level >= 0 else 0, threads):
                     thin_row(
                         g, k, m, kind == 1, level + m, grid, group, coarser, room.amounts[t], room.terms[t],
-                        room.sums[t], room.thin,
+                        room.thin,
                     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ _FOUR_PI = np.float32(4.0 * math.pi)
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _block_source(
-    g, k, amounts, grid, group, values, at, beam, node, harmonics, column, stride, terms, sums, out, first, apart
+    g, k, amounts, grid, group, values, at, beam, node, harmonics, column, stride, terms, out, first, apart
 ):  # fmt: skip
     """Emission of a block along the ordinates of group g, S_n = sum_lm Y_nlm sigma_l (I_lm + 4 pi Y_lm(sun) T').
 
@@ -45,8 +45,8 @@ def _block_source(
             moment = read_quadruple(values, start + index * BLOCK)
             solar = read_quadruple(harmonics, column + index * stride)
             write(terms, index * BLOCK, sigma * (moment + lit * solar))
-    multiply(group.parts, flat(group.sum, g), flat(group.sum, g + 1), terms, 0, BLOCK, sums, 0, BLOCK, False)
-    multiply(group.whole, flat(group.first, g), flat(group.first, g + 1), sums, 0, BLOCK, out, first, apart, False)
+    count = flat(group.first, g + 1) - flat(group.first, g)
+    multiply(group.harmonics, g, count, degree * degree, terms, 0, BLOCK, out, first, apart, False)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -58,7 +58,15 @@ def row_of_emission(n, row, emission):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, sums, emission):
+def _expect_block(values, block):
+    """Ask for the moments of a block that is next."""
+    size = values.shape[1] * BLOCK
+    for i in range(0, size if block < values.shape[0] else 0, LANES):
+        expect(values, block * size + i)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, emission):
     """Emission of the blocks that are kept on row j of level k, along the ordinates of group g, into ``emission``.
 
     row (nz * ny + 1,): the first block that is kept on each. ``emission`` has the rows' blocks one row after the other,
@@ -73,12 +81,16 @@ def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, sums, emi
         kept = flat(place, (k * ny + j) * blocks + b)
         if kept < 0:
             continue
+        _expect_block(values, kept + 1)
         node = (k * ny + j) * nx + b * BLOCK
         for s in range(ns):
-            write(amounts, (1 + s) * BLOCK, read_quadruple(grid.extinction, s * nz * ny * nx + node))
+            amount = spread_quadruple(_ZERO)
+            if flat(grid.present, k * (1 + ns) + 1 + s):
+                amount = read_quadruple(grid.extinction, s * nz * ny * nx + node)
+            write(amounts, (1 + s) * BLOCK, amount)
         _block_source(
             g, k, amounts, grid, group, values, kept, grid.beam, node, grid.sun_harmonics, j * count * nx + b * BLOCK,
-            nx, terms, sums, emission, first + kept * BLOCK, apart,
+            nx, terms, emission, first + kept * BLOCK, apart,
         )  # fmt: skip
 
 
@@ -102,7 +114,7 @@ def _mixture(k, node, grid, extinction, apart, amounts):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, sums, out):
+def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, out):
     """Row m of level k of what the coarser field gives the air (cloud: a unit of cloud's extinction) along group g.
 
     Into row ``out_row`` of ``out`` (rows, ordinates, nodes of the coarser grid and ghosts).
@@ -122,12 +134,13 @@ def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, sums
             for n in range(size):
                 write(out, first + n * line + 1 + b * BLOCK, spread_quadruple(_ZERO))
             continue
+        _expect_block(coarser.values, kept + 1)
         node = (k * rows + m) * nx + b * BLOCK
         if cloud:
             _mixture(k, node, grid, coarser.extinction, nz * rows * nx, amounts)
         _block_source(
             g, k, amounts, grid, group, coarser.values, kept, coarser.beam, node, coarser.sun_harmonics,
-            m * count * nx + b * BLOCK, nx, terms, sums, out, first + 1 + b * BLOCK, line,
+            m * count * nx + b * BLOCK, nx, terms, out, first + 1 + b * BLOCK, line,
         )  # fmt: skip
     for n in range(size):
         row_ends(out, first + n * line, coarser.columns, False)
@@ -198,7 +211,7 @@ def row_ends(rows, at, nx, periodic):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collect_row(g, k, j, ahead, again, radiance, group, place, row, sums, values, nx):
+def collect_row(g, k, j, ahead, again, radiance, group, place, row, values, nx):
     """Sum of w_n Y_nlm I_n over the blocks that are kept on row j of level k, along group g, into ``values``.
 
     row, radiance: as in `kept_row`. again: add to what is there, as all groups but the first do. ahead: to this
@@ -206,6 +219,7 @@ def collect_row(g, k, j, ahead, again, radiance, group, place, row, sums, values
     """
     ny, blocks = place.shape[1], place.shape[2]
     moments = values.shape[1]
+    count = flat(group.first, g + 1) - flat(group.first, g)
     first, apart = row_of_emission(k * ny + j, row, radiance)
     later = min(k * ny + j + ahead, row.shape[0] - 2)
     size = radiance.shape[0] * BLOCK
@@ -216,11 +230,9 @@ def collect_row(g, k, j, ahead, again, radiance, group, place, row, sums, values
         if kept < 0:
             continue
         out = kept * moments * BLOCK
-        multiply(
-            group.gather, flat(group.sum, g), flat(group.sum, g + 1), radiance, first + kept * BLOCK, apart, sums, 0,
-            BLOCK, False,
-        )  # fmt: skip
-        multiply(group.spread, g * moments, (g + 1) * moments, sums, 0, BLOCK, values, out, BLOCK, again)
+        if again:
+            _expect_block(values, kept + 1)
+        multiply(group.gather, g, moments, count, radiance, first + kept * BLOCK, apart, values, out, BLOCK, again)
         for m in range(moments):
             for i in range(nx - b * BLOCK, BLOCK):  # beyond the last node
                 put(values, out + m * BLOCK + i, _ZERO)
