@@ -21,7 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.pack import PACK, flat, put
-from openswim.transport.sun import BEYOND
+from openswim.transport.sun_depth import BEYOND
 
 F32 = NDArray[np.float32]
 

@@ -21,7 +21,8 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.pack import LANES, PACK
 from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.shells import clear_radiance, rows_between
-from openswim.transport.sun import beyond_sides, direct_beam
+from openswim.transport.sun import direct_beam
+from openswim.transport.sun_depth import beyond_sides
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 

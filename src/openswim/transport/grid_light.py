@@ -20,7 +20,8 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
-from openswim.transport.sun import depths_to_sun, direct_beam, ground_beam, inside, shadow_rows
+from openswim.transport.sun import direct_beam, ground_beam, shadow_rows
+from openswim.transport.sun_depth import depths_to_sun, inside
 from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy

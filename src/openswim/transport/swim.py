@@ -14,7 +14,8 @@ from openswim.transport.free import beside, occupied
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
 from openswim.transport.shells import beam_transmission
-from openswim.transport.sun import beyond_sides, depths_to_sun, direct_beam, inside
+from openswim.transport.sun import direct_beam
+from openswim.transport.sun_depth import beyond_sides, depths_to_sun, inside
 from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,

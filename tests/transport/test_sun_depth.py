@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.transport.scenes import toward
 
-from openswim.transport.sun import inside, sun_sweep, weighted
+from openswim.transport.sun_depth import inside, sun_sweep, weighted
 
 FLAT_M = 1e12
 
