@@ -77,7 +77,7 @@ def test_a_white_world_without_sides_keeps_its_light(seed: int, times: float, al
     assert total == pytest.approx(sun[2], rel=off)
 
 
-def test_products_are_those_of_the_dense_matrices() -> None:
+def test_products_in_tiles_are_those_of_the_matrices() -> None:
     """Group by group, as a sweep takes them: emission along each ordinate, and their light summed over all groups."""
     ordinates = lebedev(50)
     down = ordinates.direction[:, 2] >= 0

@@ -31,7 +31,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_ZERO, _HALF = np.float32(0.0), np.float32(0.5)
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _LANE = np.arange(LANES, dtype=np.float32)
 BEYOND = LANES  # nodes beyond a row's ends, where packs of rays that leave it or wrap around may read
 _FAR_M = 1e30
@@ -41,8 +41,9 @@ _GAP = 3  # levels free of cloud that part one layer from another
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
-def _wrap(x, count, periodic):
-    return x - math.floor(x / count) * count if periodic else x
+def _within(x, least, most, count, periodic):
+    """Where a ray is on an axis, or where it left: lanes beside it may stay a little longer."""
+    return x - math.floor(x / count) * count if periodic else min(max(x, least), most)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -51,7 +52,7 @@ def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     a little aside."""
     width = grid.shape[3]
     j = min(int(y), ny - 1)
-    i = min(max(math.floor(x), -BEYOND), nx)
+    i = min(math.floor(x), nx)
     a, b = np.float32(x - i) + aside_x, np.float32(y - j) + aside_y
     up = width
     if j + 1 >= ny:
@@ -71,24 +72,15 @@ def _way_up_m(mu, bend, rise_m):
     return 2.0 * rise_m / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
-def _way_out(i, count, per_m):
-    """Distance from node ``i`` of a row to its end, at so many cells per metre."""
-    if abs(per_m) < _ALONG_PER_M:
-        return _FAR_M
-    return (count - 1 - i if per_m > 0.0 else i) / abs(per_m)
-
-
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _ways_out(i, count, per_m):
-    """`_way_out` of LANES nodes from ``i`` on; none of those beyond the row."""
-    if abs(per_m) < _ALONG_PER_M:
-        return spread_quadruple(np.float32(_FAR_M))
-    nodes = read_quadruple(_LANE, 0) + np.float32(i)
-    if per_m > 0.0:
-        nodes = np.float32(count - 1) - nodes
-    ways = nodes * np.float32(1.0 / abs(per_m))
-    return choose_above(ways, _ZERO, ways, _ZERO)
+def _ways_out(nodes, count, per_m):
+    """Distances from packs of nodes to the end of an axis that they go to, at so many cells per metre; none of nodes
+    beyond it."""
+    along = np.float32(_ALONG_PER_M)
+    fast = choose_above(per_m, _ZERO, per_m, -_ONE * per_m)
+    left = choose_above(per_m, _ZERO, np.float32(count - 1) - nodes, nodes)
+    ways = choose_above(left, _ZERO, left, _ZERO) / choose_above(fast, along, fast, along)
+    return choose_above(fast, along, ways, np.float32(_FAR_M))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -111,7 +103,8 @@ def _depths_to_sun(
     leave = spread_quadruple(np.float32(_FAR_M))
     gone = _FAR_M  # the last of them
     if not periodic:
-        leave_x, leave_y = _ways_out(i, nx, vx), np.float32(_way_out(j, ny, vy))
+        leave_x = _ways_out(read_quadruple(_LANE, 0) + np.float32(i), nx, np.float32(vx) + np.float32(turn[0]) * off)
+        leave_y = _ways_out(spread_quadruple(np.float32(j)), ny, np.float32(vy) + np.float32(turn[1]) * off)
         leave = choose_above(leave_x, leave_y, leave_y, leave_x)
         gone = float(largest(leave))
     for n in range(fields):
@@ -125,16 +118,17 @@ def _depths_to_sun(
             s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), gone)
         end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), gone)
         longer = _longer(mu, bend, levels_m[level] - levels_m[k], turn[2])
+        stretch = np.float32(longer) * off + _ONE
         at = level
         count = int(fastest * (end - s)) + 1
         ds = (end - s) / count
         for piece in range(1, count + 1):
-            left = leave - np.float32(s)
-            left = choose_above(left, np.float32(ds), np.float32(ds), left)
+            left, step = leave - np.float32(s) * stretch, np.float32(ds) * stretch
+            left = choose_above(left, step, step, left)
             half = _HALF * choose_above(left, _ZERO, left, _ZERO)
-            half += (np.float32(longer) * off) * half
             s += ds
-            x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
+            x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
+            y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
             aside_x = np.float32(s * (turn[0] + vx * longer)) * off
             aside_y = np.float32(s * (turn[1] + vy * longer)) * off
             m, g = level, _ZERO
@@ -157,12 +151,13 @@ def _depths_to_sun(
         if s >= gone:
             return
     longer = _longer(mu, bend, rise, turn[2])
-    x, y = _wrap(i + vx * s, nx, periodic), _wrap(j + vy * s, ny, periodic)
+    x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
+    y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
     aside_x = np.float32(s * (turn[0] + vx * longer)) * off
     aside_y = np.float32(s * (turn[1] + vy * longer)) * off
     for n in range(fields):
         beyond = _nodes_at(depth, n, last, x, y, aside_x, aside_y, ny, nx, periodic)
-        beyond = choose_above(leave, np.float32(s), beyond, _ZERO)
+        beyond = choose_above(leave, np.float32(s) * (np.float32(longer) * off + _ONE), beyond, _ZERO)
         write(total, n * LANES, read_quadruple(total, n * LANES) + beyond)
 
 
