@@ -98,7 +98,8 @@ def side_by_side(path: Path, rows: dict[str, list[Shown]]) -> None:
             percent = difference(shown.radiance, row[-1].radiance)
             below.imshow(percent, colours.cmap, colours.norm, interpolation="nearest")
             rmse, bias = 100 * shown.score.relative_rmse, 100 * shown.score.bias
-            below.set_title(f"minus reference: RMSE {rmse:.1f} %, bias {bias:+.1f} %", fontsize=8)
+            off = f"{rmse:.1f} %" if rmse > 0 else "below the reference's noise"
+            below.set_title(f"minus reference: RMSE {off}, bias {bias:+.1f} %", fontsize=8)
     figure.savefig(path, dpi=90)
     plt.close(figure)
     print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB", flush=True)
