@@ -18,7 +18,8 @@ F64 = NDArray[np.float64]
 
 _LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outline,
 _SEEN = 1.05  # if their radiances are in such a ratio
-_CONTRAST = 1.3  # of the ground's radiances, that makes one at any distance
+_CONTRAST = 1.3  # of the ground's radiances, that makes one at any distance,
+_NEAR_M, _TUFTED = 100.0, 2.0  # or, nearer than this, where tufts of grass differ as much, a greater one
 _HIDDEN = 1e-3  # transmittance
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
 
@@ -46,15 +47,17 @@ def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, 
 def outlines(distance_m: F64, brightness: NDArray[np.floating], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether the ground in a pixel (n,) of those ``inside`` (ny, nx) ends beside that of a neighbour, or is another;
     negative distances: no ground; NaN: not seen."""
-    image = np.full((2, *inside.shape), np.nan)
+    image = np.full((3, *inside.shape), np.nan)
     edge = np.zeros(inside.shape, bool)
     with np.errstate(invalid="ignore", divide="ignore"):  # inf - inf is no leap
-        image[:, inside] = np.log([np.where(distance_m < 0, np.inf, distance_m), brightness])
+        image[:2, inside] = np.log([np.where(distance_m < 0, np.inf, distance_m), brightness])
+        image[2, inside] = np.log(np.where(distance_m < _NEAR_M, _TUFTED, _CONTRAST))
         for axis in (0, 1):
-            leap, contrast = np.abs(np.diff(image, axis=axis + 1))
+            far, bright, least = np.moveaxis(image, axis + 1, 1)
+            leap, contrast = np.abs(np.diff(far, axis=0)), np.abs(np.diff(bright, axis=0))
             found = (leap > np.log(_LEAP)) & (contrast > np.log(_SEEN))
-            found |= np.isfinite(leap) & (contrast > np.log(_CONTRAST))
+            found |= np.isfinite(leap) & (contrast > np.maximum(least[1:], least[:-1]))
             b = np.moveaxis(edge, axis, 0)
-            b[1:] |= np.moveaxis(found, axis, 0)
-            b[:-1] |= np.moveaxis(found, axis, 0)
+            b[1:] |= found
+            b[:-1] |= found
     return np.asarray(edge[inside])

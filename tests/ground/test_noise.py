@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim.ground.noise import fractal_noise, fractal_slope, resolved_share
+from openswim.ground.noise import fractal_lumps, fractal_noise, fractal_slope, resolved_share
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.05, 0.2, 0.5, 0.9, 1.0])
@@ -83,3 +83,16 @@ def test_slopes_are_of_ridges():
     assert np.corrcoef(slope, high - low)[0, 1] > 0.99
     assert slope.std() == pytest.approx(1, abs=0.05)
     np.testing.assert_allclose(unseen, 0, atol=1e-12)
+
+
+def test_lumps_and_series():
+    """Lumps are |noise| of their series: mean 0, variance 1, narrow and dark between; series are strangers."""
+    rng = np.random.default_rng(6)
+    lat, lon = 45 + rng.uniform(0, 2, 100_000), 5 + rng.uniform(0, 2, 100_000)
+    one, other = (fractal_noise(lat, lon, 64.0, 0.0, 3, 0.0, series)[0] for series in (0, 1))
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.01
+    lumps = fractal_lumps(lat, lon, 64.0, 0.0, 1, 0.0, 1)
+    assert (lumps.mean(), lumps.std()) == pytest.approx((0, 1), abs=0.03)
+    single = fractal_noise(lat, lon, 64.0, 0.0, 1, 0.0, 1)[0]
+    assert np.corrcoef(np.abs(single), lumps)[0, 1] > 0.999
+    assert lumps.min() == pytest.approx(-np.sqrt(2 / np.pi) / np.sqrt(1 - 2 / np.pi), abs=0.01)

@@ -48,6 +48,15 @@ def test_a_pixel_shows_the_mean_of_what_it_covers():
     assert mean.std() == pytest.approx(coarse.std(), rel=0.25)
 
 
+def test_grass_has_tufts_for_who_stands_on_it():
+    """Places a hand apart differ to an eye that is near enough to tell them; not to one that sees metres as one."""
+    lat, lon = places(5000)
+    hand = lat + 0.1 / 111e3
+    for footprint, least, most in ((0.01, 0.15, 0.4), (2.0, 0.0, 0.01)):
+        one, other = (land(FARMLAND, 7400.0, footprint, at, lon)[:, 1] for at in (lat, hand))
+        assert least < (np.log(other / one)).std() / np.sqrt(2) < most
+
+
 def test_what_is_known_finely_is_left_alone():
     lat, lon = places(100)
     np.testing.assert_allclose(land(FARMLAND, 50.0, 100.0, lat, lon), [FARMLAND] * 100)

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,15 +23,24 @@ _EDGE = 0.2  # softness of the edges of shares
 
 def fractal_noise(
     lat: FloatArray, lon: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int = 7,
-    power: float = 1.0,
+    power: float = 1.0, series: int = 0,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Smooth random numbers (n,) at places in degrees, the same in every picture: what is seen of a sum of normal
     distribution, mean 0 and variance 1, and the variance (n,) of what is not.
 
     Octaves from ``longest_m`` (n,) down, of variances as their scales to a ``power``; what is shorter than
-    ``shortest_m`` (n,) is not seen: it would only flicker.
+    ``shortest_m`` (n,) is not seen: it would only flicker. What has nothing to do with each other is of different
+    ``series``.
     """
-    return _fractal(lat, lon, None, longest_m, shortest_m, octaves, power)
+    return _fractal(lat, lon, lambda place, *_: _smooth(_tile(), place), longest_m, shortest_m, octaves, power, series)
+
+
+def fractal_lumps(
+    lat: FloatArray, lon: FloatArray, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int, power: float,
+    series: int,
+) -> FloatArray:  # fmt: skip
+    """As `fractal_noise`, of what is seen of lumps between narrow gaps: -1.3 in the gaps, mean 0, variance 1."""
+    return _fractal(lat, lon, _lumpy, longest_m, shortest_m, octaves, power, series)[0]
 
 
 def fractal_slope(
@@ -38,12 +49,16 @@ def fractal_slope(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """As `fractal_noise`, of slopes: rise of sharp ridges between round valleys, ``along`` unit vectors (n, 3) in
     Earth-centred axes."""
-    return _fractal(lat, lon, along.T, longest_m, shortest_m, octaves, power)
+
+    def ridged(place: FloatArray, axes: FloatArray, some: NDArray[np.int64]) -> FloatArray:
+        return _ridged(place, axes @ along.T[:, some])
+
+    return _fractal(lat, lon, ridged, longest_m, shortest_m, octaves, power)
 
 
 def _fractal(
-    lat: FloatArray, lon: FloatArray, along: FloatArray | None, longest_m: ArrayLike, shortest_m: ArrayLike,
-    octaves: int, power: float,
+    lat: FloatArray, lon: FloatArray, pattern: Callable[..., NDArray[Any]], longest_m: ArrayLike, shortest_m: ArrayLike,
+    octaves: int, power: float, series: int = 0,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
     # three coordinates of the sphere: no seam at the date line, none at the poles
@@ -62,9 +77,8 @@ def _fractal(
         some = np.flatnonzero(within * seen)
         if some.size:
             weight = np.sqrt(variance[some]) * seen[some]
-            axes = _turned(octave)
-            at = axes @ place[:, some] / scale
-            value[some] += weight * (_smooth(_tile(), at) if along is None else _ridged(at, axes @ along[:, some]))
+            axes = _turned(octave, series)
+            value[some] += weight * pattern(axes @ place[:, some] / scale, axes, some)
             seen_variance[some] += weight**2
     total = np.maximum(total, 1e-30)
     return value / np.sqrt(total), 1.0 - seen_variance / total
@@ -87,9 +101,10 @@ def resolved_share(share: FloatArray, favour: FloatArray, unseen: FloatArray) ->
 
 
 @cache
-def _turned(octave: int) -> FloatArray:
+def _turned(octave: int, series: int) -> FloatArray:
     """Axes that no other octave has."""
-    return np.asarray(np.linalg.qr(np.random.default_rng(1000 + octave).standard_normal((3, 3)))[0])
+    rng = np.random.default_rng(1000 + octave + 100 * series)
+    return np.asarray(np.linalg.qr(rng.standard_normal((3, 3)))[0])
 
 
 @cache
@@ -112,6 +127,11 @@ def _smooth(tile: NDArray[np.float32], place: FloatArray) -> NDArray[np.float32]
     from scipy.ndimage import map_coordinates
 
     return np.asarray(map_coordinates(tile, place * _FINER, order=1, mode="grid-wrap", prefilter=False), np.float32)
+
+
+def _lumpy(place: FloatArray, *_: Any) -> FloatArray:
+    mean = math.sqrt(2 / math.pi)
+    return np.asarray((np.abs(_smooth(_tile(), place)) - mean) / math.sqrt(1 - mean**2), float)
 
 
 def _ridged(place: FloatArray, along: FloatArray) -> FloatArray:

@@ -231,7 +231,7 @@ def _march_share(
     count = direction.shape[0]
     following = t * TILE
     for lane in range(LANES):
-        lanes[lane, WHICH] = -1.0
+        lanes[lane, WHICH], lanes[lane, ANGLE] = -1.0, FAR_M  # an angle that no ray has
     while True:
         going = False
         for lane in range(LANES):
@@ -243,8 +243,10 @@ def _march_share(
                     following += (threads - 1) * TILE
                 own[WHICH] = n
                 dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
-                own[ANGLE] = dx * sun[0] + dy * sun[1] + dz * sun[2]
-                own[SHARE] = prepare_ray(own[ANGLE], table, shells.phase, volume, rays[lane], peaks[lane])
+                angle = dx * sun[0] + dy * sun[1] + dz * sun[2]
+                if angle != own[ANGLE]:  # parallel rays are alike
+                    own[ANGLE] = angle
+                    own[SHARE] = prepare_ray(angle, table, shells.phase, volume, rays[lane], peaks[lane])
                 end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])

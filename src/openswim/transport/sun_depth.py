@@ -38,6 +38,7 @@ _FAR_M = 1e30
 _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
+_BURIED_M = 5000.0  # below the grid, where no light comes through: the sun is two degrees under the horizon
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
@@ -187,6 +188,12 @@ def _pieces(ray, turn, rise_m, radius_m, nodes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _buried(mu, above_m, radius_m):
+    """Whether a ray that starts so high above the grid's lowest level goes through the Earth."""
+    return mu < 0.0 and mu * mu * radius_m > 2.0 * (1.0 - mu * mu) * (above_m + _BURIED_M)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _aim(sun, cell_m, ray):
     """``ray`` of `_depths_to_sun` toward a sun."""
     ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], sun[2]
@@ -212,6 +219,8 @@ def _row_to_sun(
         for follow in (True, False):
             last = followed[k] if follow else passed[k]
             _aim(sun[j, (i + end) // 2], cell_m, ray)
+            if _buried(ray[2], levels_m[k] - levels_m[0], radius_m):
+                continue
             pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
             for piece in range(pieces):
                 one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
@@ -258,7 +267,7 @@ def sun_sweep(
     ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
     level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
-    horizon of a node on the curved Earth: the way up then starts downward.
+    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth is in the way.
     """
     filled = np.array([bool(extinction[:, k].any()) for k in range(len(levels_m))])
     followed, passed, gates = _stops(filled)

@@ -184,14 +184,15 @@ def bilinear(values: NDArray, ix: F64, iy: F64) -> F64:
     ny, nx = values.shape[-2:]
     x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
     i, j = np.minimum(x.astype(int), max(nx - 2, 0)), np.minimum(y.astype(int), max(ny - 2, 0))
-    a, b = x - i, y - j
-    i1, j1 = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1)
-    v = values
-    return np.moveaxis(
-        (v[..., j, i] * (1 - a) + v[..., j, i1] * a) * (1 - b) + (v[..., j1, i] * (1 - a) + v[..., j1, i1] * a) * b,
-        -1,
-        0,
-    )
+    at, right, up = j * nx + i, min(1, nx - 1), nx * min(1, ny - 1)
+    flat = values.reshape(*values.shape[:-2], ny * nx)
+
+    def between(here: NDArray[np.int64]) -> F64:
+        low = flat[..., here]
+        return np.asarray(low + (flat[..., here + right] - low) * (x - i))
+
+    low = between(at)
+    return np.moveaxis(low + (between(at + up) - low) * (y - j), -1, 0)
 
 
 @dataclass

@@ -141,7 +141,7 @@ def _sight(
     reference = depth.astype(float).sum(axis=1)
     near = np.minimum(reference, DEPTH_OF_VIEW) * tau / reference
     omega = _mean(own, [s.single_scattering_albedo[w] for s in medium.species], tau)
-    irradiance = integral / (-np.expm1(-near) * omega)
+    irradiance = integral / (-np.expm1(-near) * np.maximum(omega, 1e-9))  # what only absorbs is not lit
     air = np.zeros(len(tau))
     _air_transmission(height_m, mu0, w, shells, air)
     air *= np.exp(-front)
