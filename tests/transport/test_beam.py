@@ -100,3 +100,16 @@ def test_the_terrains_shadow_is_no_cloud() -> None:
     assert (found[:, :12] == 0).all()
     np.testing.assert_allclose(found[:, 13:], free[:, 13:], rtol=1e-6)
     np.testing.assert_allclose(found[:, 12], free[:, 12], rtol=0.15)
+
+
+@pytest.mark.parametrize("altitude_deg", [30.0, 5.0, 2.0, 1.0])
+def test_a_deck_takes_all_of_a_low_sun(altitude_deg: float) -> None:
+    """Across a cell of an even deck the beam fades by up to e^-38; half of it was lost at two degrees, all at one."""
+    altitude = np.radians(altitude_deg)
+    sun = np.array([np.cos(altitude), 0.0, np.sin(altitude)])
+    extinction = np.repeat(0.03 * np.clip(5.0 - np.abs(np.arange(NZ) - 8.0), 0.0, 1.0)[:, None], NX, axis=1)
+    layer = 0.5 * CELL_M * (extinction[1:] + extinction[:-1])
+    above = np.append(np.cumsum(layer[::-1], axis=0)[::-1], np.zeros((1, NX)), axis=0)
+    around = beam_around(grid_of(extinction, np.exp(-np.minimum(above / sun[2], 80.0)), sun))[:, 0, 4 : NX - 4]
+    taken = CELL_M * (extinction[:, 4 : NX - 4] * around).sum(axis=0)
+    np.testing.assert_allclose(taken, sun[2] * (1 - np.exp(-above[0, 0] / sun[2])), rtol=0.01)

@@ -163,3 +163,30 @@ def test_even_decks_on_uneven_levels_keep_their_light(
     middle = (0, slice(21, 27), slice(21, 27))
     down = lighting.diffuse[middle] + lighting.direct_horizontal(0)[middle[1:]]
     assert float((lighting.up_top[middle] + 0.8 * down).mean()) == pytest.approx(sun[2], rel=0.035)
+
+
+@pytest.mark.parametrize("altitude_deg", [30.0, 3.0, 2.0, 1.0])
+def test_a_low_sun_loses_no_light(altitude_deg: float) -> None:
+    """What a white deck with waves takes of the beam comes out of it."""
+    x, z = 200.0 * np.arange(8), 150.0 * np.arange(10)
+    deck = np.zeros((10, 8, 8), np.float32)
+    deck[4:7] = 0.013 * (1 + 0.4 * np.sin(np.pi * x / 800.0))
+    altitude = np.radians(altitude_deg)
+    sun = np.array([0.8 * np.cos(altitude), 0.6 * np.cos(altitude), np.sin(altitude)])
+    scene = Scene.from_arrays(deck, x, x, z, periodic=True, phase=HenyeyGreenstein(0.85))
+    fluxes = Solver().solve(scene, sun, [550.0]).fluxes()
+    leaving = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
+    assert leaving / sun[2] == pytest.approx(1, abs=0.01)
+
+
+@pytest.mark.parametrize(("upper", "spacing_m"), [(29, 100.0), (31, 300.0)])
+def test_white_clouds_that_fill_the_domain_do_not_run_away(upper: int, spacing_m: float) -> None:
+    """Optical depth 28 from the ground on, in a period: mixed by their share of the light that each began with, sweeps
+    grew without bounds (to 1e7 times the sunlight on the wider cells)."""
+    x, z = spacing_m * np.arange(8), 50.0 * np.arange(32)
+    deck = np.zeros((32, 8, 8), np.float32)
+    deck[:upper] = 0.02 * (1 + 0.01 * np.cos(np.pi * np.arange(8) / 4))
+    scene = Scene.from_arrays(deck, x, x, z, periodic=True, phase=HenyeyGreenstein(0.85))
+    fluxes = Solver().solve(scene, np.array([0.5, 0.0, 0.87]), [550.0]).fluxes()
+    leaving = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
+    assert leaving / 0.867 == pytest.approx(1, abs=0.05)

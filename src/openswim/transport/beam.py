@@ -28,9 +28,10 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE, _EIGHTH = np.float32(0.0), np.float32(1.0), np.float32(0.125)
 _NINTH, _EIGHTEENTH = np.float32(1 / 9), np.float32(1 / 18)
 _CLOUDY = np.float32(1e-3)  # share of the extinction that cloud must be
-_OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off
-_MOST = np.float32(50.0)  # and never more
-_DARK = np.float32(1e-25)  # at a corner of less light there is the terrain's shadow, or nothing left
+_OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off,
+_THICK = np.float32(2.0)  # and from so much on as far as the beam fades in it, where it comes aslant
+_TINY = np.float32(1e-37)
+_DARK = np.float32(1e-36)  # at a corner of less light there is the terrain's shadow, or nothing left
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -83,10 +84,15 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 taken = vx * (_face(r001, r011, r101, r111) - _face(r000, r010, r100, r110))
                 taken += vy * (_face(r010, r011, r110, r111) - _face(r000, r001, r100, r101))
                 taken += vz * (_face(r100, r101, r110, r111) - _face(r000, r001, r010, r011))
-                ratio = taken / (_EIGHTH * told + _DARK * _DARK)
+                brightest = _most(_most(_most(t000, t001), _most(t010, t011)), _most(
+                    _most(t100, t101), _most(t110, t111)
+                ))  # fmt: skip
+                # not more than the thickest would take of the brightest
+                ratio = _least(taken, most * brightest) / (_EIGHTH * told + _TINY)
                 # what is thin amends little: at the edge of another cloud's shadow it would seem to take more, or less
                 depth = _OFF * most / root(vx * vx + vy * vy + vz * vz)
-                ratio = _least(_least(ratio, _ONE + depth), _MOST)
+                faded = _most(depth - _THICK, _ZERO) * (brightest / (least + _DARK))
+                ratio = _least(ratio, _ONE + depth + faded)
                 ratio = _most(_most(ratio, _ONE - depth), _ZERO)
                 ratio = choose_above(least, _DARK, ratio, _ONE)
                 write(out, n, choose_above(most - air, _CLOUDY * most, ratio, _ONE))

@@ -42,6 +42,7 @@ F64 = NDArray[np.float64]
 
 _FEW_COLUMNS = 500  # fewer than these are swept by one thread
 _MOST_CORRECTIONS = 30  # where the coarse grid has not told the rest by then, it is misleading
+_SETTLED = 12  # sweeps after which light no longer grows: each change was told by the light it began with
 _LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
@@ -250,7 +251,7 @@ class Sweeper:
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
-        before = 0.0
+        before, weighed = 0.0, np.ones(len(self.place))
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
@@ -273,7 +274,10 @@ class Sweeper:
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
             residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
+            if n > _SETTLED:  # all by the same light, or the greatest would seem to be nearest to its end
+                recent.reweigh((weight / weighed).astype(np.float32)[level])
             recent.mix(image, residual, values)
+            weighed = weight
         return image, values, n
 
 
@@ -311,6 +315,11 @@ class _Anderson:
             return None
         self.residuals.pop(0)
         return self.images.pop(0)
+
+    def reweigh(self, times: F32) -> None:
+        """Give blocks (n,) of the earlier residuals other weights."""
+        for residual in self.residuals:
+            residual *= times[:, None, None]
 
     def mix(self, image: F32, residual: F32, out: F32) -> None:
         """The best combination, into ``out``."""

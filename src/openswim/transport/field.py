@@ -215,10 +215,13 @@ class PackField:
             yield from (slice(a, min(len(rays), a + _TILE_RAYS)) for a in range(0, len(rays), _TILE_RAYS))
 
     def _aim(self, eye: F64, parallel: bool) -> None:
-        """Have all grids shine toward an eye, or along a direction."""
+        """Have all grids shine toward an eye, or along a direction; a period shines every way, for who looks around."""
         for level in self.levels:
             assert level.light is not None
-            level.light.aim(level.volume, eye, parallel)
+            if level.volume.periodic and not parallel and not level.volume.turning.size and level.light.moments:
+                level.volume = level.light.turning(level.volume)
+            if not level.volume.turning.size:
+                level.light.aim(level.volume, eye, parallel)
 
     def _view_tile(self, rays: Rays, part: Any, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()

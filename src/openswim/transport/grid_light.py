@@ -17,7 +17,7 @@ from openswim.transport.layers import Layers
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
 from openswim.transport.optical_grid import Coefficients
-from openswim.transport.ordinates import harmonic_matrix
+from openswim.transport.ordinates import harmonic_matrix, lebedev
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.sun import direct_beam, ground_beam, shadow_rows
@@ -92,6 +92,27 @@ class GridLight:
             parallel, self.count, volume.fields,
         )  # fmt: skip
         self._aimed = key
+
+    def turning(self, volume: Volume) -> Volume:
+        """The volume with sources that rays read in their own direction: in a period a node is seen at many places.
+
+        Sources toward one direction are harmonics of it, below DEGREE: as many directions tell them.
+        """
+        near = beside(volume.fields[..., volume.cloud_channel] > 0, volume.periodic)
+        near |= volume.air[:, 0, None, None] > 0
+        row = np.where(near, np.cumsum(near).reshape(near.shape), 0).astype(np.int32)
+        directions = lebedev(50).direction
+        told = np.linalg.pinv(harmonic_matrix(directions, DEGREE)).astype(np.float32)
+        harmonics = np.zeros((DEGREE * DEGREE, int(near.sum()) * PACK), np.float32)
+        for some in np.split(np.arange(len(directions)), 10):
+            sources = []
+            for n in some:
+                self.aim(volume, directions[n], True)
+                sources.append(volume.fields[..., PACK : 2 * PACK][near].ravel())
+            harmonics += told[:, some] @ np.stack(sources)
+        rows = np.zeros((int(near.sum()) + 1, DEGREE * DEGREE, PACK), np.float32)
+        rows[1:] = np.moveaxis(harmonics.reshape(DEGREE * DEGREE, -1, PACK), 0, 1)
+        return volume._replace(turning=rows, turning_row=row)
 
 
 def forward_tables(medium: Medium, fast: bool) -> F32:
@@ -190,6 +211,7 @@ def sunlit_volume(
         free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
         np.array([forward_channel[n] for n in index["second"]]),
         np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled), False,
+        np.zeros((0, DEGREE * DEGREE, PACK), np.float32), np.zeros((1, 1, 1), np.int32),
         np.zeros((nz, 4 * PACK), np.float32),
         np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),

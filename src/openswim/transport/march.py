@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from openswim.transport.detail import FRESH, NO_DETAIL, SCRATCH, Detail
 from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
 from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
-from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid
+from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid, turn_ray
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume, blank_fields, tidy
@@ -247,6 +247,7 @@ def _march_share(
                 if angle != own[ANGLE]:  # parallel rays are alike
                     own[ANGLE] = angle
                     own[SHARE] = prepare_ray(angle, table, shells.phase, volume, rays[lane], peaks[lane])
+                turn_ray(dx, dy, dz, volume, rays[lane])
                 end = ends[n] if ends.size > 0 else -FAR_M
                 start_walk(walks[lane], origin[n, 0], origin[n, 1], origin[n, 2], dx, dy, dz, end, shells, volume)
                 _start(got[lane], out.species_depth[n])
@@ -311,7 +312,7 @@ def march_rays(
         *(np.zeros((n, PACK), np.float32) for _ in range(4)), np.zeros((n, max(volume.species, 1)), np.float32),
         np.zeros(n, np.float32), np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
-    widest = max(volume.fields.shape[3], GATHERED, RAY + volume.species * PACK)
+    widest = max(volume.fields.shape[3], GATHERED, RAY + volume.species * PACK + DEGREE * DEGREE)
     parts = max(get_num_threads(), min(_PARTS * get_num_threads(), n // (4 * TILE)))
     scratch = blank_fields((3, parts, LANES), widest)
     peaks = np.zeros((parts, LANES, table.shape[0], table.shape[2], PACK), np.float32)

@@ -147,7 +147,7 @@ def build_medium(
             halvings = _halvings(levels, heights, total, cell_m, ny * nx)
         levels = _refined(
             levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings,
-            0.35 * max(mu_sun, 0.12) if sideless else 1.0,
+            0.35 * max(mu_sun, 0.12) if sideless else 1.0 if frame.curved else float(np.clip(2 * mu_sun, 0.2, 1.0)),
         )  # fmt: skip
     fineness = 1
     if frame.curved and (refine or cover is not None):

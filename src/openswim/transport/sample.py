@@ -27,7 +27,7 @@ from openswim.transport.pack import (
     whole,
     write,
 )
-from openswim.transport.scalar import shadow_fraction, smoothstep, table_index, transmission
+from openswim.transport.scalar import harmonics, shadow_fraction, smoothstep, table_index, transmission
 from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
@@ -113,6 +113,33 @@ def _peak_at(peak, start, q, part):
     return _lerp(read_lanes(peak, start, q), read_lanes(peak, start + PACK, q), part)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def turn_ray(dx, dy, dz, volume, ray):
+    """Fill in the harmonics of the ray's direction behind what `prepare_ray` does, where sources are read by them."""
+    if volume.turning.shape[0] > 0:
+        harmonics(dx, dy, dz, DEGREE, ray[RAY + volume.species * PACK :])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
+    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on."""
+    size = DEGREE * DEGREE * PACK
+    first = RAY + volume.species * PACK
+    total = spread(_ZERO)
+    for corner in range(8):
+        at = node + (above if corner >= 4 else 0) + (up if corner & 2 else 0) + (right if corner & 1 else 0)
+        share = (g if corner >= 4 else _ONE - g) * (
+            (v11 if corner & 1 else v10) if corner & 2 else (v01 if corner & 1 else v00)
+        )
+        start = int(flat(volume.turning_row, at)) * size
+        if start > 0 and share > _ZERO:
+            here = spread(_ZERO)
+            for n in range(DEGREE * DEGREE):
+                here += flat(ray, first + n) * read(volume.turning, start + n * PACK)
+            total += share * here
+    return total
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
     """A point of the grid, at fractional indices; its channels are left in ``nodes``.
@@ -185,6 +212,9 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
                     resolved += taken * _peak_at(peak, start, q, part)
         resolved *= share
     source = high(low(node))
+    if volume.turning.shape[0] > 0:
+        at = (k * ny + j) * nx + i
+        source = _turned(at, right // nc, up // nc, ny * nx, v00, v01, v10, v11, g, ray, volume)
     if volume.per_extinction:
         source *= extinction
     return (

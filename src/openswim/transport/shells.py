@@ -85,6 +85,8 @@ def no_volume() -> Volume:
         bend=np.zeros((0, 1, 1, PACK), f32),
         bend_share=np.ones(PACK, f32),
         per_extinction=False,
+        turning=np.zeros((0, DEGREE * DEGREE, PACK), f32),
+        turning_row=np.zeros((1, 1, 1), np.int32),
         air=np.zeros((2, 4 * PACK), f32),
         haze_depth=np.zeros((2, PACK), f32),
         reach_m=np.full(1, FAR_M, f32),

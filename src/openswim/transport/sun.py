@@ -19,6 +19,7 @@ from openswim.transport.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _HALF, _ONE = np.float32(0.5), np.float32(1.0)
 _DARKEST, _MOST_AIR = 1e-12, np.float32(27.631)  # transmission, and its depth, that stand for none
+_MOST = np.float32(80.0)  # depth: what lies deeper still has a beam that `beam.py` can tell from none
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
@@ -123,6 +124,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
             flat(depth, lanes[0] * level + at), flat(depth, lanes[1] * level + at), flat(depth, lanes[2] * level + at),
             flat(depth, lanes[3] * level + at),
         )  # fmt: skip
+        total = choose_above(total, _MOST, _MOST, total)
         place = ((k * ny + j) * sun.shape[1] + i) * fields.shape[3]
         write(fields, place, transmission(_HALF * total))
         for w in range(count):

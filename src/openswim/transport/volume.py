@@ -105,6 +105,9 @@ class Volume(NamedTuple):
     # less that of the square of `fields`' roots; of no size where there is nothing to know
     bend_share: F32  # (PACK,) of it at every wavelength
     per_extinction: bool  # whether the smooth source is to be multiplied by the delta-scaled extinction, air's included
+    turning: F32  # (rows, M^2, PACK) harmonics of the smooth source, by which rays read it in their own direction, in
+    # place of the channels' for one eye; the first row is nothing, and where there are none the channels hold
+    turning_row: NDArray[np.int32]  # (nz, ny, nx) of a node
     air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
     reach_m: F32  # (nz,) longest step that the air's depth allows, m

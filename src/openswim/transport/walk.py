@@ -30,7 +30,8 @@ from openswim.transport.volume import (
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _CHART_ERROR = 0.01  # of a cell, that a segment of a ray may lie off its chord in the grid's indices
 _CLOUD_STEP = 0.75  # of a cell, that a step in cloud is long
-_LEAST_STEP = 0.25  # or at least one in free air
+_LEAST_STEP = 0.25  # or at least one near the ground
+_PAST = 0.005  # of a free cell, that a step may end beyond it: the next may be much thinner
 BATCH = 24  # places that a ray walks to before they are looked at
 
 # A place: how far along the ray, the step to it; then level, ix, iy in the grid, or -1, height, cosine of zenith angle
@@ -242,13 +243,16 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             rest_y = j + free - iy if w[VY] > 0.0 else iy - j + (free - 1)
             last = min(ahead + free, volume.fields.shape[0]) if rising else max(ahead + 1 - free, 0)
             upright = abs(volume.level_origin_m + flat(volume.levels_m, last) - h)
-            # the nodes by the ground are not like those above: they end their layer's steps
-            if rising and clearance < along:
-                upright = min(upright, to_level * along)
-            elif not rising and clearance > along:
-                upright = min(upright, clearance - along)
             way = min(min(rest_x * w[PER_VX], rest_y * w[PER_VY]), upright * w[PER_COSINE])
-            next_step = min(next_step, max(way, _LEAST_STEP * cell))
+            next_step = min(next_step, way + _PAST * cell)
+            # the nodes by the ground are not like those above: they end their layer's steps
+            layer = upright
+            if rising and clearance < along:
+                layer = to_level * along
+            elif not rising and clearance > along:
+                layer = clearance - along
+            if layer < upright:
+                next_step = min(next_step, max(layer * w[PER_COSINE], _LEAST_STEP * cell))
         else:
             # within cloud a step ends on a level, where the fields have their kinks
             if to_level < 2e-3 or filled:
