@@ -163,6 +163,19 @@ def test_mistakes_are_found_before_any_work(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "arguments", [["in.nc"], ["in*.nc"], ["other.nc", "--albedo", "in.nc"], ["other.nc", "--dem", "in.nc"]]
+)
+def test_what_is_read_is_not_written_over(
+    world, arguments: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "in.nc").write_text("precious")
+    assert run(["render", *arguments, *ARGUMENTS, "-o", "in.nc"]) == 2
+    assert "would replace in.nc" in capsys.readouterr().err
+    assert (tmp_path / "in.nc").read_text() == "precious"
+    assert world.times == []
+
+
 def test_an_observer_is_needed(world, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["render", "f.nc", "--lat", "3", "-o", "x.png"]) == 2
     assert "--lon" in capsys.readouterr().err

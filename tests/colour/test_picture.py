@@ -159,7 +159,9 @@ def test_a_failed_write_leaves_the_old_file_and_no_debris(image, tmp_path, monke
 
 def test_what_cannot_be_written_is_known_beforehand(tmp_path):
     (tmp_path / "folder.png").mkdir()
+    (tmp_path / "folder.zarr").mkdir()
     (tmp_path / "file").write_text("")
+    (tmp_path / "file.zarr").write_text("")
     for path in (
         tmp_path / "sky.gif",
         tmp_path / "sky",
@@ -167,10 +169,44 @@ def test_what_cannot_be_written_is_known_beforehand(tmp_path):
         tmp_path / "folder.png",
         tmp_path / "file" / "sky.png",
         "/proc/sky.png",
+        tmp_path / "file.zarr",
+        tmp_path / "folder.zarr",
+        tmp_path / f"{'long' * 64}.png",
     ):
         with pytest.raises(UserError, match="output") as caught:
             check_writable(path)
         assert "\n" not in str(caught.value)
     check_writable(tmp_path / "sky.png")
     check_writable(tmp_path / "sky.zarr")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "file.zarr", "folder.png", "folder.zarr"]
+
+
+def test_a_folder_that_is_no_store_is_kept(image, tmp_path):
+    mine = tmp_path / "mine.zarr" / "thesis.tex"
+    mine.parent.mkdir()
+    mine.write_text("precious")
+    with pytest.raises(UserError, match="not a Zarr store"):
+        save(image, mine.parent)
+    assert mine.read_text() == "precious"
+
+
+def test_what_is_read_is_not_written_over(tmp_path):
+    weather, store = tmp_path / "weather.nc", tmp_path / "run.zarr"
+    store.mkdir()
+    for path in (weather, store / ".zgroup", store / "part.nc"):
+        path.write_text("{}")
+    (tmp_path / "link.nc").symlink_to(weather)
+    for path, needed in (
+        (tmp_path / "." / "weather.nc", weather), (tmp_path / "link.nc", weather), (store, store),
+        (store, store / "part.nc"), (tmp_path / "later.nc", tmp_path / "later.nc"),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match="needed; choose another name"):
+            check_writable(path, [needed])
+    check_writable(tmp_path / "other.nc", [weather])
+
+
+@pytest.mark.parametrize("suffix", ["png", "nc", "zarr"])
+def test_names_as_long_as_the_system_takes(image, tmp_path, suffix):
+    path = tmp_path / ("x" * (254 - len(suffix)) + "." + suffix)  # 255 bytes
+    save(image, path)
+    assert path.exists()

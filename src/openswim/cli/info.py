@@ -42,10 +42,10 @@ def run(files: Sequence[Path], picture: Path | None, time: str | None) -> None:
 def draw(files: Sequence[Path], picture: Path, time: str | None = None) -> None:
     """Write the maps of one time."""
     from openswim.colour import check_writable
-    from openswim.readers import open_scene
+    from openswim.readers import files_of, open_scene
     from openswim.scene.files import written_whole
 
-    check_writable(picture)
+    check_writable(picture, files_of(files))
     image = maps(open_scene(files, time))
     with written_whole(picture) as partial:
         image.save(partial, "PNG")

@@ -1,9 +1,7 @@
 """Pictures (.png, .jpg, .tif) and data (.nc, .zarr) in files, whole or not at all."""
 
 import os
-import shutil
-import tempfile
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,34 +9,26 @@ import numpy as np
 import xarray as xr
 
 from openswim.errors import UserError
+from openswim.scene.files import check_target, written_whole
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 DATA = (".nc", ".zarr")
 
 
-def check_writable(path: str | Path) -> None:
-    """Raise UserError unless `save` could write `path`: a known suffix, in a folder that takes files.
+def check_writable(path: str | Path, inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Raise UserError unless `save` could write `path`: a known suffix, in a folder that takes files, none of `inputs`.
 
     Meant to be called before a long computation.
     """
     path = Path(path)
-    if path.suffix.lower() not in PICTURES + DATA:
+    suffix = path.suffix.lower()
+    if suffix not in PICTURES + DATA:
         raise UserError(
             f"output {path}: suffix {path.suffix!r} is unknown; use one of {', '.join(PICTURES + DATA)}"
         )
-    if not path.parent.is_dir():
-        raise UserError(f"output {path}: folder {path.parent} does not exist; make it first")
-    if path.is_dir() and path.suffix.lower() != ".zarr":
-        raise UserError(f"output {path} is a folder; give a file name")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise UserError(f"output {path} is write-protected; remove it or choose another name")
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise UserError(
-            f"output {path}: cannot write in {path.parent} ({error.strerror}); choose another folder"
-        ) from None
+    check_target(path, inputs)
+    if path.exists() and path.is_dir() != (suffix == ".zarr"):
+        raise UserError(f"output {path} is a {'folder' if path.is_dir() else 'file'}; choose another name")
 
 
 def save(
@@ -56,10 +46,9 @@ def save(
     path = Path(path)
     check_writable(path)
     suffix = path.suffix.lower()
-    if suffix == ".nc":
-        _atomically(path, lambda part: _write_netcdf(image, part))
-    elif suffix == ".zarr":
-        _atomically(path, lambda part: _write_zarr(image, part))
+    if suffix in DATA:
+        with written_whole(path) as partial:
+            (_write_netcdf if suffix == ".nc" else _write_zarr)(image, partial)
     else:
         _save_picture(image, path, exposure, caption, rgb_options)
 
@@ -75,7 +64,8 @@ def _save_picture(
     entries = facts(image, exposure)
     if caption and entries:
         picture = with_strip(picture, entries)
-    _atomically(path, lambda part: write_picture(picture, part, entries))
+    with written_whole(path) as partial:
+        write_picture(picture, partial, entries)
 
 
 def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> None:
@@ -127,20 +117,3 @@ def _storable(image: xr.Dataset) -> xr.Dataset:
     for field in stored.variables.values():
         field.attrs = {key: plain(value) for key, value in field.attrs.items() if value is not None}
     return stored
-
-
-def _atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Write under a temporary name beside `path`, then rename."""
-    folder = Path(tempfile.mkdtemp(prefix=f".{path.stem}-", dir=path.parent))
-    try:
-        part = folder / path.name
-        write(part)
-        if path.is_dir():
-            os.replace(path, folder / "replaced")
-        os.replace(part, path)
-    except OSError as error:
-        raise UserError(
-            f"output {path}: writing failed ({error}); free some space or choose another folder"
-        ) from error
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -5,13 +5,54 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from openswim.errors import UserError
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+
+
+def check_target(
+    path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = (), name: str = "output"
+) -> None:
+    """Raise UserError unless `written_whole` could write `path` and would replace none of `inputs`.
+
+    Meant to be called before a long computation; `name`: what the message calls the file.
+    """
+    target = Path(path)
+    for each in map(Path, inputs):
+        if any(_same(target, held) for held in (each, *each.absolute().parents)):
+            raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")
+    try:
+        if not target.parent.is_dir():
+            raise UserError(f"{name} {target}: folder {target.parent} does not exist; make it first")
+        with suppress(FileNotFoundError):
+            target.lstat()  # fails where the name is too long
+        if _others_folder(target):
+            raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
+        if target.exists() and not os.access(target, os.W_OK):
+            raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        raise UserError(
+            f"{name} {target}: cannot be written ({error.strerror}); choose another name or folder"
+        ) from None
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names stand for one file or folder, there or not yet."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return one.absolute() == other.absolute()
+
+
+def _others_folder(target: Path) -> bool:
+    """Whether this is a folder that is not ours to replace."""
+    return target.is_dir() and not any((target / mark).exists() for mark in ZARR_MARKS)
 
 
 @contextmanager
@@ -21,10 +62,10 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     Works for files and for Zarr folders. Raises UserError where the name cannot be written.
     """
     target = Path(path)
-    if target.is_dir() and not any((target / mark).exists() for mark in ZARR_MARKS):
-        raise UserError(f"{target}: is a folder: choose another name")  # and not ours to replace
     try:
-        workshop = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        if _others_folder(target):
+            raise UserError(f"{target}: is a folder: choose another name")
+        workshop = Path(tempfile.mkdtemp(prefix=".openswim-", dir=target.parent))
     except OSError as error:
         raise UserError(
             f"{target}: cannot be written ({error.strerror}): choose a folder that exists and that "
@@ -38,7 +79,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         else:
             os.replace(partial, target)
     except OSError as error:
-        raise UserError(f"{target}: cannot be written ({error.strerror or error})") from error
+        raise UserError(
+            f"{target}: cannot be written ({error.strerror or error}): free some space or choose another folder"
+        ) from error
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
 
