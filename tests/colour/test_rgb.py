@@ -202,7 +202,10 @@ def test_a_dataset_serves_as_well_as_its_radiance():
         lambda: to_rgb(picture_of(np.ones((2, 2, 3))), exposure=-1),
         lambda: to_rgb(picture_of(np.ones((2, 2, 3))), exposure=float("nan")),
         lambda: to_rgb(picture_of(np.ones((2, 2, 3))), matrix="adobe"),
+        lambda: to_rgb(picture_of(np.ones((2, 2, 3))), exposure="x"),
         lambda: to_rgb(picture_of(np.ones((2, 2, 3))), gamma=0),
+        lambda: to_rgb(picture_of(np.ones((2, 2, 3))), gamma=float("nan")),
+        lambda: to_rgb(picture_of(np.ones((2, 2, 3))), gamma="x"),
     ],
 )
 def test_wrong_requests_are_refused_in_one_line(wrong):

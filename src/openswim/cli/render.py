@@ -56,12 +56,14 @@ class RenderRequest:
 def run(request: RenderRequest) -> None:
     """Render and write; whatever can be wrong with the request is found before any work is done."""
     from openswim.colour import check_writable
+    from openswim.colour.rgb import check_exposure
     from openswim.ground.earth import preload
     from openswim.readers import files_of
 
     inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
     for output in request.outputs:
         check_writable(output, inputs)
+    check_exposure("auto" if request.exposure is None else request.exposure)
     camera = camera_of(request)
     sun = sun_of(request.sun)
     preload()

@@ -43,8 +43,11 @@ def save(
     Pictures carry what was rendered on a strip below (`caption`) and in their metadata; `exposure` and the
     other options are those of `to_rgb`.  The file appears under its name only when it is complete.
     """
+    from openswim.colour.rgb import check_exposure
+
     path = Path(path)
     check_writable(path)
+    check_exposure(exposure)
     suffix = path.suffix.lower()
     if suffix in DATA:
         with written_whole(path) as partial:

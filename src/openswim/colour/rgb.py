@@ -118,7 +118,8 @@ def to_rgb(
     that bright things keep their hue.  `dither`: noise below one step against banding, the same at every
     call.
     """
-    factor = auto_exposure(image) if exposure == "auto" else _checked_exposure(exposure)
+    check_exposure(exposure)
+    factor = auto_exposure(image) if exposure == "auto" else exposure
     xyz = np.nan_to_num(to_xyz(image)) * np.float32(factor)
     linear = into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
     if roll_off:
@@ -126,10 +127,14 @@ def to_rgb(
     return quantise(encode(np.clip(linear, 0, 1), gamma), dither)
 
 
-def _checked_exposure(exposure: float) -> float:
-    if not np.isfinite(exposure) or exposure <= 0:
-        raise UserError(f"exposure {exposure} must be a positive number or 'auto'")
-    return float(exposure)
+def check_exposure(exposure: float | str) -> None:
+    """Raise UserError unless `to_rgb` takes this exposure."""
+    if exposure != "auto" and not _is_positive(exposure):
+        raise UserError(f"exposure {exposure!r} must be a positive number or 'auto'")
+
+
+def _is_positive(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and bool(0 < value < np.inf)
 
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
@@ -164,7 +169,7 @@ def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.nd
         return np.where(
             linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
         )
-    if not isinstance(gamma, (int, float)) or gamma <= 0:
+    if not _is_positive(gamma):
         raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
     return linear ** (1 / gamma)
 
