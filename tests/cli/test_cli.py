@@ -148,6 +148,8 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--height", "-3"], "height"),
         (["-o", "x.png", "--view", "fisheye"], "fisheye"),
         (["-o", "x.png", "--unknown"], "--unknown"),
+        (["-o", "x.png", "--solver", "reference", "--checkpoint", "no/sums"], "--checkpoint no/sums: folder no"),
+        (["-o", "x.png", "--solver", "reference", "--checkpoint", "x.png"], "would replace x.png"),
         (["-o", "x.nc", "-o", "x.png", "--exposure", "-1"], "exposure -1.0 must be a positive number"),
         (["-o", "x.nc", "-o", "x.png", "--exposure", "0"], "exposure 0.0 must be a positive number"),
         (["-o", "x.nc", "-o", "x.png", "--exposure", "nan"], "exposure nan must be a positive number"),

@@ -5,7 +5,9 @@ Chances follow from the seed, so nothing here fails by bad luck twice in a row o
 
 from __future__ import annotations
 
+import pickle
 import time
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -191,6 +193,52 @@ def test_resumed_is_uninterrupted(tmp_path: Path) -> None:
     other = solve(cloud_scene(), paths=8, seed=5, checkpoint=file).view(rays)  # not this view's sums
     assert other.paths == 8
     assert [p.name for p in tmp_path.iterdir()] == ["sums.npz"]
+
+
+def _npy(file: Path) -> None:
+    with file.open("wb") as out:
+        np.save(out, np.zeros(3))
+
+
+def _pickled(file: Path) -> None:
+    file.write_bytes(pickle.dumps({"total": 1}))
+
+
+def _zipped(file: Path) -> None:
+    with zipfile.ZipFile(file, "w") as out:
+        out.writestr("word/document.xml", "precious")
+
+
+def _cut(file: Path) -> None:
+    solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def _misshapen(file: Path) -> None:
+    solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
+    with np.load(file) as stored:
+        sums = {name: values[..., None] for name, values in stored.items()}
+    with file.open("wb") as out:
+        np.savez(out, **sums)
+
+
+_RAYS = down_on(np.linspace(-200, 200, 4), 0.0, 2000.0)
+
+
+@pytest.mark.parametrize("write", [Path.touch, _npy, _pickled, _zipped, _cut, _misshapen])
+def test_files_that_are_no_checkpoints_are_told_and_kept(write, tmp_path: Path) -> None:
+    file = tmp_path / "sums"
+    write(file)
+    before = file.read_bytes()
+    with pytest.raises(UserError, match=r"sums: damaged, or no checkpoint; choose"):
+        solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
+    assert file.read_bytes() == before
+
+
+def test_a_checkpoint_that_cannot_be_written_is_told_before_any_path(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(montecarlo, "path_kernel", None)
+    with pytest.raises(UserError, match=r"checkpoint .*missing does not exist"):
+        solve(cloud_scene(), paths=4, checkpoint=tmp_path / "missing" / "sums").view(_RAYS)
 
 
 @pytest.mark.parametrize("keeps", [False, True])

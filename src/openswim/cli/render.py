@@ -59,8 +59,12 @@ def run(request: RenderRequest) -> None:
     from openswim.colour.rgb import check_exposure
     from openswim.ground.earth import preload
     from openswim.readers import files_of
+    from openswim.scene.files import check_target
 
     inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
+    if request.checkpoint is not None:
+        check_target(request.checkpoint, inputs, "--checkpoint")
+        inputs.append(request.checkpoint)
     for output in request.outputs:
         check_writable(output, inputs)
     check_exposure("auto" if request.exposure is None else request.exposure)

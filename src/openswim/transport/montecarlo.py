@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.cameras.rays import Rays
+from openswim.errors import UserError
 from openswim.ground import surface_properties
 from openswim.ground.albedo import SurfaceSample
 from openswim.progress import job, relabel
-from openswim.scene.files import written_whole
+from openswim.scene.files import check_target, written_whole
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport.field import View
@@ -39,6 +41,8 @@ _SAVE_S = 30.0
 _FLUX_PLACES = 1024
 _SHARP = 20.0  # phase functions with a higher peak are aimed with
 _AIMING = 0.2
+_PARTS = ("total", "squares", "paths")  # of what a checkpoint knows of a view
+_STORED = re.compile(f"[0-9a-f]{{16}}_({'|'.join(_PARTS)})")
 
 
 @dataclass
@@ -303,6 +307,7 @@ class Checkpoint:
     def of(cls, light: ReferenceField, origin: F64, direction: F64, sides: list[F64]) -> Checkpoint | None:
         if light.solver.checkpoint is None:
             return None
+        check_target(light.solver.checkpoint, name="checkpoint")
         world = light.world
         digest = hashlib.sha256()
         for a in (
@@ -316,21 +321,31 @@ class Checkpoint:
     def _stored(self) -> dict[str, Any]:
         if not self.path.exists():
             return {}
-        with np.load(self.path) as stored:
-            return dict(stored)
+        try:
+            with self.path.open("rb") as file, np.load(file) as arrays:
+                stored = dict(arrays)
+        except Exception as error:  # zipfile and numpy raise anything on what is not theirs
+            raise self._wrong() from error
+        if not all(_STORED.fullmatch(name) for name in stored):
+            raise self._wrong()
+        return stored
+
+    def _wrong(self) -> UserError:
+        return UserError(f"checkpoint {self.path}: damaged, or no checkpoint; choose another name, or remove it")
 
     def load(self, sums: Sums) -> None:
         """Go on from what is stored, if it is of this very view."""
         stored = self._stored()
-        if f"{self.key}_total" in stored:
-            sums.total, sums.squares = stored[f"{self.key}_total"], stored[f"{self.key}_squares"]
-            sums.paths = int(stored[f"{self.key}_paths"])
+        found = [stored[name] for name in (f"{self.key}_{part}" for part in _PARTS) if name in stored]
+        if not found:
+            return
+        if [each.shape for each in found] != [sums.total.shape, sums.total.shape, ()]:
+            raise self._wrong()
+        sums.total, sums.squares, sums.paths = found[0], found[1], int(found[2])
 
     def save(self, sums: Sums) -> None:
         """Replace the file: whole or not at all."""
-        stored = self._stored() | {
-            f"{self.key}_total": sums.total, f"{self.key}_squares": sums.squares,
-            f"{self.key}_paths": np.array(sums.paths),
-        }  # fmt: skip
+        own = zip(_PARTS, (sums.total, sums.squares, np.array(sums.paths)), strict=True)
+        stored = self._stored() | {f"{self.key}_{part}": values for part, values in own}
         with written_whole(self.path) as partial, partial.open("wb") as file:
             np.savez(file, **stored)
