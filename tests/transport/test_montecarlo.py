@@ -195,6 +195,38 @@ def test_resumed_is_uninterrupted(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["sums.npz"]
 
 
+def _fingerprint(tmp_path: Path, scene: Scene) -> set[str]:
+    """Names in the checkpoint of a view down on a scene."""
+    file = tmp_path / "sums"
+    file.unlink(missing_ok=True)
+    solve(scene, paths=2, checkpoint=file).view(down_on(np.array([10.0, 60.0]), 0.0, 2000.0))
+    with np.load(file) as stored:
+        return set(stored)
+
+
+@pytest.mark.parametrize(
+    ("change", "curved"),
+    [
+        ({"cell_m": (300.0, 300.0, 100.0)}, False), ({"cell_m": (300.0, 300.0, 100.0)}, True),
+        ({"periodic": True}, False), ({"wind_speed_m_s": 12.0}, True),
+    ],
+    ids=["spacing", "spacing on a sphere", "sides", "wind"],
+)  # fmt: skip
+def test_another_scene_has_another_fingerprint(change: dict, curved: bool, tmp_path: Path) -> None:
+    def scene(cell_m=(100.0, 100.0, 100.0), periodic: bool = False, wind_speed_m_s: float = 4.0) -> Scene:
+        shape = (4, 5, 5)
+        more = {} if curved else {"periodic": periodic}
+        made = grid_scene(np.full(shape, 1e-3, np.float32), shape, cell_m, curved=curved, **more)
+        for name, value in (("wind_east_10m", wind_speed_m_s), ("wind_north_10m", 0.0), ("land_area_fraction", 0.0)):
+            made.data[name] = (("y", "x"), np.full(shape[1:], value, np.float32))
+        return made
+
+    one = _fingerprint(tmp_path, scene())
+    assert len(one) == 3
+    assert _fingerprint(tmp_path, scene()) == one
+    assert not _fingerprint(tmp_path, scene(**change)) & one
+
+
 def _npy(file: Path) -> None:
     with file.open("wb") as out:
         np.save(out, np.zeros(3))

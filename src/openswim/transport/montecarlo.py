@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import openswim
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 from openswim.ground import surface_properties
@@ -131,7 +132,7 @@ class ReferenceField:
         """Paths of all rays, pass by pass, until there are enough or the error is small."""
         solver = self.solver
         sums = Sums(len(direction), len(self.wavelengths_nm))
-        checkpoint = Checkpoint.of(self, origin, direction, sides)
+        checkpoint = Checkpoint.of(self, origin, direction, sides, seen)
         if checkpoint is not None:
             checkpoint.load(sums)
         most = solver.paths or (PATHS if solver.target_error is None and solver.seconds is None else 1 << 40)
@@ -304,18 +305,16 @@ class Checkpoint:
     key: str
 
     @classmethod
-    def of(cls, light: ReferenceField, origin: F64, direction: F64, sides: list[F64]) -> Checkpoint | None:
+    def of(cls, light: ReferenceField, origin: F64, direction: F64, sides: list[F64], seen: Seen) -> Checkpoint | None:
         if light.solver.checkpoint is None:
             return None
         check_target(light.solver.checkpoint, name="checkpoint")
-        world = light.world
         digest = hashlib.sha256()
-        for a in (
-            origin, direction, *sides, light.sun, light.wavelengths_nm, np.array([light.solver.seed]),
-            world.extinction, world.scattering, world.relative, world.air, light.phases.value, world.albedo,
-            world.terrain_m, world.levels_m, world.mean_albedo,
+        for value in (
+            openswim.__version__, origin, direction, sides, seen, light.wavelengths_nm, light.solver.seed, light.aiming,
+            light.world, light.phases,
         ):  # fmt: skip
-            digest.update(np.ascontiguousarray(a).tobytes())
+            _feed(digest, value)
         return cls(Path(light.solver.checkpoint), digest.hexdigest()[:16])
 
     def _stored(self) -> dict[str, Any]:
@@ -349,3 +348,15 @@ class Checkpoint:
         stored = self._stored() | {f"{self.key}_{part}": values for part, values in own}
         with written_whole(self.path) as partial, partial.open("wb") as file:
             np.savez(file, **stored)
+
+
+def _feed(digest: hashlib._Hash, value: Any) -> None:
+    """Add all arrays, numbers and names in (named) tuples and lists."""
+    if isinstance(value, tuple | list):
+        for each in value:
+            _feed(digest, each)
+        return
+    array = np.asarray(value)
+    assert array.dtype != object  # of which the bytes are addresses
+    digest.update(f"{array.dtype.str} {array.shape}".encode())
+    digest.update(array.tobytes())
