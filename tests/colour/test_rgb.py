@@ -157,6 +157,17 @@ def test_auto_exposure_ignores_the_suns_disc_black_space_and_what_is_outside():
     assert auto_exposure(picture_of(framed)) == pytest.approx(plain, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("dimmer", "darkest", "brightest"),
+    # clear skies by `fast`: the factor that a photographer would choose, over that of day
+    [(5e3, 100, 255), (3e4, 40, 160), (2e5, 0, 60), (2e7, 0, 1), (1e9, 0, 1)],
+    ids=["sun at -8 degrees", "-10", "-12", "-18", "-28"],
+)
+def test_twilight_is_seen_and_night_is_dark(dimmer, darkest, brightest):
+    picture = to_rgb(picture_of(sky_with_clouds()[:, :40] / dimmer), dither=False)  # blue sky
+    assert darkest <= picture[30, 10].max() <= brightest
+
+
 def test_blue_sky_is_blue_and_clouds_are_white_but_not_burnt():
     picture = to_rgb(picture_of(sky_with_clouds()))
     red, green, blue = picture[30, 10].astype(int)
