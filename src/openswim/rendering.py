@@ -64,7 +64,7 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
         return Daylight(frame.direction(*sun, frame.lat, frame.lon))
     when = scene.time if time is None else time
     if when is None:
-        raise UserError("the scene has no time: give time=... (UTC), or sun=(azimuth, altitude) in degrees (--sun)")
+        raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
     if not frame.curved:
         raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees (--sun)")
     place = sun_position(when, frame.lat, frame.lon)

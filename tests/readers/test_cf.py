@@ -163,6 +163,12 @@ def test_several_times(tmp_path):
         open_scene(tmp_path / "model.nc", "2024-06-21T13:00")
 
 
+def test_a_scene_without_time_has_the_one_asked_for(tmp_path):
+    data = _dataset(liquid_content=(("z", "y", "x"), CONTENT))
+    assert _read(tmp_path, data).time is None
+    assert _read(tmp_path, data, "2024-06-21T18:00Z").time == np.datetime64("2024-06-21T18:00")
+
+
 def test_notes_tell_what_is_assumed(tmp_path):
     data = _dataset(liquid_content=(("z", "y", "x"), CONTENT), cloud_cover=(("y", "x"), np.zeros((2, 4))))
     notes = " | ".join(_read(tmp_path, data).notes)

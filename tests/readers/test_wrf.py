@@ -117,6 +117,34 @@ def test_times_in_every_spelling(wrf_file, wanted):
     np.testing.assert_allclose(second.data.liquid_content, 2 * first.data.liquid_content, rtol=1e-6)
 
 
+def test_times_come_from_xtime_where_times_are_lost(wrf_file):
+    """Minutes since the run's start, which START_DATE would be taken for."""
+    path = wrf_file(drop=("Times",), attributes={"START_DATE": "2005-08-28_00:00:00"})
+    with netCDF4.Dataset(path, "a") as file:
+        minutes = file.createVariable("XTIME", "f4", ("Time",))
+        minutes.units = "minutes since 2005-08-28 00:00:00"
+        minutes[:] = [720.0, 900.0]
+    assert describe(path).times == ["2005-08-28T12:00:00", "2005-08-28T15:00:00"]
+    assert open_scene(path, "2005-08-28T15:00").time == np.datetime64("2005-08-28T15:00")
+
+
+def test_files_without_dates_are_of_the_time_asked_for(wrf_file):
+    """docs/models.md; else 10 o'clock local time on 20 March 2000."""
+    path = wrf_file(drop=("Times",))
+    asked = open_scene(path, "2005-08-28T15:00")
+    assert asked.time == np.datetime64("2005-08-28T15:00")
+    assert "no date in the file: the time that was asked for" in asked.notes
+    scene = open_scene(path)
+    hours = np.timedelta64(round(scene.place[1] / 15 * 3600), "s")
+    assert abs(scene.time + hours - np.datetime64("2000-03-20T10:00")) < np.timedelta64(60, "s")
+    notes = " | ".join(scene.notes)
+    assert "2 times without dates in the file: the first is taken" in notes
+    assert "(--time)" in notes
+    info = describe(path)
+    assert info.times == []
+    assert any("no date in the file" in note for note in info.assumed)
+
+
 def test_static_coordinates_and_moving_nests(wrf_file):
     """XLAT may lack the time axis, and may move with the nest."""
     path = wrf_file(change={"XLAT": lambda lat: lat + np.array([0.0, 0.5])[:, None, None]}, map_proj=6)

@@ -165,7 +165,7 @@ def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
         nearest = int(np.argmin(apart))
         if apart[nearest] <= np.timedelta64(1, "s"):
             return nearest
-    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {times_text(times)}")
+    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {times_text(times)}: choose one of these (--time)")
 
 
 def iso(time: np.datetime64) -> str:

@@ -18,6 +18,7 @@ from openswim.readers.base import (
     iso,
     levels_text,
     naming,
+    parse_time,
     pick_time,
     place_text,
     spacing_text,
@@ -151,10 +152,10 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
 
 def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:
     times = _times(data)
-    chosen = pick_time(path, times, time)
+    chosen = pick_time(path, times, time) if times.size else 0
     if "time" in data.dims:
         data = data.isel(time=chosen)
-    return data, times[chosen] if times.size else None
+    return data, times[chosen] if times.size else parse_time(time)
 
 
 def _absences(data: xr.Dataset) -> list[str]:

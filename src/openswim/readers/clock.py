@@ -16,7 +16,7 @@ def undated(time: Time, lon: float | None, notes: list[str]) -> np.datetime64:
         notes.append("no date in the file: the time that was asked for")
         return wanted
     chosen = start_of_undated(lon)
-    notes.append(f"no date in the file: {iso(chosen)} UTC (10 h local solar time at the equinox); give a time")
+    notes.append(f"no date in the file: {iso(chosen)} UTC (10 h local solar time at the equinox); give a time (--time)")
     return chosen
 
 

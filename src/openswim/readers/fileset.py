@@ -140,7 +140,7 @@ def _part(path: Path, data: xr.Dataset) -> Part:
         return Part(path, data, dims, np.datetime64(0, "ms") + _milliseconds(seconds), elapsed=True)
     if "since" not in units:
         units = f"{units or 'seconds'} since {origin[:19]}"
-    return Part(path, data, dims, _dates(path, stamps, units, str(clock.attrs.get("calendar", "standard"))))
+    return Part(path, data, dims, dates_of(path, stamps, units, str(clock.attrs.get("calendar", "standard"))))
 
 
 def _choice(part: Part, time: np.datetime64 | None) -> dict[Any, int] | None:
@@ -186,7 +186,8 @@ def _clock(data: xr.Dataset) -> xr.DataArray | None:
     return min(candidates, key=lambda each: each[0])[1] if candidates else None
 
 
-def _dates(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Times:
+def dates_of(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Times:
+    """What numbers in units like "hours since 2000-01-01" stand for."""
     import cftime
 
     plain = units.replace("(", "").replace(")", "")  # LAPS: "seconds since (1970-1-1 00:00:00.0)"
@@ -216,4 +217,4 @@ def times_of(files: FileSet) -> list[str]:
     return [iso(time) for time in files.times]
 
 
-__all__ = ["FileSet", "Part", "opened_set", "times_of", "times_text", "values"]
+__all__ = ["FileSet", "Part", "dates_of", "opened_set", "times_of", "times_text", "values"]

@@ -28,7 +28,10 @@ def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhoo
         wanted = everything[0]
     near = everything[np.argmin(np.abs(everything - wanted))]
     if abs(near - wanted) > np.timedelta64(1, "s"):
-        raise UserError(f"{paths[0]}: no time {iso(wanted)} in it and the others; they have {times_text(everything)}")
+        raise UserError(
+            f"{paths[0]}: no time {iso(wanted)} in it and the others; they have {times_text(everything)}: "
+            "choose one of these (--time)"
+        )
     holding = [path for path in paths if near in np.asarray(times[path], "datetime64[ms]")]
     if len(holding) > 1:
         return _nested(reader, holding, near, place), near

@@ -21,6 +21,7 @@ from openswim.readers.base import (
     place_text,
     spacing_text,
 )
+from openswim.readers.clock import undated
 from openswim.readers.opening import reading
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
@@ -71,6 +72,8 @@ class WRFReader:
             valid = file.go_to(time)
             notes: list[str] = []
             grid = wrf_grid(file, notes)
+            if valid is None:
+                valid = _undated(file, time, grid, notes)
             levels, air, humidity = _air(file, notes)
             levels |= hydrometeors(file, air, notes)
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
@@ -111,6 +114,8 @@ class WRFReader:
             notes: list[str] = []
             times = [iso(time) for time in file.times()]
             grid = None if lacking else wrf_grid(file, notes)
+            if grid is not None and not times:
+                _undated(file, None, grid, notes)
             if grid is not None:
                 cloudy = "QVAPOR" in file and ("QCLOUD" in file or "QICE" in file)
                 guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
@@ -135,6 +140,13 @@ class WRFReader:
                 missing=[name for name in everything if name not in file],
                 assumed=notes,
             )
+
+
+def _undated(file: WRFFile, time: Time, grid: Grid, notes: list[str]) -> np.datetime64:
+    """The time of a file without dates."""
+    if file.size("Time") > 1:
+        notes.append(f"{file.size('Time')} times without dates in the file: the first is taken")
+    return undated(time, float(grid.lonlat(*grid.centre_index)[0]) if grid.curved else None, notes)
 
 
 def _low_top(grid: Grid) -> list[str]:

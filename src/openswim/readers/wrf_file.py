@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.base import Time, check_size, open_netcdf, pick_time
+from openswim.readers.fileset import dates_of
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
 FULL_LEVELS = ("bottom_top_stag", "south_north", "west_east")
@@ -89,11 +90,14 @@ class WRFFile:
         return value
 
     def times(self) -> NDArray[np.datetime64]:
-        """Valid times of the file, UTC (from Times, else from START_DATE where there is only one)."""
+        """Valid times of the file, UTC (from Times, else XTIME, else START_DATE where there is only one)."""
         stamps = []
+        since = str(getattr(self._file.variables["XTIME"], "units", "")) if "XTIME" in self else ""
         if "Times" in self:
             rows = np.atleast_2d(np.asarray(self._raw("Times", ...)))
             stamps = [b"".join(bytes(letter) for letter in row).decode("ascii", "replace") for row in rows]
+        elif " since " in since:
+            return dates_of(self.path, np.atleast_1d(np.asarray(self._raw("XTIME", ...))), since, "standard")
         elif self.size("Time") <= 1 and self.attr("START_DATE"):
             stamps = [str(self.attr("START_DATE"))]
         try:
@@ -108,12 +112,14 @@ class WRFFile:
             ) from error
 
     def go_to(self, time: Time) -> np.datetime64 | None:
-        """Make `field` read this time (default: the first); returns it, None where the file does not say."""
+        """Make `field` read this time (default: the first); returns it, None where the file does not say: the first."""
         if "Time" in self._file.dimensions and self.size("Time") == 0:
             raise UserError(f"{self.path}: no time has been written to it yet")
         times = self.times()
+        if not times.size:
+            return None
         self.time_index = pick_time(self.path, times, time)
-        return times[self.time_index] if times.size else None
+        return times[self.time_index]
 
     def field(self, name: str, dims: tuple[str, ...], units: str = "") -> NDArray[np.float32]:
         """One field at the chosen time as float32; UserError on wrong dimensions, units or missing values."""
