@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import warnings
 from pathlib import Path
 
 import netCDF4
@@ -279,6 +280,17 @@ def test_truncated_netcdf(tmp_path):
     path.write_bytes(path.read_bytes()[:-500])
     with pytest.raises(UserError, match=r"model\.nc: truncated or damaged"):
         open_scene(path)
+
+
+@pytest.mark.parametrize("consolidated", [True, False])
+@pytest.mark.parametrize("zarr_format", [2, 3])
+def test_zarr_of_both_formats_opens_without_a_warning(tmp_path, zarr_format, consolidated):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # format 3 has no standard for consolidated metadata yet
+        _dataset(liquid_content=(("z", "y", "x"), CONTENT, {"units": "kg m-3"})).to_zarr(
+            tmp_path / "model.zarr", zarr_format=zarr_format, consolidated=consolidated
+        )
+    assert open_scene(tmp_path / "model.zarr").species == ["liquid"]
 
 
 def test_a_lost_piece_of_zarr_is_noticed(tmp_path):

@@ -57,7 +57,7 @@ def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
         if any((path / mark).exists() for mark in ZARR_MARKS):
             if (path / "refs.0.parq").exists() or any(path.glob("*/refs.0.parq")):
                 return _references(path)
-            return "zarr", path, {}
+            return "zarr", path, {"consolidated": _is_consolidated(path)}
         if (path / "snapshots").is_dir() and ((path / "refs").is_dir() or (path / "repo").exists()):
             return _icechunk(path)
         raise UserError(unreadable(path))
@@ -65,6 +65,16 @@ def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
         return _references(path)
     open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
     return "netcdf4", path, {}
+
+
+def _is_consolidated(store: Path) -> bool:
+    """Whether a Zarr folder says in one place what it holds; xarray warns at length where it has to find out."""
+    try:
+        return (store / ".zmetadata").exists() or bool(
+            json.loads((store / "zarr.json").read_text("utf-8")).get("consolidated_metadata")
+        )
+    except (OSError, ValueError, AttributeError):
+        return False
 
 
 def _is_references(path: Path) -> bool:
