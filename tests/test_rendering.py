@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import xarray as xr
+from pyproj import CRS
 from tests.transport.scenes import LAT, LON, box, grid_scene
 
 import openswim
@@ -14,7 +15,8 @@ from openswim import Camera, Scene, UserError
 from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
 from openswim.readers.beyond import far_m
 from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
-from openswim.rendering import daylight, light
+from openswim.rendering import _check_observer, daylight, light
+from openswim.transport import Solver
 
 TIME = np.datetime64("2024-05-04T09:30")
 SUN = (130.0, 40.0)
@@ -202,6 +204,36 @@ def test_observers_outside_a_flat_domain_learn_its_extent() -> None:
     scene = grid_scene({}, (4, 5, 6))
     with pytest.raises(UserError, match=r"x in -250 to 250 m and y in -200 to 200 m"):
         openswim.render(scene, Camera.allsky(x_m=900.0, y_m=0.0, size=8), sun=SUN)
+
+
+@pytest.mark.parametrize(
+    ("flat", "place", "said"),
+    [
+        (False, {"lat": LAT + 2.0, "lon": LON}, "outside the domain"),
+        (False, {"x_m": 0.0, "y_m": 0.0}, "curved Earth: give lat and lon in degrees"),
+        (True, {"lat": LAT, "lon": LON}, "flat: give x_m and y_m in metres"),
+        (True, {"x_m": 900.0, "y_m": 0.0}, "outside the domain"),
+        (None, {"x_m": 0.0, "y_m": 0.0}, "curved Earth: give lat and lon in degrees"),
+    ],
+)
+def test_where_nobody_can_stand_is_known_before_the_light(monkeypatch, flat, place: dict, said: str) -> None:
+    monkeypatch.setattr(Solver, "solve", None)
+    scene = Scene.clear(LAT, LON) if flat is None else grid_scene({}, (4, 5, 6), curved=not flat)
+    with pytest.raises(UserError, match=said):
+        openswim.render(scene, Camera.allsky(**place, size=8), sun=SUN)
+
+
+def test_corners_of_a_domain_are_inside() -> None:
+    """Of evenly spaced degrees, where the index of 50 N, 0 E may be a rounding error below 0."""
+    x, y = np.linspace(0.0, 30.0, 7), np.linspace(40.0, 50.0, 5)
+    scene = Scene.from_arrays({}, x, y, [0.0, 1e3], crs=CRS.from_proj4("+proj=longlat +R=6371000"))
+    corners = [(lat, lon) for lat in (40.0, 50.0) for lon in (0.0, 30.0)]
+    for lat, lon in corners:
+        _check_observer(scene, Camera.allsky(lat, lon, size=4), "fast")
+        _check_observer(scene, Camera.allsky(lat, lon + 1e-9 * np.sign(lon - 15), size=4), "fast")
+        with pytest.raises(UserError, match="outside the domain"):
+            _check_observer(scene, Camera.allsky(lat + 0.001 * np.sign(lat - 45), lon, size=4), "fast")
+    assert np.isfinite(openswim.render(scene, Camera.allsky(50.0, 0.0, size=4), "swim", sun=SUN).radiance[1, 1]).all()
 
 
 def test_observers_under_the_ground_are_told(clear) -> None:

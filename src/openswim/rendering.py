@@ -20,7 +20,6 @@ from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Field, ReferenceField, Solver
-from openswim.transport.medium import Medium
 from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.surface import bilinear
 
@@ -29,6 +28,7 @@ F64 = NDArray[np.float64]
 WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
 _SPACE_M = 1e5
 _QUADRATURE = 8
+_EDGE = 1e-6  # of a cell, by which rounding puts a domain's corner outside
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,14 @@ def render(
     the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
     ``radiance_standard_error``, the paths per pixel and the mean error.
     """
-    name = solver if isinstance(solver, str) else solver.name
-    lit = scene if isinstance(scene, LitScene) else light(
-        _needed(scene, camera, name), solver, wavelengths_nm, time, sun
-    )  # fmt: skip
+    if isinstance(scene, LitScene):
+        lit = scene
+        _check_observer(lit.scene, camera, lit.field.solver.name)
+    else:
+        name = solver if isinstance(solver, str) else solver.name
+        part = _needed(scene, camera, name)
+        _check_observer(part, camera, name)
+        lit = light(part, solver, wavelengths_nm, time, sun)
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
@@ -168,43 +172,56 @@ def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) 
     }  # fmt: skip
 
 
-def _ground_below(lit: LitScene, camera: Camera) -> float:
-    """Height of the ground under the camera (m); complains where the observer is outside the domain or buried."""
+def _check_observer(scene: Scene, camera: Camera, solver: str) -> None:
+    """Complain where the observer is outside the domain or buried; needs no light."""
     height = camera.height_m
     if not np.isfinite(height) or height < 0:
         raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
-    if lit.scene.grid is None or lit.field.medium is None:
-        return lit.field.ground_m
-    if height >= _SPACE_M or camera.above == "sea level":
+    camera.check_frame(scene_frame(scene).curved)
+    if scene.grid is None or scene.grid.periodic or _aloft(camera):
+        return
+    levels = scene.levels[:1] if solver == "reference" else scene.levels
+    if _index(levels, *_place(camera)) is None:
+        raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
+
+
+def _aloft(camera: Camera) -> bool:
+    """Whether no ground need be looked for below the camera."""
+    return camera.height_m >= _SPACE_M or camera.above == "sea level"
+
+
+def _ground_below(lit: LitScene, camera: Camera) -> float:
+    """Height of the ground under the camera (m)."""
+    field, grid = lit.field, lit.scene.grid
+    if grid is None or field.medium is None:
+        return field.ground_m
+    if grid.periodic or _aloft(camera):
         return 0.0
     x, y = _place(camera)
-    if lit.scene.grid.periodic:
-        return 0.0
-    found = _index(lit, x, y)
-    if found is None:
-        raise UserError(f"the observer is outside the domain: {_extent(lit.scene.levels[-1])}")
-    medium, ix, iy = found
-    landscape = None if isinstance(field := lit.field, ReferenceField) else field.landscape
+    landscape = None if isinstance(field, ReferenceField) else field.landscape
     if landscape is not None:
         return landscape.ground_m(y, x)
-    return float(bilinear(medium.terrain_m, np.array([ix]), np.array([iy]))[0])
-
-
-def _index(lit: LitScene, x: float, y: float) -> tuple[Medium, float, float] | None:
-    """The finest grid's medium that covers a place, and the place's fractional indices in it."""
-    field = lit.field
     media = [field.medium] if isinstance(field, ReferenceField) else field.media
-    for scene, medium in zip(lit.scene.levels, media, strict=False):
+    found = _index(lit.scene.levels[: len(media)], x, y)
+    assert found is not None  # _check_observer has looked
+    level, ix, iy = found
+    fineness = media[level].fineness
+    return float(bilinear(media[level].terrain_m, np.array([ix * fineness]), np.array([iy * fineness]))[0])
+
+
+def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
+    """The finest of nested scenes that covers a place, and the place's fractional indices in it."""
+    for level, scene in enumerate(levels):
         grid = scene.grid
         assert grid is not None
-        assert medium is not None
         if grid.curved:
             ix, iy = (float(v) for v in grid.index(x, y))
         else:
             ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
         _, ny, nx = grid.shape
-        if 0 <= ix <= nx - 1 and 0 <= iy <= ny - 1:
-            return medium, ix * medium.fineness, iy * medium.fineness
+        inner = min(max(ix, 0.0), nx - 1.0), min(max(iy, 0.0), ny - 1.0)
+        if max(abs(ix - inner[0]), abs(iy - inner[1])) < _EDGE:
+            return level, *inner
     return None
 
 

@@ -13,7 +13,8 @@ from openswim.errors import UserError
 
 EARTH_RADIUS_M = 6_371_000.0
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
-FLAT_NEEDS_XY = "camera: the scene is flat, give x_m and y_m (metres) instead of lat and lon"
+FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
+CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
 WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer fits a flat picture
 
 
@@ -195,13 +196,14 @@ class Camera:
         """
         pixels = self.pixels() if pixels is None else pixels
         north, east = (self.lat, self.lon) if self.x_m is None else (self.y_m, self.x_m)
-        require(
-            frame.curved == (self.x_m is None),
-            "camera: the scene is curved, give lat and lon" if frame.curved else FLAT_NEEDS_XY,
-        )
+        self.check_frame(frame.curved)
         origin = frame.position(north, east, self.height_above_sea_m(ground_height_m))
         width = 2 * np.radians(np.broadcast_to(pixels.half_width_deg, pixels.inside.shape)[pixels.inside])
         return Rays(origin, pixels.direction[pixels.inside] @ frame.enu(north, east), width)
+
+    def check_frame(self, curved: bool) -> None:
+        """Raise UserError unless the camera's place is one of a curved, or a flat, scene."""
+        require(curved == (self.x_m is None), CURVED_NEEDS_LATLON if curved else FLAT_NEEDS_XY)
 
     def height_above_sea_m(self, ground_height_m: float = 0.0) -> float:
         """Height of the camera above sea level, metres."""
