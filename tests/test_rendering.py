@@ -224,7 +224,7 @@ def test_where_nobody_can_stand_is_known_before_the_light(monkeypatch, flat, pla
 
 
 def test_corners_of_a_domain_are_inside() -> None:
-    """Of evenly spaced degrees, where the index of 50 N, 0 E may be a rounding error below 0."""
+    """Also where rounding puts them a little beside it."""
     x, y = np.linspace(0.0, 30.0, 7), np.linspace(40.0, 50.0, 5)
     scene = Scene.from_arrays({}, x, y, [0.0, 1e3], crs=CRS.from_proj4("+proj=longlat +R=6371000"))
     corners = [(lat, lon) for lat in (40.0, 50.0) for lon in (0.0, 30.0)]

@@ -19,6 +19,7 @@ from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun
 from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
+from openswim.scene.grid import EDGE
 from openswim.transport import Field, ReferenceField, Solver
 from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.surface import bilinear
@@ -28,7 +29,6 @@ F64 = NDArray[np.float64]
 WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
 _SPACE_M = 1e5
 _QUADRATURE = 8
-_EDGE = 1e-6  # of a cell, by which rounding puts a domain's corner outside
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, flo
             ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
         _, ny, nx = grid.shape
         inner = min(max(ix, 0.0), nx - 1.0), min(max(iy, 0.0), ny - 1.0)
-        if max(abs(ix - inner[0]), abs(iy - inner[1])) < _EDGE:
+        if max(abs(ix - inner[0]), abs(iy - inner[1])) < EDGE:
             return level, *inner
     return None
 

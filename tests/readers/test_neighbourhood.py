@@ -127,6 +127,17 @@ def test_a_region_is_cut_at_its_edges_and_refuses_what_lies_outside():
         select(mesh, Neighbourhood(50.0, 10.0))
 
 
+def test_corners_are_of_the_domain():
+    """Also where rounding puts them a little beside it."""
+    mesh = Mesh(np.linspace(0.0, 30.0, 361), np.linspace(40.0, 50.0, 121), SPHERE)
+    for lat, lon in ((50.0, 0.0), (50.0, 30.0), (40.0, 0.0), (40.0, 30.0)):
+        for rounding in (-1e-9, 1e-9):
+            part = select(mesh, Neighbourhood(lat + rounding, lon + rounding))
+            assert np.isfinite(part.take(_field(mesh))).all()
+    with pytest.raises(UserError, match="outside the domain"):
+        select(mesh, Neighbourhood(50.001, 0.0))
+
+
 def test_a_large_domain_seen_whole_is_averaged_and_no_farther_than_it_reaches():
     crs = CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229")
     mesh = Mesh(3000.0 * np.arange(1799) - 2.7e6, 3000.0 * np.arange(1059) - 1.6e6, crs, 6371229.0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.covering import meeting, within
-from openswim.scene.grid import EARTH_RADIUS_M, Grid
+from openswim.scene.grid import EARTH_RADIUS_M, EDGE, Grid
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -129,7 +129,7 @@ class Mesh:
         ny, nx = self.shape
         if self.all_round:
             return np.asarray((iy > -1.01) & (iy < ny + 0.01))
-        return np.asarray((ix >= 0) & (ix <= nx - 1) & (iy >= 0) & (iy <= ny - 1))
+        return np.asarray((ix > -EDGE) & (ix < nx - 1 + EDGE) & (iy > -EDGE) & (iy < ny - 1 + EDGE))
 
     @property
     def even(self) -> bool:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
 EARTH_RADIUS_M = 6_371_000.0
+EDGE = 1e-6  # of a cell, by which rounding puts a domain's corner outside
 _UNIFORM_TOLERANCE = 0.02  # of a cell: float32 coordinates of fine lat/lon grids are no better
 
 
