@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -234,6 +235,26 @@ def test_corners_of_a_domain_are_inside() -> None:
         with pytest.raises(UserError, match="outside the domain"):
             _check_observer(scene, Camera.allsky(lat + 0.001 * np.sign(lat - 45), lon, size=4), "fast")
     assert np.isfinite(openswim.render(scene, Camera.allsky(50.0, 0.0, size=4), "swim", sun=SUN).radiance[1, 1]).all()
+
+
+@pytest.mark.parametrize("sun", [(0, np.nan), (np.inf, 10), (0, 100), (0, 1, 2), (0,), 3.0, "noon", ("a", "b")])
+def test_a_sun_that_is_nowhere_is_told(sun) -> None:
+    with pytest.raises(UserError, match=r"give \(azimuth, altitude\) in degrees"):
+        daylight(Scene.clear(LAT, LON), sun=sun)
+
+
+@pytest.mark.parametrize("wavelengths", [[550, 550], [[550.0, 600.0]], "red", [None, "x"]])
+def test_wavelengths_are_numbers_each_once(monkeypatch, wavelengths) -> None:
+    monkeypatch.setattr(Solver, "solve", None)
+    with pytest.raises(UserError, match="give a list of numbers, each once"):
+        light(Scene.clear(LAT, LON), wavelengths_nm=wavelengths, sun=SUN)
+
+
+@pytest.mark.parametrize("scene", ["foo.nc", Path("foo.nc"), None])
+def test_files_are_to_be_opened_first(scene) -> None:
+    for wrong in (lambda: openswim.render(scene, Camera.allsky(LAT, LON)), lambda: light(scene)):
+        with pytest.raises(UserError, match=r"no scene: open_scene\(path\) first"):
+            wrong()
 
 
 def test_observers_under_the_ground_are_told(clear) -> None:

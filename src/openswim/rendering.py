@@ -61,7 +61,7 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     """
     frame = scene_frame(scene)
     if sun is not None:
-        return Daylight(frame.direction(*sun, frame.lat, frame.lon))
+        return Daylight(frame.direction(*_checked_sun(sun), frame.lat, frame.lon))
     when = scene.time if time is None else time
     if when is None:
         raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
@@ -77,6 +77,32 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     return Daylight(direction, place.distance_au, place.angular_radius_deg)
 
 
+def _checked_sun(sun: Any) -> tuple[float, float]:
+    try:
+        azimuth, altitude = (float(angle) for angle in sun)
+    except (TypeError, ValueError):
+        azimuth = altitude = np.nan
+    if not (np.isfinite(azimuth) and -90 <= altitude <= 90):
+        raise UserError(f"sun = {sun!r}: give (azimuth, altitude) in degrees, the altitude within -90..90")
+    return azimuth, altitude
+
+
+def _checked_wavelengths(wavelengths_nm: Any) -> F64:
+    """(n,), each once: data are told apart by them."""
+    try:
+        wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    except (TypeError, ValueError):
+        wavelengths = np.empty((0, 0))
+    if wavelengths.ndim != 1 or np.unique(wavelengths).size < wavelengths.size:
+        raise UserError(f"wavelengths_nm = {wavelengths_nm!r}: give a list of numbers, each once")
+    return wavelengths
+
+
+def _check_scene(scene: Any) -> None:
+    if not isinstance(scene, Scene):
+        raise UserError(f"{scene!r:.80} is no scene: open_scene(path) first")
+
+
 def light(
     scene: Scene,
     solver: str | Solver = "fast",
@@ -85,10 +111,12 @@ def light(
     sun: tuple[float, float] | None = None,
 ) -> LitScene:
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
+    _check_scene(scene)
+    wavelengths = _checked_wavelengths(wavelengths_nm)
     day = daylight(scene, time, sun)
     chosen = solver if isinstance(solver, Solver) else Solver(solver)
     when = scene.time if time is None else np.datetime64(time, "ms")
-    return LitScene(scene, chosen.solve(scene, day.direction, wavelengths_nm), day, None if sun is not None else when)
+    return LitScene(scene, chosen.solve(scene, day.direction, wavelengths), day, None if sun is not None else when)
 
 
 def render(
@@ -114,6 +142,7 @@ def render(
         lit = scene
         _check_observer(lit.scene, camera, lit.field.solver.name)
     else:
+        _check_scene(scene)
         name = solver if isinstance(solver, str) else solver.name
         part = _needed(scene, camera, name)
         _check_observer(part, camera, name)

@@ -123,6 +123,10 @@ def test_sizes_follow_from_a_width():
     assert Camera.sphere(0, 0, size=1440).shape == (720, 1440)
     assert Camera.perspective(0, 0, size=900).shape == (600, 900)
     assert Camera.satellite(0, 0, size=(300, 500)).shape == (300, 500)
+    for size in ([10, 20], np.array([10, 20]), (np.int64(10), 20)):
+        assert Camera.panorama(0, 0, size=size) == Camera.panorama(0, 0, size=(10, 20))
+        assert Camera.perspective(0, 0, size=size).shape == Camera.satellite(0, 0, size=size).shape == (10, 20)
+    assert Camera.panorama(0, 0, size=np.int64(1440)).shape == (480, 1440)
     assert Camera.allsky(0, 0, size=(300, 300)) == Camera.allsky(0, 0, size=300)
 
 
@@ -153,6 +157,12 @@ def test_sizes_follow_from_a_width():
         lambda: Camera.satellite(0, 0, 0.0),
         lambda: Camera.satellite(0, 0, 1e12),
         lambda: Camera.satellite(0, 0, size=0),
+        lambda: Camera.satellite(0, 0, size=[10]),
+        lambda: Camera.satellite(0, 0, size=()),
+        lambda: Camera.panorama(0, 0, size="10x20"),
+        lambda: Camera.panorama(0, 0, size=None),
+        lambda: Camera.perspective(0, 0, size=[10.5, 20]),
+        lambda: Camera.perspective(0, 0, size=float("nan")),
     ],
 )
 def test_nonsense_is_refused_in_one_line(wrong):

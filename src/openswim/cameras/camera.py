@@ -1,16 +1,18 @@
 """Cameras on the ground, in the air and in space."""
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from openswim.cameras import projections
-from openswim.cameras.checks import check_place, check_view, require
+from openswim.cameras.checks import check_place, check_shape, check_view, require
 from openswim.cameras.pixels import Pixels
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 
+Size = int | Sequence[int]  # columns, or (rows, columns)
 EARTH_RADIUS_M = 6_371_000.0
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
@@ -52,7 +54,7 @@ class Camera:
         lat: float | None = None,
         lon: float | None = None,
         height_m: float = 2.0,
-        size: int | tuple[int, int] = 800,
+        size: Size = 800,
         centre: Literal["zenith", "nadir"] = "zenith",
         fov_deg: float = 180.0,
         *,
@@ -67,7 +69,7 @@ class Camera:
         if centre not in ("zenith", "nadir"):
             raise UserError(f"allsky camera: centre {centre!r} is unknown; use 'zenith' or 'nadir'")
         altitude = 90.0 if centre == "zenith" else -90.0
-        shape = size if isinstance(size, tuple) else (size, size)
+        shape = _shape(size)
         if len(set(shape)) > 1:
             raise UserError(f"allsky camera: size {size} is not square; give one number")
         return cls("allsky", shape, lat, lon, x_m, y_m, height_m, altitude_deg=altitude, fov_deg=fov_deg)
@@ -78,7 +80,7 @@ class Camera:
         lat: float | None = None,
         lon: float | None = None,
         height_m: float = 2.0,
-        size: int | tuple[int, int] = 1440,
+        size: Size = 1440,
         altitude_range_deg: tuple[float, float] = (-30.0, 90.0),
         azimuth_deg: float = 180.0,
         *,
@@ -89,7 +91,7 @@ class Camera:
 
         `size`: (rows, columns), or columns, the rows then following from square pixels at the horizon.
         """
-        shape = size if isinstance(size, tuple) else (_rows(size, altitude_range_deg), size)
+        shape = _shape(size, lambda columns: _rows(columns, altitude_range_deg))
         return cls(
             "panorama",
             shape,
@@ -108,7 +110,7 @@ class Camera:
         lat: float | None = None,
         lon: float | None = None,
         height_m: float = 2.0,
-        size: int | tuple[int, int] = 1440,
+        size: Size = 1440,
         azimuth_deg: float = 180.0,
         *,
         x_m: float | None = None,
@@ -126,7 +128,7 @@ class Camera:
         azimuth_deg: float = 180.0,
         altitude_deg: float = 10.0,
         fov_deg: float = 60.0,
-        size: int | tuple[int, int] = (600, 900),
+        size: Size = (600, 900),
         roll_deg: float = 0.0,
         *,
         x_m: float | None = None,
@@ -136,7 +138,7 @@ class Camera:
 
         `size`: (rows, columns), or columns of a picture 3 : 2.
         """
-        shape = size if isinstance(size, tuple) else (max(1, round(size / 1.5)), size)
+        shape = _shape(size, lambda columns: max(1, round(columns / 1.5)))
         return cls(
             "perspective",
             shape,
@@ -159,21 +161,21 @@ class Camera:
         lon: float,
         height_m: float = 8.0e5,
         fov_deg: float | None = None,
-        size: int | tuple[int, int] = 800,
+        size: Size = 800,
         earth_radius_m: float = EARTH_RADIUS_M,
     ) -> "Camera":
         """Looking straight down from `height_m` above sea level (up to 2e9 m), north up.
 
         Without `fov_deg` the whole disc of the Earth fits with a margin of 3 % (at most 140 degrees wide).
         """
-        shape = size if isinstance(size, tuple) else (size, size)
+        shape = _shape(size)
         if fov_deg is None:
             fov_deg = _whole_disc_fov(height_m, earth_radius_m, shape)
         return cls("perspective", shape, lat, lon, None, None, height_m, "sea level", 0.0, -90.0, fov_deg)
 
     @classmethod
     def geostationary(
-        cls, lon: float, fov_deg: float | None = None, size: int | tuple[int, int] = 800, lat: float = 0.0
+        cls, lon: float, fov_deg: float | None = None, size: Size = 800, lat: float = 0.0
     ) -> "Camera":
         """A satellite over the equator at 35,786 km."""
         return cls.satellite(lat, lon, GEOSTATIONARY_HEIGHT_M, fov_deg, size)
@@ -210,6 +212,14 @@ class Camera:
         return self.height_m + (ground_height_m if self.above == "ground" else 0.0)
 
 
+def _shape(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
+    """(rows, columns) of a size; `rows` of so many columns where these alone are given."""
+    alone = isinstance(size, (int, np.integer))
+    shape: Any = tuple(size) if isinstance(size, Iterable) else (rows(int(size)) if alone else size, size)
+    check_shape(shape)
+    return int(shape[0]), int(shape[1])
+
+
 def _rows(columns: int, altitude_range_deg: tuple[float, float]) -> int:
     bottom, top = altitude_range_deg
     return max(1, round(columns * (top - bottom) / 360))
@@ -218,7 +228,6 @@ def _rows(columns: int, altitude_range_deg: tuple[float, float]) -> int:
 def _whole_disc_fov(height_m: float, earth_radius_m: float, shape: tuple[int, int]) -> float:
     """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
     require(height_m > 0, f"satellite height {height_m} m is not above sea level")
-    require(min(shape) > 0, f"image size {shape} is not positive")
     tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
     widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
     return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

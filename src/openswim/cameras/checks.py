@@ -1,6 +1,6 @@
 """What a camera can be asked for."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,13 +38,18 @@ def check_place(camera: "Camera") -> None:
     )
 
 
+def check_shape(shape: tuple[Any, ...]) -> None:
+    """Image size: rows and columns."""
+    whole = len(shape) == 2 and all(isinstance(n, (int, np.integer)) for n in shape)
+    require(
+        whole and all(1 <= n <= MAX_SIZE for n in shape),
+        f"image size {shape} must be columns, or (rows, columns): whole numbers of pixels from 1 to {MAX_SIZE}",
+    )
+
+
 def check_view(camera: "Camera") -> None:
     """Image size, field of view and pointing."""
-    whole = len(camera.shape) == 2 and all(isinstance(n, (int, np.integer)) for n in camera.shape)
-    require(
-        whole and all(1 <= n <= MAX_SIZE for n in camera.shape),
-        f"image size {camera.shape} must be whole numbers of pixels from 1 to {MAX_SIZE}",
-    )
+    check_shape(camera.shape)
     widest = WIDEST_FOV_DEG[camera.view]
     require(
         0 < camera.fov_deg <= widest,
