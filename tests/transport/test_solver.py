@@ -257,6 +257,46 @@ def test_wavelengths_out_of_range_are_refused(wavelengths: list[float]) -> None:
         Solver().solve(Scene.clear(LAT, LON), sun_at_zenith_angle(30.0), wavelengths)
 
 
+def absorbing(albedo: object) -> Scene:
+    cloud = np.zeros((6, 8, 8))
+    cloud[2:4, 2:6, 2:6] = 0.01
+    return grid_scene(cloud, cloud.shape, (200.0, 200.0, 300.0), single_scattering_albedo=albedo)
+
+
+@pytest.mark.parametrize("name", ["swim", "fast", "reference"])
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_a_list_of_albedos_is_one_for_each_wavelength_asked_for(name: str, count: int) -> None:
+    """However many are solved for side by side."""
+    wavelengths, albedos = [650.0, 450.0, 550.0, 500.0, 600.0][:count], [0.9, 0.8, 1.0, 0.6, 0.7][:count]
+    solver, sun = Solver(name, paths=8 if name == "reference" else None), toward(180, 45)
+    rays = Rays(np.array([0.0, 0.0, 5e3]), np.array([[0.05, 0.0, -1.0], [0.0, 0.1, -1.0]]))
+    by_list, by_wavelength = (
+        solver.solve(absorbing(given), sun, wavelengths).view(rays).radiance
+        for given in (albedos, dict(zip(wavelengths, albedos, strict=True)))
+    )
+    np.testing.assert_array_equal(by_list, by_wavelength)
+    assert (np.argsort(by_list, axis=1) == np.argsort(albedos)).all()
+    with pytest.raises(UserError, match=f"{count + 1} single-scattering albedos for {count} wavelengths"):
+        solver.solve(absorbing([*albedos, 0.5]), sun, wavelengths)
+
+
+def test_lists_of_albedos_of_wider_scenes_too() -> None:
+    cloud = np.zeros((4, 8, 8))
+    cloud[1:3, 2:6, 2:6] = 0.01
+    inner, wider = (
+        grid_scene(cloud, cloud.shape, (cell, cell, 200.0), True, single_scattering_albedo=[0.9, 0.5])
+        for cell in (200.0, 600.0)
+    )
+    inner.wider = wider
+    field = Solver().solve(inner, np.array([0.0, 0.0, 1.0]), [650.0, 450.0])
+    (pack,) = field.packs
+    for level in pack.levels:
+        assert level.medium.species[0].single_scattering_albedo.tolist() == [0.9, 0.5, 0.5, 0.5]
+    wider.optics = absorbing(np.full(4, 0.5)).optics
+    with pytest.raises(UserError, match="4 single-scattering albedos for 2 wavelengths"):
+        Solver().solve(inner, np.array([0.0, 0.0, 1.0]), [650.0, 450.0])
+
+
 def test_rays_must_share_something(three_wavelengths) -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(UserError, match="split them"):

@@ -72,8 +72,12 @@ def run(request: RenderRequest) -> None:
     sun = sun_of(request.sun)
     preload()
 
+    import numpy as np
+
     import openswim
     from openswim.cli.estimate import announce, swept
+    from openswim.optics.species import for_wavelengths
+    from openswim.rendering import WAVELENGTHS_NM
     from openswim.transport import compiling
 
     solver = solver_of(request)
@@ -82,6 +86,7 @@ def run(request: RenderRequest) -> None:
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
     )
+    scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
     if solver.name == "fast" and any(swept(level) for level in scene.levels):
         compiling.begin()
     for note in scene.notes:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +56,24 @@ class Background:
     aerosol_albedo: FloatArray
     aerosol_phase: list[PhaseFunction]
     rayleigh_phase: PhaseFunction
+
+
+def for_wavelengths(scene: Scene, wavelengths_nm: FloatArray) -> Scene:
+    """The scene, and the wider ones around it, with lists of single-scattering albedos as {wavelength_nm: value}.
+
+    A list is one value for each wavelength that will be rendered, whatever these are divided into later.
+    """
+    wider = scene.wider and for_wavelengths(scene.wider, wavelengths_nm)
+    lists = [name for name, one in scene.optics.items() if isinstance(one.single_scattering_albedo, np.ndarray)]
+    if wider is scene.wider and not lists:
+        return scene
+    out = copy(scene)
+    given = {name: _by_wavelength(name, scene.optics[name], wavelengths_nm) for name in lists}
+    out.optics = scene.optics | {
+        name: replace(scene.optics[name], single_scattering_albedo=albedo) for name, albedo in given.items()
+    }
+    out.wider = wider
+    return out
 
 
 def scene_optics(scene: Scene, wavelengths_nm: ArrayLike) -> list[OpticalSpecies]:
@@ -192,15 +211,20 @@ def _backscatter_fraction(kind: str, phase: list[PhaseFunction]) -> float:
 
 
 def _albedo(name: str, optics: Optics, wavelengths: FloatArray) -> FloatArray:
-    if isinstance(optics.single_scattering_albedo, Mapping):
-        return aerosol.interpolate_spectral(optics.single_scattering_albedo, wavelengths)
-    albedo = np.asarray(optics.single_scattering_albedo, float)
-    if albedo.ndim and albedo.shape != wavelengths.shape:
+    return aerosol.interpolate_spectral(_by_wavelength(name, optics, wavelengths), wavelengths)
+
+
+def _by_wavelength(name: str, optics: Optics, wavelengths: FloatArray) -> float | Mapping[float, float]:
+    """Albedo of a species, a list as {wavelength_nm: value}."""
+    albedo = optics.single_scattering_albedo
+    if not isinstance(albedo, np.ndarray):
+        return albedo
+    if albedo.size != wavelengths.size:
         raise UserError(
             f"species {name!r} has {albedo.size} single-scattering albedos for {wavelengths.size} "
             "wavelengths: give one, or one per wavelength"
         )
-    return np.broadcast_to(albedo, wavelengths.shape).astype(float)
+    return dict(zip(wavelengths.tolist(), albedo.tolist(), strict=True))
 
 
 def _field(scene: Scene, name: str) -> NDArray[np.float32] | None:

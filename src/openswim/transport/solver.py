@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.optics.species import for_wavelengths
 from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
@@ -114,6 +115,7 @@ class Solver:
         wl = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wl.size == 0 or not np.isfinite(wl).all() or (wl < 280).any() or (wl > 2500).any():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
+        scene = for_wavelengths(scene, wl)
         if self.name == "reference":
             if scene.wider is not None:
                 warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=2)
