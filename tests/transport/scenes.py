@@ -64,8 +64,7 @@ def grid_scene(
         dy * (np.arange(ny) - (ny - 1) / 2),
         dz * np.arange(nz),
         crs=_CRS if curved else None,
-        phase=HenyeyGreenstein(0.85),
-        **more,
+        **{"phase": HenyeyGreenstein(0.85)} | more,
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
 
-from openswim.optics.phase import HenyeyGreenstein, Mixture, Rayleigh
+from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh
 from openswim.transport.peak import peak_table, peak_tables
 
 M = 5
@@ -15,6 +15,11 @@ ANGLE = np.pi * (np.arange(721) / 720) ** 2
 def depth_of(column: int) -> float:
     u = column / 31
     return u / (1 - u)
+
+
+def broadened(phase: PhaseFunction) -> np.ndarray:
+    """The peak over f, which has a mean of 1 over the sphere before it is broadened."""
+    return peak_table(phase, M) / phase.moments(M + 1)[M]
 
 
 def moment(values: np.ndarray, ell: int) -> float:
@@ -30,7 +35,7 @@ def test_moments_of_the_broadened_peak(column: int, ell: int) -> None:
     p = 1.0 if ell < M else G ** (ell - M)
     expected = p * np.exp(-depth_of(column) * (1 - p))
     # linear interpolation of a peak between the table's angles
-    assert moment(peak_table(HenyeyGreenstein(G), M)[:, column].astype(float), ell) == pytest.approx(
+    assert moment(broadened(HenyeyGreenstein(G))[:, column].astype(float), ell) == pytest.approx(
         expected, abs=4e-3
     )
 
@@ -44,9 +49,9 @@ def test_peaks_narrower_than_their_moments_draw_no_rings(column: int) -> None:
     wide = slice(90, 400, 7)  # 2.8 to 55 degrees
     # less what is delta-like at any depth, whose sum is known: p exp(-phi), a Henyey-Greenstein peak
     series = (2 * ell + 1) * p * (np.exp(-phi * (1 - p)) - np.exp(-phi))
-    single = peak_table(HenyeyGreenstein(g), M)[wide, 0].astype(float)
+    single = broadened(HenyeyGreenstein(g))[wide, 0].astype(float)
     exact = legval(np.cos(ANGLE[wide]), series) + single * np.exp(-phi)
-    np.testing.assert_allclose(peak_table(HenyeyGreenstein(g), M)[wide, column], exact, rtol=0.03, atol=2e-3 * exact[0])
+    np.testing.assert_allclose(broadened(HenyeyGreenstein(g))[wide, column], exact, rtol=0.03, atol=2e-3 * exact[0])
 
 
 def test_column_zero_restores_the_phase_function() -> None:
@@ -55,21 +60,34 @@ def test_column_zero_restores_the_phase_function() -> None:
     low = legval(np.cos(ANGLE), [(2 * ell + 1) * (G**ell - f) for ell in range(M)])
     exact = (1 - G**2) / (1 + G**2 - 2 * G * np.cos(ANGLE)) ** 1.5
     table = peak_table(phase, M)[:, 0].astype(float)
-    np.testing.assert_allclose(low + f * table, exact, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(low + table, exact, rtol=1e-5, atol=1e-5)
 
 
 def test_far_in_only_the_truncated_delta_is_left() -> None:
     expected = legval(np.cos(ANGLE), [2 * ell + 1.0 for ell in range(M + 1)])  # p_M = chi_M/f = 1 too
-    np.testing.assert_allclose(peak_table(HenyeyGreenstein(G), M)[:, -1], expected, atol=1e-4)
+    np.testing.assert_allclose(broadened(HenyeyGreenstein(G))[:, -1], expected, atol=1e-4)
 
 
 def test_the_peak_loses_height_with_depth() -> None:
-    forward = peak_table(HenyeyGreenstein(G), M)[0]
+    forward = broadened(HenyeyGreenstein(G))[0]
     assert (np.diff(forward) < 0).all()
 
 
 def test_smooth_phase_functions_have_no_peak() -> None:
-    assert not peak_table(Rayleigh(), M).any()
+    np.testing.assert_allclose(peak_table(Rayleigh(), M), 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("forward_fraction", [0.0, 0.45, 0.5, 0.501, 0.6])
+def test_what_is_not_a_forward_peak_is_left_whole(forward_fraction: float) -> None:
+    """Backward lobes: chi_M is below 0, or far below the next moments."""
+    phase = DoubleHenyeyGreenstein(0.7, -0.7, forward_fraction)
+    table, chi = peak_table(phase, M).astype(float), phase.moments(M + 1)
+    f = max(chi[M], 0.0)
+    low = legval(np.cos(ANGLE), [(2 * ell + 1) * (chi[ell] - f) for ell in range(M)])
+    np.testing.assert_allclose(low + table[:, 0], phase.value(np.cos(ANGLE)), rtol=1e-5, atol=1e-5)
+    assert np.abs(table).max() < 1.01 * np.abs(table[:, 0]).max()  # at any depth
+    if forward_fraction <= 0.5:
+        np.testing.assert_array_equal(table, table[:, :1] * np.ones(32))
 
 
 def test_tables_are_stacked_by_scatterer_and_wavelength() -> None:

@@ -9,10 +9,12 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import (
     LAT,
     LON,
     WAVELENGTH_NM,
+    box,
     grid_scene,
     sky_directions,
     slab,
@@ -22,9 +24,9 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.scene import Scene
-from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.transport import Field, Solver
 
 
@@ -244,6 +246,54 @@ def test_aerosol_species_and_clouds_may_share_a_scene() -> None:
     np.testing.assert_allclose(
         view.transmittance[:, 0], np.exp(-view.species_depth.astype(float).sum(axis=1)), atol=2e-3
     )
+
+
+PHASES = [
+    HenyeyGreenstein(-0.6), DoubleHenyeyGreenstein(0.7, -0.7, 0.45), DoubleHenyeyGreenstein(0.7, -0.7, 0.55),
+    HenyeyGreenstein(0.0), HenyeyGreenstein(0.85),
+]  # fmt: skip
+
+
+def at_angles_from(sun: np.ndarray, *angles_deg: float) -> np.ndarray:
+    """Directions (n, 3) by their angle from the sun in the north, to its south and on."""
+    angle = np.radians(angles_deg)[:, None]
+    return np.cos(angle) * sun + np.sin(angle) * np.array([0.0, -sun[2], sun[1]])
+
+
+@pytest.mark.parametrize("phase", PHASES, ids=str)
+def test_what_is_scattered_once_is_exact(phase: PhaseFunction) -> None:
+    """In a thin box that absorbs what is scattered twice: integral of k omega P exp(-tau)."""
+    omega, sun, centre = 0.02, toward(0, 60), np.array([0.0, 0.0, 400.0])
+    cloud = box((9, 9, 9), (slice(3, 6),) * 3, 3e-4)
+    field = Solver().solve(
+        grid_scene(cloud, cloud.shape, single_scattering_albedo=omega, phase=phase), sun, [WAVELENGTH_NM]
+    )
+    nodes = 100.0 * np.arange(9)
+    cloud_at = RegularGridInterpolator((nodes, nodes - 400, nodes - 400), cloud, bounds_error=False, fill_value=0.0)
+    for ray in at_angles_from(sun, 180, 120, 80, 60, 20, 5):
+        seen = field.view(Rays(centre - 390 * ray, ray[None])).radiance[0, 0]
+        along = centre + np.arange(-400.0, 400.0, 4.0)[:, None] * ray
+        to_sun = along[:, None] + np.arange(0.0, 600.0, 4.0)[:, None] * sun
+        depth = 4 * (np.cumsum(cloud_at(along[:, ::-1])) + cloud_at(to_sun[..., ::-1]).sum(axis=1))
+        exact = 4 * omega * phase.value(ray @ sun) * (cloud_at(along[:, ::-1]) * np.exp(-depth)).sum()
+        assert seen == pytest.approx(exact, rel=0.03)
+
+
+@pytest.mark.parametrize("phase", PHASES, ids=str)
+def test_what_aerosol_scatters_once_is_exact(phase: PhaseFunction) -> None:
+    """Against aerosol that scatters evenly, where there is next to nothing else."""
+    sun = toward(0, 60)
+
+    def sky(albedo: float, phase: PhaseFunction) -> np.ndarray:
+        aerosol = AerosolProfile(0.05, 0.0, single_scattering_albedo=albedo, phase=phase)
+        air = Atmosphere.us_standard(ozone_du=0.0, aerosol=aerosol)
+        field = Solver().solve(Scene.clear(LAT, LON, air, surface_albedo=0.0), sun, [2000.0])
+        return field.view(Rays(np.array([0.0, 0.0, 10.0]), rays)).radiance[:, 0]
+
+    rays, even = at_angles_from(sun, 110, 80, 60, 20, 5), HenyeyGreenstein(0.0)
+    without = sky(0.0, even)
+    ratio = (sky(0.02, phase) - without) / (sky(0.02, even) - without)
+    np.testing.assert_allclose(ratio, phase.value(rays @ sun), rtol=0.03)
 
 
 def test_unknown_solvers_are_refused() -> None:

@@ -19,7 +19,7 @@ from openswim.transport.moments import Coarser, Moments
 from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix, lebedev
 from openswim.transport.pack import PACK
-from openswim.transport.peak import peak_tables
+from openswim.transport.peak import forward_share, peak_tables
 from openswim.transport.sun import direct_beam, ground_beam, shadow_rows
 from openswim.transport.sun_depth import depths_to_sun, inside
 from openswim.transport.surface import Lighting, bilinear, forward_depth
@@ -116,16 +116,23 @@ class GridLight:
 
 
 def forward_tables(medium: Medium, fast: bool) -> F32:
-    """Forward-peak tables of the species, then of the background aerosol; `swim` reads none in clouds."""
+    """Forward-peak tables of the species, each by what it scatters per reference extinction, then of the background
+    aerosol; `swim` reads none in clouds."""
     rows = [s.phase for s in medium.species]
     if medium.air is not None:
         last = peak_tables([medium.air.aerosol_phase], DEGREE)
         clouds = peak_tables(rows, DEGREE) if rows and fast else np.zeros((len(rows), *last.shape[1:]), np.float32)
-        return np.concatenate([clouds, last])
+        return np.concatenate([clouds * _scattering(medium), last])
     if not rows or not fast:
         return np.zeros((len(rows) + 1, 2, 2, PACK), np.float32)
-    clouds = peak_tables(rows, medium.degree)
+    clouds = peak_tables(rows, medium.degree) * _scattering(medium)
     return np.concatenate([clouds, np.zeros_like(clouds[:1])])
+
+
+def _scattering(medium: Medium) -> F32:
+    """omega per reference extinction, (ns, 1, 1, nw)."""
+    rows = [s.relative_extinction * s.single_scattering_albedo for s in medium.species]
+    return np.array(rows, np.float32).reshape(len(rows), 1, 1, PACK)
 
 
 def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coefficients:
@@ -133,7 +140,7 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coeff
     scaled, scattering = [], []
     for s in medium.species:
         chi = s.phase[w].moments(medium.degree + 1)
-        f = chi[-1] if fast else 0.0
+        f = forward_share(chi, medium.degree) if fast else 0.0
         k, omega = s.relative_extinction[w], s.single_scattering_albedo[w]
         scaled.append(k * (1 - omega * f))
         scattering.append(k * omega * (chi[:-1] - f))
@@ -156,7 +163,7 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coeff
 def _forward(medium: Medium, nw: int) -> F32:
     """omega f per reference extinction (ns, nw): what delta scaling leaves in the beam."""
     rows = [
-        [k * omega * phase.moments(medium.degree + 1)[-1]
+        [k * omega * forward_share(phase.moments(medium.degree + 1), medium.degree)
          for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
         for s in medium.species
     ]  # fmt: skip

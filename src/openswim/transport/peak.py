@@ -1,8 +1,8 @@
 """The forward peak that delta scaling takes out of the phase function, broadened by repeated scattering.
 
-transport.md section 2: with f = chi_M and p_l = 1 (l < M), chi_l/f above, light that has met the forward depth phi
-between the sun and a point is scattered there by f G(Theta, phi),
-G = sum_l (2l+1) p_l exp(-phi (1 - p_l)) P_l(cos Theta).
+transport.md section 2: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that has met the forward depth
+phi between the sun and a point is scattered there by what truncation leaves of the phase function,
+R(Theta, phi) = sum_l (2l+1) r_l exp(-phi (1 - p_l)) P_l(cos Theta), p_l = min(r_l/f, 1).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _ANGLES = 721
 _DEPTHS = 32
 _MOST_MOMENTS = 900
+_NO_PEAK = 1e-6
 # ice has a peak so narrow that its moments do not end here: cut off, they would draw rings .4 degrees apart
 _TAPER = np.exp(-12.0 * (np.arange(_MOST_MOMENTS) / _MOST_MOMENTS) ** 4)
 
@@ -33,32 +34,37 @@ def _legendre(x: Array, count: int) -> Array:
     return out
 
 
+def forward_share(moments: Array, degree: int) -> Array:
+    """f of Legendre moments (..., l): what delta scaling counts as not scattered; 0 where there is no forward peak."""
+    return np.maximum(moments[..., degree], 0.0)
+
+
 @lru_cache(maxsize=64)
 def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
-    """G (angle, depth): 721 angles at pi (i/720)^2, 32 depths at phi/(1 + phi) = j/31.
+    """R (angle, depth): 721 angles at pi (i/720)^2, 32 depths at phi/(1 + phi) = j/31.
 
-    Column 0 (phi = 0) is the exact phase function less its truncated part, over f: the TMS correction
-    (Nakajima & Tanaka 1988). Zero where the phase function has no moment chi_M.
+    Column 0 (phi = 0) is the exact phase function less its truncated part: the TMS correction (Nakajima & Tanaka
+    1988). Without a forward peak it is what all the beam is scattered by.
     """
     moments = phase.moments(_MOST_MOMENTS)
-    f = moments[degree]
+    f = forward_share(moments, degree)
     angle = np.pi * (np.arange(_ANGLES) / (_ANGLES - 1)) ** 2
     x = np.cos(angle)
-    table = np.zeros((_ANGLES, _DEPTHS))
-    if f < 1e-6:
-        return table.astype(np.float32)
     legendre = _legendre(x, _MOST_MOMENTS)
     weight = 2 * np.arange(_MOST_MOMENTS) + 1.0
     low = weight[:degree] * (moments[:degree] - f)
-    table[:, 0] = (phase.value(x) - low @ legendre[:degree]) / f
-    p = moments / f
-    p[:degree] = 1.0
+    table = np.repeat((phase.value(x) - low @ legendre[:degree])[:, None], _DEPTHS, axis=1)
+    if f < _NO_PEAK:
+        return table.astype(np.float32)
+    left = moments.copy()
+    left[:degree] = f
+    p = np.minimum(left / f, 1.0)  # the beam holds no more of a moment than of all its light
     u = np.arange(1, _DEPTHS) / (_DEPTHS - 1)
     phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e3)[:, None]
     # exp(-phi (1 - p)) - exp(-phi): converges twice as fast as the peak itself
     growth = np.exp(-phi * (1 - p)) - np.exp(-phi)
     growth *= _TAPER
-    table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * p * growth).T
+    table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
     return table.astype(np.float32)
 
 

@@ -36,9 +36,9 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 # directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
 SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
 
-# What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol without its peak; the
-# part of the haze's peak that is read as single scattering; what each species scatters of the beam once (RAY on)
-_MOLECULES, _AEROSOL, _HAZE, RAY = 0, PACK, 2 * PACK, 3 * PACK
+# What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol, without the part of
+# its peak that is resolved; what each species scatters of the beam once (RAY on)
+_MOLECULES, _AEROSOL, RAY = 0, PACK, 2 * PACK
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -72,9 +72,9 @@ def prepare_ray(cos_angle, table, phase, volume, ray, peak):
         for d in range(depths):
             near = read(table, start + d * PACK)
             write(peak, s * stride + d * PACK, near + a * (read(table, start + stride + d * PACK) - near))
-    write(ray, _HAZE, (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
+    write(ray, _AEROSOL, read(ray, _AEROSOL) + (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
     for s in range(volume.species):
-        narrow = (_ONE - share) * read(volume.forward, s * PACK) * read(peak, s * stride)
+        narrow = (_ONE - share) * read(peak, s * stride)
         write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + narrow)
     return share
 
@@ -190,10 +190,10 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
         if volume.shining:
             # not from the nodes, whose own angles differ from the ray's
-            single = high(low(air_row)) * read(ray, _MOLECULES) + low(high(air_row)) * read(ray, _AEROSOL)
-            single += forward * read(ray, _HAZE)
+            aerosol = low(high(air_row))
+            single = high(low(air_row)) * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
             if share > _ZERO:
-                resolved = forward * _peak_at(peak, volume.species * depths * PACK, q, part)
+                resolved = aerosol * _peak_at(peak, volume.species * depths * PACK, q, part)
         if cloud > _ZERO:
             if volume.bend.shape[0] > 0:
                 at = ((k * ny + j) * nx + i) * PACK
@@ -204,12 +204,11 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
             for s in range(volume.species):
                 x = flat(nodes, 2 * PACK + s)
                 start = s * depths * PACK
-                taken = x * read(volume.forward, s * PACK)
                 extinction += x * read(volume.scaled, s * PACK)
-                forward += taken
+                forward += x * read(volume.forward, s * PACK)
                 single += x * read(ray, RAY + s * PACK)
                 if share > _ZERO:
-                    resolved += taken * _peak_at(peak, start, q, part)
+                    resolved += x * _peak_at(peak, start, q, part)
         resolved *= share
     source = high(low(node))
     if volume.turning.shape[0] > 0:
@@ -282,12 +281,12 @@ def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, shells, haze):
     extinction, molecules = low(low(row)), high(low(row))
     aerosol, forward = low(high(row)), high(high(row))
     beam = lit * transmission(low(slant))
-    single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL) + forward * read(ray, _HAZE)
+    single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
     smooth = _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
     resolved = spread(_ZERO)
     if share > _ZERO:
         q, part = _peak_place(high(slant), peak.shape[1])
-        resolved = share * forward * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+        resolved = share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
     return (
         join(extinction, extinction + forward), join(smooth, spread(_ZERO)), join(single, resolved), beam, extinction
     )  # fmt: skip

@@ -15,6 +15,7 @@ from openswim.optics import Background
 from openswim.transport.march import ground_radiance_rows, march_rays
 from openswim.transport.ordinates import hemisphere_product
 from openswim.transport.pack import PACK
+from openswim.transport.peak import forward_share
 from openswim.transport.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.scalar import harmonics_symmetric
 from openswim.transport.volume import (
@@ -175,7 +176,7 @@ def build_shells(
     chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
     chi_r = np.zeros(_DIFFUSE_DEGREE)
     chi_r[:3] = background.rayleigh_phase.moments(3)
-    f = chi[:, degree]
+    f = forward_share(chi, degree)
     rayleigh = background.rayleigh_per_m.T
     forward = aerosol * omega * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
