@@ -134,6 +134,20 @@ def test_wind_goes_on_beyond_the_domain():
     assert surface_properties(scene, [44.3], [20.0], WAVELENGTHS).wind_speed == pytest.approx(5.0)
 
 
+def test_wind_beyond_the_domain_has_no_streaks():
+    """Winds that differ from cell to cell at the edge go over into means over as many cells as it is away."""
+    rough = np.where(np.arange(len(LAT)) % 2, 5.0, 25.0)[:, None]
+    scene = lonlat_scene(wind_east_10m=rough, wind_north_10m=0.0)
+    lat, cell = LAT[3] + np.linspace(0.0, LAT[9] - LAT[3], 200), LON[1] - LON[0]
+    spread = [
+        np.ptp(surface_properties(scene, lat, np.full(200, LON[-1] + away * cell), WAVELENGTHS).wind_speed)
+        for away in (0.0, 0.5, 1.0, 1.5, 3.0)
+    ]
+    assert spread[0] > 19
+    assert (np.diff(spread) < 1e-9).all()
+    assert spread[3] < 0.5
+
+
 def test_date_line_has_no_seam():
     lat = np.full(200, 66.5)  # Chukotka, land on both sides
     lon = np.linspace(-180.2, -179.8, 200)

@@ -141,7 +141,18 @@ def test_foam_covers_what_was_measured():
     wind = np.array([5.0, 10.0, 15.0])
     np.testing.assert_allclose(water.foam_fraction(wind), 3.84e-6 * wind**3.41, rtol=0.1)
     assert water.foam_fraction(0.0) == 0
-    assert 0 < water.foam_fraction(60.0) <= 1
+
+
+def test_foam_levels_off_without_a_kink():
+    """Monahan & O'Muircheartaigh's to 20 m/s; in a hurricane whitecaps and streaks (Holthuijsen et al. 2012)."""
+    wind = np.linspace(0.0, 80.0, 801)
+    foam = water.foam_fraction(wind)
+    measured = wind <= 20
+    np.testing.assert_allclose(foam[measured], 2.95e-6 * wind[measured] ** 3.52, rtol=0.02)
+    assert (np.diff(foam) > 0).all()
+    slope = np.gradient(foam, wind)
+    assert np.abs(np.diff(slope)).max() < 0.05 * slope.max()  # within .1 m/s
+    assert 0.2 < water.foam_fraction(30.0) < water.foam_fraction(80.0) < 0.4
 
 
 def test_diffuse_albedo_of_water():

@@ -291,12 +291,12 @@ def _snow_level(model: ModelGround, near: _Places, colour: FloatArray, wavelengt
 
 
 def _wind(model: ModelGround, near: _Places) -> FloatArray:
-    """10-m wind speed (n,): the model's, beyond its domain its mean within some cells, which fades into the default."""
+    """10-m wind speed (n,): the model's, beyond its domain means over ever more cells, which fade into the default."""
     speed = model.wind_speed
     if speed is None:
         return np.full(near.ix.size, DEFAULT_WIND_M_S)
-    here = bilinear(speed, near.ix, near.iy)
-    here += (1.0 - np.exp(-near.away / _WIND_CELLS)) * (speed.mean() - here)
+    here, _ = speed.at(near.ix, near.iy, near.away)
+    here += (1.0 - np.exp(-near.away / _WIND_CELLS)) * (speed.mean - here)
     return DEFAULT_WIND_M_S + near.fade * (here - DEFAULT_WIND_M_S)
 
 

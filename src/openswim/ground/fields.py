@@ -66,6 +66,12 @@ class Filled:
         """None where no node is valid."""
         return cls(values, valid) if valid.any() else None
 
+    @property
+    def mean(self) -> FloatArray:
+        """Over all valid nodes (k)."""
+        weight, total = self.levels[0]
+        return np.asarray(total.sum(axis=(0, 1)) / weight.sum())
+
     def at(self, ix: FloatArray, iy: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values (n[, k]) at fractional indices `away` cells from the grid, and whether any were near (n,), 0 to 1."""
         out = np.zeros(ix.shape + self.levels[0][1].shape[2:])

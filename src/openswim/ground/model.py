@@ -37,7 +37,7 @@ class ModelGround:
     land: FloatArray | None = None
     sharp_shores: bool = False
     sea_ice: FloatArray | None = None
-    wind_speed: FloatArray | None = None
+    wind_speed: Filled | None = None
     snow_near: Filled | None = None
     snow_age: FloatArray | None = None
     standing_out: FloatArray | None = None
@@ -53,7 +53,7 @@ class ModelGround:
         land, wind = _surface(data, "land_area_fraction"), None
         east, north = _surface(data, "wind_east_10m"), _surface(data, "wind_north_10m")
         if east is not None and north is not None:
-            wind = np.hypot(east, north)
+            wind = Filled(np.hypot(east, north), np.ones(east.shape, bool))
         fraction, snow_near, above = _snow_fraction(data), None, None
         if fraction is not None:
             snow_near = Filled(blurred(fraction), np.ones(fraction.shape, bool))
