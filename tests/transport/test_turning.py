@@ -22,7 +22,7 @@ def scene(across, atmosphere=None):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("across, atmosphere", [(12, None), (4, Atmosphere.us_standard())])
+@pytest.mark.parametrize(("across", "atmosphere"), [(12, None), (4, Atmosphere.us_standard())])
 def test_a_ray_sees_the_same_in_company_and_alone(across, atmosphere):
     """Alone it is parallel light to itself, and sources are aimed along it; in company they were aimed at the eye from
     within the base period, and the same ray was up to three times as bright."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from openswim.errors import UserError
-from openswim.validate.geometry import grid_body, parse_body
+from openswim.validate.geometry import cells_across, grid_body, parse_body
 
 SPHERE = "sphere: centre (0,0,1) km radius 0.5 extinction 20/km"
 
@@ -52,3 +52,11 @@ def test_a_cube_by_its_edge() -> None:
 def test_what_is_not_understood_is_said(text: str) -> None:
     with pytest.raises(UserError, match=text[:6]):
         parse_body(text)
+
+
+def test_thick_bodies_have_more_cells() -> None:
+    counts = [cells_across(parse_body(SPHERE.replace("20/km", f"{k}/km"))) for k in (1, 20, 34, 60)]
+    assert counts[:2] == [97, 97]
+    assert counts == sorted(counts)
+    assert counts[2] < counts[3] == 145
+    assert all(n % 2 for n in counts)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.validate.geometry import CELLS_ACROSS, grid_body, parse_body
+from openswim.validate.geometry import grid_body, parse_body
 from openswim.validate.metrics import image_agreement, image_score
 from openswim.validate.phases import PhaseTables, phase_of_attributes
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch, with_sigma
@@ -33,7 +33,7 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
     sigma = data.sigma.transpose("i", "j", ...) if "sigma" in data else 0 * radiance
     for k, albedo in enumerate(np.atleast_1d(data.surface_albedo.values)):
         exact = solver.name == "reference"
-        scene = case_scene(reference, float(albedo), _FINE_CELLS if exact else CELLS_ACROSS)
+        scene = case_scene(reference, float(albedo), _FINE_CELLS if exact else None)
         with watch.running():
             field = solver.solve(scene, sun / np.linalg.norm(sun), np.array([WAVELENGTH_NM]))
             image, own = case_estimate(field, reference) if exact else case_image(field, reference)
@@ -44,7 +44,7 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
         )  # fmt: skip
 
 
-def case_scene(reference: Reference, albedo: float, cells: int = CELLS_ACROSS) -> Scene:
+def case_scene(reference: Reference, albedo: float, cells: int | None = None) -> Scene:
     data, attributes = reference.data, reference.data.attrs
     boundary = str(attributes.get("boundary", "open"))
     periodic = "periodic" in boundary

@@ -10,8 +10,9 @@ from openswim.errors import UserError
 
 Array = NDArray[np.float64]
 
-# An odd number: a body's faces lie midway between nodes, so that it ends within one cell and not two
-CELLS_ACROSS = 97
+# Odd numbers: a body's faces lie midway between nodes, so that it ends within one cell and not two
+_CELLS_ACROSS = 97, 145
+_CELL_DEPTH = 0.28  # where the more do not suffice: nodes give what is opaque a skin of a cell
 _SUBSAMPLES = 6  # per cell and axis, for the share of a cell that a sphere fills
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 
@@ -76,11 +77,19 @@ def _after(word: str, text: str) -> float:
     return float(match.group(1))
 
 
-def grid_body(body: Body, across: int = CELLS_ACROSS) -> tuple[Array, Array, Array, Array]:
-    """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body.
+def cells_across(body: Body) -> int:
+    """Into how many cells a body is divided: the more, the thicker it is."""
+    depth = 2 * body.half_size.max() * body.extinction
+    return int(np.clip(2 * (depth / _CELL_DEPTH // 2) + 1, *_CELLS_ACROSS))
+
+
+def grid_body(body: Body, across: int | None = None) -> tuple[Array, Array, Array, Array]:
+    """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body ``across`` cells wide (default
+    `cells_across`).
 
     A node has the share of the cell around it that lies inside; nodes reach two cells beyond the body.
     """
+    across = across or cells_across(body)
     step = 2 * body.half_size.max() / across
     cells = np.ceil(body.half_size / step).astype(int) + 2
     x, y, z = (c + step * np.arange(-n, n + 1) for c, n in zip(body.centre, cells, strict=True))
