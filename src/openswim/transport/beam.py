@@ -29,7 +29,8 @@ _ZERO, _ONE, _EIGHTH = np.float32(0.0), np.float32(1.0), np.float32(0.125)
 _NINTH, _EIGHTEENTH = np.float32(1 / 9), np.float32(1 / 18)
 _CLOUDY = np.float32(1e-3)  # share of the extinction that cloud must be
 _OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off,
-_THICK = np.float32(2.0)  # and from so much on as far as the beam fades in it, where it comes aslant
+_THICK = np.float32(2.0)  # and from so much on as far as the beam fades in it,
+_ASLANT = np.float32(5.0)  # where it crosses so many times as many cells as levels
 _TINY = np.float32(1e-37)
 _DARK = np.float32(1e-36)  # at a corner of less light there is the terrain's shadow, or nothing left
 
@@ -90,8 +91,10 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 # not more than the thickest would take of the brightest
                 ratio = _least(taken, most * brightest) / (_EIGHTH * told + _TINY)
                 # what is thin amends little: at the edge of another cloud's shadow it would seem to take more, or less
-                depth = _OFF * most / root(vx * vx + vy * vy + vz * vz)
-                faded = _most(depth - _THICK, _ZERO) * (brightest / (least + _DARK))
+                speed = root(vx * vx + vy * vy + vz * vz)
+                depth = _OFF * most / speed
+                aslant = speed / (_most(vz, _ZERO - vz) + _TINY) - _ASLANT
+                faded = _most(depth - _THICK, _ZERO) * _most(aslant, _ZERO) * (brightest / (least + _DARK))
                 ratio = _least(ratio, _ONE + depth + faded)
                 ratio = _most(_most(ratio, _ONE - depth), _ZERO)
                 ratio = choose_above(least, _DARK, ratio, _ONE)

@@ -289,8 +289,8 @@ def _levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
 def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, fineness: float) -> F64:
     """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2).
 
-    ``fineness``: share of the usual depth that a layer may have, as far as cloud covers it: broken cloud is lit from
-    its sides.
+    ``fineness``: share of the usual depth that a layer may have where cloud covers most columns: broken cloud is lit
+    from its sides.
     """
     if total is None:
         return levels
@@ -299,12 +299,11 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
     flat = total.reshape(total.shape[0], -1)
     own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
     cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
-    cover = np.pad((flat > 0).mean(axis=1), 1, "edge")
-    cover = np.maximum(np.maximum(cover[:-2], cover[2:]), cover[1:-1])
+    covered = np.clip(4 * (flat > 0).any(axis=0).mean() - 2, 0.0, 1.0)
     beyond = 0.0 if heights.ndim == 1 else None  # below a model's lowest nodes on the mean lie those of its valleys
     middle = 0.5 * (levels[1:] + levels[:-1])
-    wanted = _SCALED / (1 + (fineness - 1) * np.interp(middle, own, cover))
-    depth = wanted * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
+    scaled = _SCALED / (1 + (fineness - 1) * covered)
+    depth = scaled * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
     parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
     # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
     in_cloud = depth > _CLOUDY_DEPTH
