@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
-from tests.transport.scenes import toward
+from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, toward
 
+from openswim.cameras import Rays
+from openswim.transport import Solver
+from openswim.transport.pack import PACK
 from openswim.transport.sun_depth import inside, sun_sweep, weighted
 
 FLAT_M = 1e12
@@ -181,3 +184,63 @@ def test_where_the_earth_bends_neighbours_see_their_own_suns(
         own = np.stack([depth_to_sun(field, s, cell, periodic, True, radius)[0, :, i] for i, s in enumerate(suns)], -1)
         np.testing.assert_allclose(depth, own, atol=most * own.mean())
         assert abs(depth - own).mean() < mean * own.mean()
+
+
+@pytest.mark.parametrize("altitude_deg", [0.0, -0.001, -0.05, -0.25])
+def test_what_is_left_of_a_sun_under_a_flat_horizon_comes_level(altitude_deg: float) -> None:
+    """To the sides of an open block, which is as dark as by a sun on the horizon."""
+    nz, ny, nx, beta, cell = 6, 4, 12, 0.002, (200.0, 300.0, 100.0)
+    depth = depth_to_sun(np.full((nz, ny, nx), beta), toward(90.0, altitude_deg), cell, False, True)
+    expected = beta * cell[0] * (nx - 1 - np.arange(nx))
+    np.testing.assert_allclose(depth[:-1], np.broadcast_to(expected, (nz - 1, ny, nx)), rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("altitude_deg", [1e-4, 0.0, -0.05, -0.25])
+def test_a_level_sun_in_a_period_is_far(altitude_deg: float) -> None:
+    """Through 1e6 cells, of which some are asked."""
+    rng = np.random.default_rng(3)
+    nz, ny, nx, cell = 12, 16, 24, (25.0, 25.0, 20.0)
+    field = rng.random((nz, ny, nx)) * 0.01
+    depth = depth_to_sun(field, toward(200.0, altitude_deg), cell, True, True)
+    mu, rise = max(np.sin(np.radians(altitude_deg)), 0.0), cell[2] * (nz - 1)
+    way = 2 * rise / (mu + np.sqrt(mu**2 + 2 * rise / FLAT_M))
+    np.testing.assert_allclose(depth[0], 0.005 * way, rtol=0.1)
+    assert depth[-2].min() > 80.0
+
+
+def test_high_cloud_is_lit_by_a_sun_under_the_horizon() -> None:
+    """On the curved Earth, from 8 km two degrees down: over the fog, through the deck in which the ray has its lowest
+    point."""
+    radius, beta, mu, cell = 6.371e6, 1e-5, -np.sin(np.radians(2.0)), (5000.0, 5000.0, 500.0)
+    height = cell[2] * np.arange(19)
+    lowest = 8000.0 - radius * mu**2 / (2 * (1 - mu**2))
+    assert 4000.0 < lowest < 4500.0
+    deck = np.where((height > 3000) & (height < 7000), beta, 0.0)
+    fog = np.where(height < 2500, 0.01, 0.0)
+    sun = np.array([np.sqrt(1 - mu**2), 0.0, mu])
+    for field, expected in ((fog, 0.0), (deck, None)):
+        depth = depth_to_sun(np.broadcast_to(field[:, None, None], (19, 3, 130)), sun, cell, False, True, radius)
+        if expected is None:
+            s = np.arange(0.0, 1e6, 50.0)
+            expected = 50.0 * np.interp(8000.0 + mu * s + (1 - mu**2) * s**2 / (2 * radius), height, field).sum()
+        np.testing.assert_allclose(depth[16, :, :20], expected, rtol=0.01)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("name", ["swim", "fast"])
+def test_a_setting_sun_fades_from_flat_scenes(name: str, periodic: bool) -> None:
+    shape = (8, 8, 8)
+    cloud = box(shape, (slice(2, 5), slice(2, 6), slice(2, 6)), 0.01)
+    scene = grid_scene(cloud, shape, (200.0,) * 3, periodic=periodic)
+    rays = Rays(np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, 1.0], [0.5, 0.5, 0.7]]))
+    before = np.inf
+    for altitude_deg in (0.5, 0.25, 0.05, 0.01, 0.0, -0.01, -0.05, -0.25, -0.5, -5.0, -90.0):
+        field = Solver(name).solve(scene, toward(53.0, altitude_deg), [WAVELENGTH_NM])
+        views = [field.view(r).radiance.ravel() for r in (rays, down_on([0.0, 300.0], 0.0, 3000.0))]
+        seen = np.concatenate([*views, *field.fluxes().values(), [field.packs[0].volume.fields[..., :PACK].mean()]])
+        assert np.isfinite(seen).all()
+        assert (seen >= 0).all()
+        assert (seen <= before + 1e-5).all(), altitude_deg
+        before = seen
+        if altitude_deg < -0.3:
+            assert (seen < 2e-6).all()

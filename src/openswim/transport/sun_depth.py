@@ -23,6 +23,7 @@ from openswim.transport.pack import (
 )
 from openswim.transport.scalar import table_index
 from openswim.transport.threads import in_threads
+from openswim.transport.volume import SUN_RADIUS_RAD
 
 if TYPE_CHECKING:
     from openswim.transport.medium import Medium
@@ -38,7 +39,8 @@ _FAR_M = 1e30
 _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
-_BURIED_M = 5000.0  # below the grid, where no light comes through: the sun is two degrees under the horizon
+_DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
+_MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
@@ -122,6 +124,8 @@ def _depths_to_sun(
         stretch = np.float32(longer) * off + _ONE
         at = level
         count = int(fastest * (end - s)) + 1
+        if periodic:
+            count = min(count, _MOST_STEPS)
         ds = (end - s) / count
         for piece in range(1, count + 1):
             left, step = leave - np.float32(s) * stretch, np.float32(ds) * stretch
@@ -188,15 +192,15 @@ def _pieces(ray, turn, rise_m, radius_m, nodes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _buried(mu, above_m, radius_m):
-    """Whether a ray that starts so high above the grid's lowest level goes through the Earth."""
-    return mu < 0.0 and mu * mu * radius_m > 2.0 * (1.0 - mu * mu) * (above_m + _BURIED_M)
+def _dip(above_m, radius_m):
+    """Cosine of the zenith angle of a ray that starts so high above the level that it touches."""
+    return -math.sqrt(2.0 * above_m / (radius_m + 2.0 * above_m))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _aim(sun, cell_m, ray):
-    """``ray`` of `_depths_to_sun` toward a sun."""
-    ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], sun[2]
+def _aim(sun, cell_m, lowest, ray):
+    """``ray`` of `_depths_to_sun` toward a sun, or to where its cosine is the ``lowest``."""
+    ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], max(sun[2], lowest)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -209,6 +213,10 @@ def _row_to_sun(
     if a pack has both."""
     fields, nz, ny, width = depth.shape
     nx = exact.shape[2]
+    above_m = levels_m[k] - levels_m[0]
+    deepest = _dip(above_m + _DEEPEST_M, radius_m)
+    dark = min(deepest, _dip(above_m, radius_m) - SUN_RADIUS_RAD)
+    lowest = 0.0 if periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
     for first in range(0, nx, LANES):
         i = max(min(first, nx - LANES), 0)
         end = min(i + LANES, nx)
@@ -218,9 +226,9 @@ def _row_to_sun(
         turn[2] = (sun[j, end - 1, 2] - sun[j, i, 2]) / steps
         for follow in (True, False):
             last = followed[k] if follow else passed[k]
-            _aim(sun[j, (i + end) // 2], cell_m, ray)
-            if _buried(ray[2], levels_m[k] - levels_m[0], radius_m):
+            if sun[j, (i + end) // 2, 2] < dark:
                 continue
+            _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
             pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
             for piece in range(pieces):
                 one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
@@ -230,7 +238,7 @@ def _row_to_sun(
                     count += exact[k, j, m] == follow
                 if count == 0:
                     continue
-                _aim(sun[j, middle], cell_m, ray)
+                _aim(sun[j, middle], cell_m, lowest, ray)
                 _depths_to_sun(
                     extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m,
                     level_table, radius_m, nx, periodic, scratch[0], scratch[1],
@@ -267,7 +275,7 @@ def sun_sweep(
     ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
     level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
-    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth is in the way.
+    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth hides the sun.
     """
     filled = np.array([bool(extinction[:, k].any()) for k in range(len(levels_m))])
     followed, passed, gates = _stops(filled)

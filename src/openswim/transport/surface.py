@@ -104,7 +104,7 @@ class Lighting:
         beam = beam_transmission(shells, mu)[0]
         self.mu_sun = mu.reshape(1, 1)
         self.direct[:, 0, 0] = beam
-        self.diffuse[:, 0, 0] = ground_flux(shells, mu)[0] - beam * max(sun[2], 0)
+        self.diffuse[:, 0, 0] = sky_flux(shells, mu)[0]
         self.up_top[:, 0, 0] = outgoing_flux(shells, sun)
         self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(np.float32)
         self.clear_sky = clear_sky_table(shells, sun)
@@ -118,8 +118,7 @@ class Lighting:
         down = q[:, 2] > 0
         raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
         mu = np.array([sun[2]])
-        exact = (ground_flux(shells, mu) - beam_transmission(shells, mu) * np.maximum(mu, 0)[:, None])[0]
-        ratio = np.where(raw > 0, exact / np.maximum(raw, 1e-30), 1.0)
+        ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
         self.diffuse *= np.clip(ratio, 0.8, 1.25).astype(np.float32)[:, None, None]
 
     def mean_fluxes(self) -> dict[str, F64]:
@@ -140,6 +139,14 @@ def ground_flux(shells: Shells, mu_sun: F64) -> F64:
     """Total flux (n, nw) at the ground below the shells."""
     t = np.interp(mu_sun, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
     return rows_between(shells.ground_flux, t)
+
+
+def sky_flux(shells: Shells, mu_sun: F64) -> F64:
+    """Diffuse flux (n, nw) at the ground below the shells."""
+    if not shells.rows.any():  # between a table's suns, some flux of the beam would pass for it
+        return np.zeros((len(mu_sun), shells.ground_flux.shape[1]))
+    beam = beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None]
+    return np.maximum(ground_flux(shells, mu_sun) - beam, 0)
 
 
 def forward_depth(shells: Shells, mu_sun: F64) -> F64:
@@ -266,7 +273,7 @@ def _ground(
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     mu_sun = up @ sun
     beam = beam_transmission(shells, mu_sun)
-    diffuse = np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
+    diffuse = sky_flux(shells, mu_sun)
     normal = up.copy()
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
     along_m = width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0)
@@ -319,9 +326,7 @@ def _ground(
 def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:
     """L' (n, nw) of the ground; its water mirrors ``mirrored`` (n, nw) where that is known, else the clear sky."""
     centre = light_field.sun[2:]
-    clear = np.maximum(
-        ground_flux(shells, centre) - beam_transmission(shells, centre) * np.maximum(centre, 0)[:, None], 1e-9
-    )
+    clear = np.maximum(sky_flux(shells, centre), 1e-9)
 
     def sky(which: NDArray[np.int64], mu: F64, azimuth: F64) -> F64:
         table = light_field.lighting.clear_sky

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from openswim.transport.free import beside, occupied
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
-from openswim.transport.shells import beam_transmission
 from openswim.transport.sun import direct_beam
 from openswim.transport.sun_depth import beyond_sides, depths_to_sun, inside
-from openswim.transport.surface import Lighting, clear_sky_table, ground_flux
+from openswim.transport.surface import Lighting, clear_sky_table, sky_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
     diffuse_albedo,
@@ -46,8 +45,7 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     medium = light.medium
     mu = lighting.mu_sun.ravel()
     shape = lighting.mu_sun.shape
-    clear_beam = beam_transmission(shells, mu)
-    clear_diffuse = np.maximum(ground_flux(shells, mu) - clear_beam * np.maximum(mu, 0)[:, None], 0)
+    clear_diffuse = sky_flux(shells, mu)
     lighting.clear_sky = clear_sky_table(shells, sun)
     ground = (medium.levels_m[:, None, None] < medium.terrain_m).sum(axis=0)
     ground = np.minimum(ground, len(medium.levels_m) - 1)[None]

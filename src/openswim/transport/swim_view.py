@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium
-from openswim.transport.shells import beam_transmission, without_light
+from openswim.transport.shells import without_light
 from openswim.transport.sun import shell_transmission
-from openswim.transport.surface import ground_flux
+from openswim.transport.surface import ground_flux, sky_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
     diffuse_albedo,
@@ -218,8 +218,7 @@ def _lit_by_sky_and_ground(field: PackField, sight: Sight, shells: Shells, w: in
     vertical = tau * np.abs(sight.rise)
     back = diffuse_albedo(b * tau) * multiple_scattering_albedo(omega, g, vertical, 0.5)
     mu, columns = sight.mu_sun, field.lighting.mu_sun.ravel()
-    total = ground_flux(shells, mu)[:, w]
-    sky = np.maximum(total - beam_transmission(shells, mu)[:, w] * np.maximum(mu, 0), 0)
+    total, sky = ground_flux(shells, mu)[:, w], sky_flux(shells, mu)[:, w]
     # the ground's mean light, by the hour of the day at the cloud
     usual = float(ground_flux(shells, columns[:: max(1, columns.size // 1000)])[:, w].mean())
     ground = float(np.mean(field.lighting.mean_fluxes()["up_bottom"][w])) * total / max(usual, 1e-9)
