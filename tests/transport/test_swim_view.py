@@ -5,6 +5,8 @@ import pytest
 import xarray as xr
 from tests.transport.scenes import (
     WAVELENGTH_NM,
+    box,
+    down_on,
     grid_scene,
     sky_directions,
     slab,
@@ -106,6 +108,27 @@ def test_absorbing_layers_are_darker_on_both_sides() -> None:
     for rays in (up, down):
         by_omega = [view(slab(8.0, omega=o, phase=PHASES["saudi"]), 40.0, rays) for o in (0.86, 0.94, 1.0)]
         assert (np.diff(by_omega, axis=0) > 0).all()
+
+
+def test_what_only_absorbs_is_black() -> None:
+    """Alone, and of finite light beside white cloud and air."""
+    sky = sky_directions([5.0, 50.0, 85.0], [0.0, 90.0])
+    for height, direction in ((1.0, sky), (1001.0, -sky)):
+        black = view(slab(8.0, omega=0.0), 40.0, Rays(np.array([0.0, 0.0, height]), direction))
+        np.testing.assert_array_equal(black, 0.0)
+    soot = box((9, 8, 8), (slice(2, 6), slice(0, 8), slice(0, 5)), 0.02)
+    cloud = box((9, 8, 8), (slice(4, 8), slice(0, 8), slice(3, 8)), 0.01)
+    scene = grid_scene(
+        {"soot": soot, "cloud": cloud}, soot.shape, curved=True, air=True, surface_albedo=0.3,
+        single_scattering_albedo={"soot": 0.0, "cloud": 1.0},
+    )  # fmt: skip
+    field = SWIM.solve(scene, toward(90.0, 40.0), [WAVELENGTH_NM])
+    through_soot, _, through_cloud = seen = field.view(down_on([-200.0, 0.0, 300.0], 0.0, 3000.0)).radiance[:, 0]
+    assert np.isfinite(seen).all()
+    assert 0 < through_soot < 0.5 * through_cloud
+    for values in field.fluxes().values():
+        assert np.isfinite(values).all()
+        assert (values >= 0).all()
 
 
 def test_dark_smoke_dims_the_ground_as_two_streams_do() -> None:
