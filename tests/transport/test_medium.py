@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, grid_scene, slab
+from tests.transport.scenes import LAT, LON, box, grid_scene, slab
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
@@ -50,6 +50,17 @@ def test_air_under_a_cloud_is_not_divided_as_cloud() -> None:
     below, within = (np.diff(medium.levels_m[part]) for part in (medium.levels_m <= 437, medium.levels_m >= 438))
     assert below.min() > 100.0
     assert within.max() < 25.0
+
+
+@pytest.mark.parametrize(("columns", "more"), [(12, True), (5, False)], ids=["overcast", "broken"])
+def test_a_low_sun_divides_what_it_meets_from_above(columns: int, more: bool) -> None:
+    """Where cloud covers under half of the columns, they are lit from their sides."""
+    shape = (12, 12, 12)
+    cloud = box(shape, (slice(4, 8), slice(0, 12), slice(0, columns)), 0.01)
+    cloud[:, 0] *= 0.9  # not plane-parallel
+    scene = grid_scene(cloud, shape)
+    low, high = (len(build_medium(scene, WL, np.cos(np.radians(zenith))).levels_m) for zenith in (75.0, 60.0))
+    assert low > high if more else low == high
 
 
 def test_without_refinement_the_levels_are_the_scenes_own() -> None:

@@ -145,10 +145,14 @@ def build_medium(
     elif refine:
         if not frame.curved and not sideless and not tall and cell_m < WIDE_CELL_M:
             halvings = _halvings(levels, heights, total, cell_m, ny * nx)
+        share = 1.0  # on the Earth, where levels do not follow the hour
+        if sideless:
+            share = 0.35 * max(mu_sun, 0.12)  # of one column, levels cost little
+        elif not frame.curved:
+            share = float(np.clip(2 * mu_sun, 0.2, 1.0))  # a low sun's beam fades within less height
         levels = _refined(
-            levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings,
-            0.35 * max(mu_sun, 0.12) if sideless else 1.0 if frame.curved else float(np.clip(2 * mu_sun, 0.2, 1.0)),
-        )  # fmt: skip
+            levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings, share
+        )
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
