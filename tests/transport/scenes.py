@@ -77,6 +77,12 @@ def box(
     return field
 
 
+def cloud_scene(**more: Any) -> Scene:
+    """A box of cloud in vacuum."""
+    shape = (9, 13, 13)
+    return grid_scene(box(shape, (slice(3, 6), slice(4, 9), slice(4, 9)), 0.02), shape, **more)
+
+
 def down_on(x_m: ArrayLike, y_m: ArrayLike, height_m: float) -> Rays:
     """Vertical rays from a height."""
     x, y = np.broadcast_arrays(np.asarray(x_m, float), np.asarray(y_m, float))

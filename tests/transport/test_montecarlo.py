@@ -5,16 +5,25 @@ Chances follow from the seed, so nothing here fails by bad luck twice in a row o
 
 from __future__ import annotations
 
-import pickle
 import time
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, down_on, grid_scene, sky_directions, slab, toward
+from tests.transport.scenes import (
+    LAT,
+    LON,
+    WAVELENGTH_NM,
+    box,
+    cloud_scene,
+    down_on,
+    grid_scene,
+    sky_directions,
+    slab,
+    toward,
+)
 from tests.validate.fakes import single_scattering
 
 from openswim.cameras import Rays
@@ -37,12 +46,6 @@ def solve(scene: Scene, sun: np.ndarray = SUN, wavelengths=(WAVELENGTH_NM,), **o
 def above(direction: np.ndarray) -> Rays:
     """Rays of which the directions point down, from over the slabs."""
     return Rays(np.array([0.0, 0.0, 1001.0]), direction)
-
-
-def cloud_scene(**more) -> Scene:
-    """A box of cloud in vacuum."""
-    shape = (9, 13, 13)
-    return grid_scene(box(shape, (slice(3, 6), slice(4, 9), slice(4, 9)), 0.02), shape, **more)
 
 
 @pytest.mark.parametrize("upward", [True, False])
@@ -181,96 +184,6 @@ def test_seed_decides_and_threads_do_not() -> None:
     finally:
         numba.set_num_threads(threads)
     assert (solve(cloud_scene(), paths=64, seed=1).view(rays).radiance != first).any()
-
-
-def test_resumed_is_uninterrupted(tmp_path: Path) -> None:
-    rays, file = down_on(np.linspace(-200, 200, 10), 0.0, 2000.0), tmp_path / "sums.npz"
-    whole = solve(cloud_scene(), paths=96).view(rays)
-    solve(cloud_scene(), paths=32, checkpoint=file).view(rays)
-    again = solve(cloud_scene(), paths=96, checkpoint=file).view(rays)
-    np.testing.assert_allclose(again.radiance, whole.radiance, rtol=1e-6)
-    np.testing.assert_allclose(again.sigma, whole.sigma, rtol=1e-5)
-    other = solve(cloud_scene(), paths=8, seed=5, checkpoint=file).view(rays)  # not this view's sums
-    assert other.paths == 8
-    assert [p.name for p in tmp_path.iterdir()] == ["sums.npz"]
-
-
-def _fingerprint(tmp_path: Path, scene: Scene) -> set[str]:
-    """Names in the checkpoint of a view down on a scene."""
-    file = tmp_path / "sums"
-    file.unlink(missing_ok=True)
-    solve(scene, paths=2, checkpoint=file).view(down_on(np.array([10.0, 60.0]), 0.0, 2000.0))
-    with np.load(file) as stored:
-        return set(stored)
-
-
-@pytest.mark.parametrize(
-    ("change", "curved"),
-    [
-        ({"cell_m": (300.0, 300.0, 100.0)}, False), ({"cell_m": (300.0, 300.0, 100.0)}, True),
-        ({"periodic": True}, False), ({"wind_speed_m_s": 12.0}, True),
-    ],
-    ids=["spacing", "spacing on a sphere", "sides", "wind"],
-)  # fmt: skip
-def test_another_scene_has_another_fingerprint(change: dict, curved: bool, tmp_path: Path) -> None:
-    def scene(cell_m=(100.0, 100.0, 100.0), periodic: bool = False, wind_speed_m_s: float = 4.0) -> Scene:
-        shape = (4, 5, 5)
-        more = {} if curved else {"periodic": periodic}
-        made = grid_scene(np.full(shape, 1e-3, np.float32), shape, cell_m, curved=curved, **more)
-        for name, value in (("wind_east_10m", wind_speed_m_s), ("wind_north_10m", 0.0), ("land_area_fraction", 0.0)):
-            made.data[name] = (("y", "x"), np.full(shape[1:], value, np.float32))
-        return made
-
-    one = _fingerprint(tmp_path, scene())
-    assert len(one) == 3
-    assert _fingerprint(tmp_path, scene()) == one
-    assert not _fingerprint(tmp_path, scene(**change)) & one
-
-
-def _npy(file: Path) -> None:
-    with file.open("wb") as out:
-        np.save(out, np.zeros(3))
-
-
-def _pickled(file: Path) -> None:
-    file.write_bytes(pickle.dumps({"total": 1}))
-
-
-def _zipped(file: Path) -> None:
-    with zipfile.ZipFile(file, "w") as out:
-        out.writestr("word/document.xml", "precious")
-
-
-def _cut(file: Path) -> None:
-    solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
-    file.write_bytes(file.read_bytes()[:-100])
-
-
-def _misshapen(file: Path) -> None:
-    solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
-    with np.load(file) as stored:
-        sums = {name: values[..., None] for name, values in stored.items()}
-    with file.open("wb") as out:
-        np.savez(out, **sums)
-
-
-_RAYS = down_on(np.linspace(-200, 200, 4), 0.0, 2000.0)
-
-
-@pytest.mark.parametrize("write", [Path.touch, _npy, _pickled, _zipped, _cut, _misshapen])
-def test_files_that_are_no_checkpoints_are_told_and_kept(write, tmp_path: Path) -> None:
-    file = tmp_path / "sums"
-    write(file)
-    before = file.read_bytes()
-    with pytest.raises(UserError, match=r"sums: damaged, or no checkpoint; choose"):
-        solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
-    assert file.read_bytes() == before
-
-
-def test_a_checkpoint_that_cannot_be_written_is_told_before_any_path(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(montecarlo, "path_kernel", None)
-    with pytest.raises(UserError, match=r"checkpoint .*missing does not exist"):
-        solve(cloud_scene(), paths=4, checkpoint=tmp_path / "missing" / "sums").view(_RAYS)
 
 
 @pytest.mark.parametrize("keeps", [False, True])

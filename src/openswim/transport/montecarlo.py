@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
-import re
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-import openswim
 from openswim.cameras.rays import Rays
-from openswim.errors import UserError
 from openswim.ground import surface_properties
 from openswim.ground.albedo import SurfaceSample
 from openswim.progress import job, relabel
-from openswim.scene.files import check_target, written_whole
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
+from openswim.transport.checkpoint import Checkpoint
 from openswim.transport.field import View
 from openswim.transport.medium import Medium
 from openswim.transport.montecarlo_ground import Seen, seen_ground
@@ -42,8 +37,6 @@ _SAVE_S = 30.0
 _FLUX_PLACES = 1024
 _SHARP = 20.0  # phase functions with a higher peak are aimed with
 _AIMING = 0.2
-_PARTS = ("total", "squares", "paths")  # of what a checkpoint knows of a view
-_STORED = re.compile(f"[0-9a-f]{{16}}_({'|'.join(_PARTS)})")
 
 
 @dataclass
@@ -295,68 +288,3 @@ class Sums:
         """Mean standard error over mean radiance."""
         whole = self.total.sum()
         return float(self.sigma.sum() * self.paths / whole) if whole > 0 else 0.0
-
-
-@dataclass
-class Checkpoint:
-    """A file in which sums over paths outlive the process; views are told apart by a fingerprint."""
-
-    path: Path
-    key: str
-
-    @classmethod
-    def of(cls, light: ReferenceField, origin: F64, direction: F64, sides: list[F64], seen: Seen) -> Checkpoint | None:
-        if light.solver.checkpoint is None:
-            return None
-        check_target(light.solver.checkpoint, name="checkpoint")
-        digest = hashlib.sha256()
-        for value in (
-            openswim.__version__, origin, direction, sides, seen, light.wavelengths_nm, light.solver.seed, light.aiming,
-            light.world, light.phases,
-        ):  # fmt: skip
-            _feed(digest, value)
-        return cls(Path(light.solver.checkpoint), digest.hexdigest()[:16])
-
-    def _stored(self) -> dict[str, Any]:
-        if not self.path.exists():
-            return {}
-        try:
-            with self.path.open("rb") as file, np.load(file) as arrays:
-                stored = dict(arrays)
-        except Exception as error:  # zipfile and numpy raise anything on what is not theirs
-            raise self._wrong() from error
-        if not all(_STORED.fullmatch(name) for name in stored):
-            raise self._wrong()
-        return stored
-
-    def _wrong(self) -> UserError:
-        return UserError(f"checkpoint {self.path}: damaged, or no checkpoint; choose another name, or remove it")
-
-    def load(self, sums: Sums) -> None:
-        """Go on from what is stored, if it is of this very view."""
-        stored = self._stored()
-        found = [stored[name] for name in (f"{self.key}_{part}" for part in _PARTS) if name in stored]
-        if not found:
-            return
-        if [each.shape for each in found] != [sums.total.shape, sums.total.shape, ()]:
-            raise self._wrong()
-        sums.total, sums.squares, sums.paths = found[0], found[1], int(found[2])
-
-    def save(self, sums: Sums) -> None:
-        """Replace the file: whole or not at all."""
-        own = zip(_PARTS, (sums.total, sums.squares, np.array(sums.paths)), strict=True)
-        stored = self._stored() | {f"{self.key}_{part}": values for part, values in own}
-        with written_whole(self.path) as partial, partial.open("wb") as file:
-            np.savez(file, **stored)
-
-
-def _feed(digest: hashlib._Hash, value: Any) -> None:
-    """Add all arrays, numbers and names in (named) tuples and lists."""
-    if isinstance(value, tuple | list):
-        for each in value:
-            _feed(digest, each)
-        return
-    array = np.asarray(value)
-    assert array.dtype != object  # of which the bytes are addresses
-    digest.update(f"{array.dtype.str} {array.shape}".encode())
-    digest.update(array.tobytes())
