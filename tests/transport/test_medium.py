@@ -70,6 +70,20 @@ def test_without_refinement_the_levels_are_the_scenes_own() -> None:
     np.testing.assert_array_equal(medium.extinction[0], lumps())
 
 
+def test_clear_air_goes_on_above_a_low_model() -> None:
+    flat = grid_scene(0.05 * lumps(), SHAPE, air=True)
+    own = build_medium(flat, WL, 0.8, refine=False).levels_m
+    levels = build_medium(flat, WL, 0.8).levels_m
+    above = levels >= own[-1]
+    assert own[-1] < 1000 < 18e3 < levels[-1]
+    assert above.sum() < 40
+    assert 0 < np.diff(levels[above]).max() <= 1000
+    medium = build_medium(flat, WL, 0.8)
+    assert not medium.extinction[:, levels > own[-1]].any()
+    airless = build_medium(grid_scene(0.05 * lumps(), SHAPE), WL, 0.8)
+    assert airless.levels_m[-1] == own[-1]
+
+
 def test_terrain_following_levels_keep_the_columns() -> None:
     nz, ny, nx = 21, 7, 6
     x = 1000.0 * np.arange(nx)

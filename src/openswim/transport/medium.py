@@ -41,6 +41,8 @@ _WITHOUT_SIDES_M = 1e8
 _MOST_DEGREES = 200.0  # of longitude
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
+_AIR_TOP_M = 18_000.0  # of levels above a scene's own
+_TALLER, _TALLEST, _TALLEST_M = 2.0, 0.1, 1000.0  # than the last, of its height (haze thins out fast), and at all
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 
 
@@ -153,6 +155,8 @@ def build_medium(
         levels = _refined(
             levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings, share
         )
+    if refine and scene.atmosphere is not None:
+        levels = _with_air_above(levels)
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -250,6 +254,8 @@ def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float
     if refine:
         total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
         levels = _refined(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
+    if refine and scene.atmosphere is not None:
+        levels = _with_air_above(levels)
     fineness = 1
     if refine or cover is not None:
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -318,6 +324,15 @@ def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, co
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
     pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]
     return np.concatenate([*pieces, levels[-1:]])
+
+
+def _with_air_above(levels: F64) -> F64:
+    """Levels up to where little air is left, ever taller: what clouds light there is the grid's to know."""
+    out, dz = list(levels), float(levels[-1] - levels[-2])
+    while out[-1] < _AIR_TOP_M:
+        dz = max(dz, min(_TALLER * dz, _TALLEST * out[-1], _TALLEST_M))
+        out.append(out[-1] + dz)
+    return np.array(out)
 
 
 def _fixed(frame: Frame, place: F64) -> F64:

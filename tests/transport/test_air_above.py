@@ -1,0 +1,37 @@
+"""Air above the clouds of a low model: lit by them, as path after path finds it."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import toward
+
+from openswim.cameras import Rays
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.transport import Solver
+
+SUN = toward(90.0, 30.0)
+PLACES = np.array([[0, 0, 1500.0], [0, 0, 1500.0], [0, 0, 8000.0], [0, 0, 2e5]])
+WAYS = np.array([toward(0.0, altitude) for altitude in (88.0, 30.0, 30.0, -88.0)])
+
+
+def overcast(single_scattering_albedo: float) -> Scene:
+    """Deck of optical depth 20 from 800 to 1200 m, on a grid that ends at 1600 m."""
+    across, height = 500.0 * np.arange(6), np.arange(0, 1601, 100.0)
+    field = np.zeros((17, 6, 6), np.float32)
+    field[8:13] = 20 / 450
+    return Scene.from_arrays(
+        field, across, across, height, periodic=True, surface_albedo=0.1,
+        atmosphere=Atmosphere.us_standard(aerosol=None), single_scattering_albedo=single_scattering_albedo,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("albedo", "limit"), [(1.0, 0.06), (0.9, 0.08)])
+def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None:
+    scene = overcast(albedo)
+    seen = []
+    for solver in (Solver(), Solver("reference", paths=6000, seed=3)):
+        field = solver.solve(scene, SUN, [615.0, 450.0])
+        seen.append(np.concatenate([field.view(Rays(p, w)).radiance for p, w in zip(PLACES, WAYS, strict=True)]))
+    fast, reference = seen
+    # it was a third too dark above white clouds, and a sixth of their blue was missing from space
+    np.testing.assert_allclose(fast, reference, rtol=limit)
