@@ -251,7 +251,7 @@ class Sweeper:
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
-        before, weighed = 0.0, np.ones(len(self.place))
+        before = 0.0
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
@@ -275,9 +275,8 @@ class Sweeper:
             residual = np.empty((len(image), 4, BLOCK), np.float32)
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             if n > _SETTLED:  # all by the same light, or the greatest would seem to be nearest to its end
-                recent.reweigh((weight / weighed).astype(np.float32)[level])
-            recent.mix(image, residual, values)
-            weighed = weight
+                recent.reweigh(weight, level)
+            recent.mix(image, residual, weight, values)
         return image, values, n
 
 
@@ -308,23 +307,27 @@ class _Anderson:
         self.memory = memory
         self.images: list[F32] = []
         self.residuals: list[F32] = []
+        self.weights: list[F64] = []  # of their levels
 
     def spare(self) -> F32 | None:
         """Room for the next image: that of the one to be forgotten."""
         if len(self.images) < self.memory:
             return None
         self.residuals.pop(0)
+        self.weights.pop(0)
         return self.images.pop(0)
 
-    def reweigh(self, times: F32) -> None:
-        """Give blocks (n,) of the earlier residuals other weights."""
-        for residual in self.residuals:
-            residual *= times[:, None, None]
+    def reweigh(self, weight: F64, level: NDArray[np.int64]) -> None:
+        """Give the levels' ``weight`` to the earlier residuals, whose blocks (n,) are on each ``level``."""
+        for n, residual in enumerate(self.residuals):
+            residual *= (weight / self.weights[n]).astype(np.float32)[level, None, None]
+            self.weights[n] = weight
 
-    def mix(self, image: F32, residual: F32, out: F32) -> None:
-        """The best combination, into ``out``."""
+    def mix(self, image: F32, residual: F32, weight: F64, out: F32) -> None:
+        """The best combination, into ``out``; ``weight`` of levels is in the residual."""
         self.images.append(image)
         self.residuals.append(residual)
+        self.weights.append(weight)
         # inner products of the residuals' differences from the last, from those of the residuals
         count = len(self.residuals)
         inner = np.empty((count, count))

@@ -29,6 +29,7 @@ from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, S
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+_TOLD = 4096  # nodes whose harmonics are told together
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
@@ -103,15 +104,17 @@ class GridLight:
         row = np.where(near, np.cumsum(near).reshape(near.shape), 0).astype(np.int32)
         directions = lebedev(50).direction
         told = np.linalg.pinv(harmonic_matrix(directions, DEGREE)).astype(np.float32)
-        harmonics = np.zeros((DEGREE * DEGREE, int(near.sum()) * PACK), np.float32)
-        for some in np.split(np.arange(len(directions)), 10):
-            sources = []
-            for n in some:
-                self.aim(volume, directions[n], True)
-                sources.append(volume.fields[..., PACK : 2 * PACK][near].ravel())
-            harmonics += told[:, some] @ np.stack(sources)
         rows = np.zeros((int(near.sum()) + 1, DEGREE * DEGREE, PACK), np.float32)
-        rows[1:] = np.moveaxis(harmonics.reshape(DEGREE * DEGREE, -1, PACK), 0, 1)
+        for some in np.split(np.arange(len(directions)), 10):
+            sources = np.empty((len(some), len(rows) - 1, PACK), np.float32)
+            for source, n in zip(sources, some, strict=True):
+                self.aim(volume, directions[n], True)
+                source[:] = volume.fields[..., PACK : 2 * PACK][near]
+            for a in range(1, len(rows), _TOLD):
+                part = rows[a : a + _TOLD]
+                of_part = sources[:, a - 1 : a - 1 + len(part)].reshape(len(some), -1)
+                harmonics = (told[:, some] @ of_part).reshape(DEGREE * DEGREE, len(part), PACK)
+                part += np.moveaxis(harmonics, 0, 1)
         return volume._replace(turning=rows, turning_row=row)
 
 

@@ -141,12 +141,12 @@ def ground_flux(shells: Shells, mu_sun: F64) -> F64:
     return rows_between(shells.ground_flux, t)
 
 
-def sky_flux(shells: Shells, mu_sun: F64) -> F64:
-    """Diffuse flux (n, nw) at the ground below the shells."""
+def sky_flux(shells: Shells, mu_sun: F64, beam: F64 | None = None) -> F64:
+    """Diffuse flux (n, nw) at the ground below the shells; ``beam``: their `beam_transmission`, if known."""
     if not shells.rows.any():  # between a table's suns, some flux of the beam would pass for it
         return np.zeros((len(mu_sun), shells.ground_flux.shape[1]))
-    beam = beam_transmission(shells, mu_sun) * np.maximum(mu_sun, 0)[:, None]
-    return np.maximum(ground_flux(shells, mu_sun) - beam, 0)
+    beam = beam_transmission(shells, mu_sun) if beam is None else beam
+    return np.maximum(ground_flux(shells, mu_sun) - beam * np.maximum(mu_sun, 0)[:, None], 0)
 
 
 def forward_depth(shells: Shells, mu_sun: F64) -> F64:
@@ -273,7 +273,7 @@ def _ground(
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     mu_sun = up @ sun
     beam = beam_transmission(shells, mu_sun)
-    diffuse = sky_flux(shells, mu_sun)
+    diffuse = sky_flux(shells, mu_sun, beam)
     normal = up.copy()
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
     along_m = width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0)
