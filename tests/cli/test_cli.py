@@ -279,6 +279,14 @@ def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str],
     assert "--json" in capsys.readouterr().err
 
 
+def test_validate_replaces_no_reference(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "sky.csv").write_text("a,b\n1,2\n")
+    for name in ("sky.csv", "sky.json"):
+        assert run(["validate", str(tmp_path), "--json", str(tmp_path / name)]) == 2
+        assert "would replace" in capsys.readouterr().err
+    assert (tmp_path / "sky.csv").read_text() == "a,b\n1,2\n"
+
+
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == 0
     assert openswim.__version__ in capsys.readouterr().out

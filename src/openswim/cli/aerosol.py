@@ -1,7 +1,6 @@
 """`openswim aerosol`: named types, and fits of double Henyey-Greenstein functions to Mie theory."""
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from openswim.errors import UserError
+from openswim.scene.files import check_target, written_whole
 
 if TYPE_CHECKING:
     from openswim.optics import DoubleHGFit, PhaseFunction
@@ -54,8 +54,8 @@ def fit(request: FitRequest) -> None:
     from openswim.optics import fit_double_hg
 
     for path, option in ((request.json_path, "--json"), (request.plot_path, "--plot")):
-        if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
-            raise UserError(f"{option} {path}: cannot be written; name a file in a folder that is writable")
+        if path is not None:
+            check_target(path, name=option)
     wavelengths = _numbers("--wavelengths", request.wavelengths)
     if not wavelengths or not all(200 <= wl <= 4000 for wl in wavelengths):
         raise UserError(f"--wavelengths {request.wavelengths}: give nanometres within 200 to 4000, such as 615,546,450")
@@ -63,7 +63,8 @@ def fit(request: FitRequest) -> None:
     fits = [fit_double_hg(phase) for phase in particles.phases]
     _print(wavelengths, fits, particles)
     if request.json_path is not None:
-        request.json_path.write_text(json.dumps(_described(wavelengths, fits, particles), indent=1) + "\n")
+        with written_whole(request.json_path) as partial:
+            partial.write_text(json.dumps(_described(wavelengths, fits, particles), indent=1) + "\n")
     if request.plot_path is not None:
         _draw(request.plot_path, wavelengths, fits, particles)
 
@@ -187,6 +188,7 @@ def _draw(path: Path, wavelengths: list[float], fits: "list[DoubleHGFit]", parti
     below.axhline(1.0, color="0.5", linewidth=0.5)
     below.set(xlabel="scattering angle (degrees)", ylabel="fit / particles", xlim=(0, 180))
     try:
-        figure.savefig(path, dpi=150)
+        with written_whole(path) as partial:
+            figure.savefig(partial, dpi=150)
     except (ValueError, OSError) as error:
         raise UserError(f"--plot {path}: cannot be written ({error})") from error

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from openswim.errors import UserError
+from openswim.scene.files import check_target
 
 REFERENCE_S = 3.0  # CPU seconds of Monte Carlo per view and flux
 
@@ -14,13 +15,10 @@ def run(
     directory: Path, solver: str, json_path: Path | None, seconds: float | None = None, quality: str | None = None
 ) -> None:
     """Compare, print the table, write the JSON; files that cannot be compared are named on stderr."""
-    if json_path is not None:
-        _check_folder(json_path)
-
     from rich.console import Console
 
     from openswim.transport import Solver
-    from openswim.validate import as_table, validate, write_json
+    from openswim.validate import as_table, reference_files, validate, write_json
 
     if quality is not None and solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {solver}")
@@ -30,6 +28,9 @@ def run(
         chosen = Solver(solver, quality=quality or "standard")
     else:
         raise UserError(f"--seconds belongs to --solver reference; leave it out with {solver}")
+    if json_path is not None:
+        files = reference_files(directory)
+        check_target(json_path, [*files, *(path.with_suffix(".json") for path in files)], "--json")
     rows, skipped = validate(directory, chosen)
     for line in skipped:
         click.echo(f"skipped: {line}", err=True)
@@ -39,10 +40,3 @@ def run(
         raise UserError(f"{directory}: nothing in it could be compared; name a folder with reference files")
     console = Console(width=None if os.isatty(1) else 140, soft_wrap=False)
     console.print(as_table(rows))
-
-
-def _check_folder(path: Path) -> None:
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise UserError(
-            f"--json {path}: cannot be written; name a file in a folder that exists and is writable"
-        )

@@ -3,6 +3,6 @@
 from openswim.validate.metrics import Score, image_score, score
 from openswim.validate.reference import Row
 from openswim.validate.report import as_table, write_json
-from openswim.validate.walk import validate
+from openswim.validate.walk import reference_files, validate
 
-__all__ = ["Row", "Score", "as_table", "image_score", "score", "validate", "write_json"]
+__all__ = ["Row", "Score", "as_table", "image_score", "reference_files", "score", "validate", "write_json"]

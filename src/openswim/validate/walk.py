@@ -59,9 +59,14 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
     return sorted(rows, key=_badness, reverse=True), skipped
 
 
+def reference_files(directory: Path) -> list[Path]:
+    """The files below a folder that may be references."""
+    return sorted(p for p in directory.rglob("*") if p.suffix in SUFFIXES and p.is_file())
+
+
 def _read_all(directory: Path) -> tuple[list[Reference], list[str]]:
     references, skipped = [], []
-    for path in sorted(p for p in directory.rglob("*") if p.suffix in SUFFIXES and p.is_file()):
+    for path in reference_files(directory):
         try:
             references.append(read_reference(path))
         except UserError as error:
