@@ -20,6 +20,7 @@ from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix, lebedev
 from openswim.transport.pack import PACK
 from openswim.transport.peak import forward_share, peak_tables
+from openswim.transport.shells import rows_between, shell_levels
 from openswim.transport.sun import direct_beam, ground_beam, shadow_rows
 from openswim.transport.sun_depth import depths_to_sun, inside
 from openswim.transport.surface import Lighting, bilinear, forward_depth
@@ -147,20 +148,34 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coeff
         k, omega = s.relative_extinction[w], s.single_scattering_albedo[w]
         scaled.append(k * (1 - omega * f))
         scattering.append(k * omega * (chi[:-1] - f))
-    above = medium.levels_m - shells.ground_m
-    if medium.air is None:
-        air_e, air_s = np.zeros(len(above)), np.zeros((len(above), DEGREE))
-    else:
-        z = medium.air.height_m - shells.ground_m
-        air_e = np.interp(above, z, shells.extinction[:, w])
-        air_s = np.stack([np.interp(above, z, column) for column in shells.scattering[:, :, w].T], axis=-1)
+    air = np.zeros((len(medium.levels_m), 1 + DEGREE))
+    if medium.air is not None:
+        air = _on_levels(medium, shells, np.column_stack([shells.extinction[:, w], shells.scattering[:, :, w]]))
     f32 = np.float32
     return Coefficients(
         np.array(scaled, f32),
         np.array(scattering, f32).reshape(-1, medium.degree),
-        air_e.astype(f32),
-        air_s.astype(f32),
+        air[:, 0].astype(f32),
+        air[:, 1:].astype(f32),
     )
+
+
+def _on_levels(medium: Medium, shells: Shells, rows: NDArray) -> F64:
+    """The piecewise linear profile (nz, c) on a medium's levels that is nearest to one of the shells (nl, c).
+
+    Its values at the levels would not do: what is linear between levels far apart has more air than there is.
+    """
+    share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
+    levels = medium.levels_m
+    dz = np.diff(levels)
+    height = (levels[:-1, None] + dz[:, None] * share).ravel()
+    weight = np.sqrt(np.repeat(dz, len(share)))[:, None]
+    row, k = np.arange(height.size), np.repeat(np.arange(len(dz)), len(share))
+    hats = np.zeros((height.size, len(levels)))
+    hats[row, k], hats[row, k + 1] = np.tile(1 - share, len(dz)), np.tile(share, len(dz))
+    own = np.interp(np.maximum(height - shells.ground_m, 0.0), shell_levels(), np.arange(len(rows)))
+    nearest = np.linalg.lstsq(weight * hats, weight * rows_between(np.asarray(rows, np.float32), own), rcond=None)[0]
+    return np.asarray(np.where((rows >= 0).all(axis=0), np.maximum(nearest, 0), nearest))  # also beside a haze's edge
 
 
 def _forward(medium: Medium, nw: int) -> F32:
@@ -296,8 +311,8 @@ def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> 
     horizon = -np.sqrt(above * (2 * r_ground + above)) / (r_ground + above)
     count = shells.slant.shape[1]
     column = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
-    for c in range(4 * PACK):
-        volume.air[:, c] = np.interp(level, np.arange(len(shells.rows)), shells.rows[:, c])
+    if medium.air is not None:
+        volume.air[:] = _on_levels(medium, shells, shells.rows)
     for w in range(PACK):
         volume.haze_depth[:, w] = bilinear(shells.sun_forward[..., w], column, level)
 

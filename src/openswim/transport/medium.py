@@ -42,7 +42,7 @@ _MOST_DEGREES = 200.0  # of longitude
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
 _AIR_TOP_M = 18_000.0  # of levels above a scene's own
-_TALLER, _TALLEST, _TALLEST_M = 2.0, 0.1, 1000.0  # than the last, of its height (haze thins out fast), and at all
+_TALLER, _TALLEST, _TALLEST_M = 2.0, 0.3, 2000.0  # than the last, of its height (haze thins out fast), and at all
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 
 
@@ -217,7 +217,8 @@ def halved_medium(scene: Scene, medium: Medium) -> Medium:
     axes, place = _columns(grid, medium.frame, fineness)
     cell_m = (medium.cell_m[0] / 2, medium.cell_m[1] / 2)
     levels = medium.levels_m
-    if np.median(np.diff(levels)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
+    own = levels[levels <= grid.height_m.max()]  # and not those of the air above
+    if np.median(np.diff(own)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
         extinction, levels = halved(extinction, 1), halved(levels, 0)
     return replace(
         medium, extinction=extinction, levels_m=levels, cell_m=cell_m, terrain_m=terrain, axes=axes, place=place,
