@@ -12,7 +12,7 @@ from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Solver
 from openswim.transport.finer import finer_cloud, subdivided
-from openswim.transport.medium import build_medium
+from openswim.transport.medium import build_medium, with_air_above
 from openswim.transport.shells import no_volume
 from openswim.transport.volume import grid_index
 
@@ -71,17 +71,20 @@ def test_without_refinement_the_levels_are_the_scenes_own() -> None:
 
 
 def test_clear_air_goes_on_above_a_low_model() -> None:
-    flat = grid_scene(0.05 * lumps(), SHAPE, air=True)
-    own = build_medium(flat, WL, 0.8, refine=False).levels_m
-    levels = build_medium(flat, WL, 0.8).levels_m
-    above = levels >= own[-1]
-    assert own[-1] < 1000 < 18e3 < levels[-1]
-    assert above.sum() < 20
-    assert 0 < np.diff(levels[above]).max() <= 2000
-    medium = build_medium(flat, WL, 0.8)
-    assert not medium.extinction[:, levels > own[-1]].any()
-    airless = build_medium(grid_scene(0.05 * lumps(), SHAPE), WL, 0.8)
-    assert airless.levels_m[-1] == own[-1]
+    own = build_medium(grid_scene(lumps(), SHAPE, air=True), WL, 0.8)
+    medium = with_air_above(own)
+    nz, top = len(own.levels_m), own.levels_m[-1]
+    assert top < 1000 < 18e3 < medium.levels_m[-1]
+    np.testing.assert_array_equal(medium.levels_m[:nz], own.levels_m)
+    np.testing.assert_array_equal(medium.extinction[:, :nz], own.extinction)
+    assert not medium.extinction[:, nz:].any()
+    above = np.diff(medium.levels_m[nz - 1 :])
+    assert above.size < 20
+    assert (np.diff(above) >= 0).all()
+    assert 0 < above.max() <= 2000
+    assert medium.cloud_top_m == own.cloud_top_m <= top
+    airless = build_medium(grid_scene(lumps(), SHAPE), WL, 0.8)
+    assert with_air_above(airless) is airless
 
 
 def test_terrain_following_levels_keep_the_columns() -> None:

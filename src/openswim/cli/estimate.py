@@ -10,7 +10,8 @@ import numpy as np
 from openswim.optics.species import REFERENCE_NM
 from openswim.progress import PATIENCE_S
 from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import MOST_RESOLVED_NODES, WIDE_CELL_M, build_medium, drawn_shape
+from openswim.transport.medium import WIDE_CELL_M, build_medium, drawn_shape
+from openswim.transport.medium_levels import MOST_RESOLVED_NODES
 from openswim.transport.pack import PACK
 
 if TYPE_CHECKING:

@@ -265,7 +265,7 @@ class PackField:
         if m.periodic or min(m.shape) < 2:
             return NO_DETAIL
         up = np.array([0.0, 0.0, self.frame.radius_m])
-        above_m = np.linalg.norm(origin + up, axis=-1) - self.frame.radius_m - m.levels_m[-1]
+        above_m = np.linalg.norm(origin + up, axis=-1) - self.frame.radius_m - m.cloud_top_m
         width_m = cone[:, 0] + cone[:, 1] * np.maximum(above_m, 0.0)
         if width_m.min() >= widest_m(first_wavelength_m(min(m.cell_m))):
             return NO_DETAIL

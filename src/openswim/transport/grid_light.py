@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
 
 from openswim.transport import swim
 from openswim.transport.bend import bend_cells
@@ -165,17 +166,22 @@ def _on_levels(medium: Medium, shells: Shells, rows: NDArray) -> F64:
 
     Its values at the levels would not do: what is linear between levels far apart has more air than there is.
     """
-    share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
-    levels = medium.levels_m
-    dz = np.diff(levels)
-    height = (levels[:-1, None] + dz[:, None] * share).ravel()
-    weight = np.sqrt(np.repeat(dz, len(share)))[:, None]
-    row, k = np.arange(height.size), np.repeat(np.arange(len(dz)), len(share))
-    hats = np.zeros((height.size, len(levels)))
-    hats[row, k], hats[row, k + 1] = np.tile(1 - share, len(dz)), np.tile(share, len(dz))
+    node, weight = np.polynomial.legendre.leggauss(4)
+    share = (0.5 + 0.5 * node)[:, None, None]
+    levels, dz = medium.levels_m, np.diff(medium.levels_m)
+    height = levels[:-1] + share[..., 0] * dz
     own = np.interp(np.maximum(height - shells.ground_m, 0.0), shell_levels(), np.arange(len(rows)))
-    nearest = np.linalg.lstsq(weight * hats, weight * rows_between(np.asarray(rows, np.float32), own), rcond=None)[0]
-    return np.asarray(np.where((rows >= 0).all(axis=0), np.maximum(nearest, 0), nearest))  # also beside a haze's edge
+    within = 0.5 * (weight[:, None] * dz)[..., None] * rows_between(np.asarray(rows, np.float32), own)
+    given = np.zeros((len(levels), rows.shape[1]))
+    given[:-1] += (within * (1 - share)).sum(axis=0)
+    given[1:] += (within * share).sum(axis=0)
+    # overlaps of the levels' hat functions
+    overlap = np.zeros((2, len(levels)))
+    overlap[0, 1:] = dz / 6
+    overlap[1, :-1] += dz / 3
+    overlap[1, 1:] += dz / 3
+    nearest = np.ascontiguousarray(solveh_banded(overlap, given))
+    return np.where((rows >= 0).all(axis=0), np.maximum(nearest, 0), nearest)  # also beside a haze's edge
 
 
 def _forward(medium: Medium, nw: int) -> F32:

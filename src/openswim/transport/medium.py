@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from openswim.scene.levels import on_levels
 from openswim.scene.scene import Scene
 from openswim.transport.finer import finer_cloud, halved, subdivided
 from openswim.transport.layers import LAYERS_DEGREE, layer_levels
+from openswim.transport.medium_levels import halvings_for, levels_above, own_levels, refined_levels
 from openswim.transport.shells import shell_levels
 from openswim.transport.subgrid import cloud_under_cover
 from openswim.transport.volume import DEGREE
@@ -28,22 +30,15 @@ F64 = NDArray[np.float64]
 
 _CHART_NODES = 161
 _CHART_MARGIN = 1.35  # the chart reaches this many half-widths of the domain
-_MOST_NODES = 6_000_000
-_MOST_LEVELS = 160
 _MOST_LOOKUPS = 20_000
 _MOST_FINER_NODES = 3_000_000
-_MOST_HALVED_NODES, MOST_RESOLVED_NODES = 10_000_000, 4_000_000
+_MOST_HALVED_NODES = 10_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
 _MOST_WIDE_NODES = 18_000_000  # of such clouds in wide cells, each column lit by itself
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
 _MOST_DEGREES = 200.0  # of longitude
-_CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
-_CELL_DEPTH = 0.7  # optical depth above which a cell is divided
-_AIR_TOP_M = 18_000.0  # of levels above a scene's own
-_TALLER, _TALLEST, _TALLEST_M = 2.0, 0.3, 2000.0  # than the last, of its height (haze thins out fast), and at all
-_SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 
 
 @dataclass
@@ -81,6 +76,12 @@ class Medium:
     def layered(self) -> bool:
         """Whether `layers.solve_layers` is to light it: one column, no sides, no air."""
         return self.degree == LAYERS_DEGREE
+
+    @cached_property
+    def cloud_top_m(self) -> float:
+        """Height of the level above all that is on levels, or of the lowest where there is nothing."""
+        filled = np.flatnonzero(self.extinction.any(axis=(0, 2, 3)))
+        return float(self.levels_m[min(filled[-1] + 1, len(self.levels_m) - 1) if filled.size else 0])
 
     @property
     def divided(self) -> bool:
@@ -128,7 +129,7 @@ def build_medium(
     terrain = refined_terrain(scene, terrain)
     dx, dy = grid.spacing_m()
     heights = grid.height_m
-    levels = _levels(heights, terrain, frame.curved)
+    levels = own_levels(heights, terrain, frame.curved)
     total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
     cover = cloud_cover(scene) if species else None
     fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
@@ -146,17 +147,15 @@ def build_medium(
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
         if not frame.curved and not sideless and not tall and cell_m < WIDE_CELL_M:
-            halvings = _halvings(levels, heights, total, cell_m, ny * nx)
+            halvings = halvings_for(levels, heights, total, cell_m, ny * nx)
         share = 1.0  # on the Earth, where levels do not follow the hour
         if sideless:
             share = 0.35 * max(mu_sun, 0.12)  # of one column, levels cost little
         elif not frame.curved:
             share = float(np.clip(2 * mu_sun, 0.2, 1.0))  # a low sun's beam fades within less height
-        levels = _refined(
+        levels = refined_levels(
             levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings, share
         )
-    if refine and scene.atmosphere is not None:
-        levels = _with_air_above(levels)
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -189,19 +188,6 @@ def build_medium(
     return medium
 
 
-def _halvings(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
-    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many."""
-    cloudy = total[total > 0] if total is not None else np.zeros(0)
-    depth = _SCALED * np.percentile(cloudy, 90) * cell_m if cloudy.size else 0.0
-    halvings = 0
-    while depth > _CELL_DEPTH * 2**halvings:
-        parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
-        if len(_refined(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > MOST_RESOLVED_NODES:
-            break
-        halvings += 1
-    return halvings
-
-
 def halved_medium(scene: Scene, medium: Medium) -> Medium:
     """The same fields on columns half as wide, linear between those of ``medium``, and then on layers no taller.
 
@@ -217,12 +203,23 @@ def halved_medium(scene: Scene, medium: Medium) -> Medium:
     axes, place = _columns(grid, medium.frame, fineness)
     cell_m = (medium.cell_m[0] / 2, medium.cell_m[1] / 2)
     levels = medium.levels_m
-    own = levels[levels <= grid.height_m.max()]  # and not those of the air above
-    if np.median(np.diff(own)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
+    if np.median(np.diff(levels)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
         extinction, levels = halved(extinction, 1), halved(levels, 0)
     return replace(
         medium, extinction=extinction, levels_m=levels, cell_m=cell_m, terrain_m=terrain, axes=axes, place=place,
         chart=2 * medium.chart, fineness=fineness,
+    )  # fmt: skip
+
+
+def with_air_above(medium: Medium) -> Medium:
+    """A medium that goes on, if there is air, to where little of it is left: what clouds light there is its to know."""
+    above = levels_above(medium.levels_m)
+    if medium.air is None or not above.size:
+        return medium
+    more = np.zeros((len(medium.species), above.size, *medium.terrain_m.shape), np.float32)
+    return replace(
+        medium, levels_m=np.concatenate([medium.levels_m, above]),
+        extinction=np.concatenate([medium.extinction, more], axis=1),
     )  # fmt: skip
 
 
@@ -251,12 +248,10 @@ def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float
     if "surface_altitude" in scene.data:
         terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
     cell_m, cover = min(grid.spacing_m()), cloud_cover(scene) if species else None
-    levels = _levels(grid.height_m, terrain, grid.curved)
+    levels = own_levels(grid.height_m, terrain, grid.curved)
     if refine:
         total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-        levels = _refined(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
-    if refine and scene.atmosphere is not None:
-        levels = _with_air_above(levels)
+        levels = refined_levels(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
     fineness = 1
     if refine or cover is not None:
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
@@ -267,73 +262,6 @@ def outside_ground_m(terrain: F32) -> float:
     """Height of the ground beyond the grid: the median along the edge, rounded to the metre."""
     edge = np.concatenate([terrain[0], terrain[-1], terrain[:, 0], terrain[:, -1]])
     return float(np.round(np.median(edge)))
-
-
-def _levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
-    """Levels for a scene: its own where they are flat, else spaced like its layers at each height."""
-    low = float(min(terrain.min(), heights.min()))
-    if heights.ndim == 1:
-        z = heights.astype(float)
-        if extend and z[0] > low + 1.0:
-            count = max(1, int(np.ceil((z[0] - low) / (1.5 * (z[1] - z[0])))))
-            z = np.concatenate([np.linspace(low, z[0], count, endpoint=False), z])
-        elif not extend and z[0] > 0.5:
-            z = np.concatenate([[0.0, z[0] - min(1.0, 0.1 * z[0])], z])
-        return z
-    columns = heights.reshape(heights.shape[0], -1).astype(float)
-    columns = columns[:, :: max(1, columns.shape[1] // 2000)]
-    top = float(columns[-1].max())
-    thickness = np.diff(columns, axis=0)
-    middle = 0.5 * (columns[1:] + columns[:-1])
-    # the finer tenth of the layers near each height decides, but no layer under 30 m
-    probe = np.linspace(low, top, 200)
-    local = np.empty(200)
-    for n, z in enumerate(probe):
-        row = np.abs(middle - z).argmin(axis=0)
-        local[n] = np.percentile(thickness[row, np.arange(columns.shape[1])], 10)
-    local = np.maximum(local, 30.0)
-    count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
-    count = int(np.clip(np.ceil(count_at[-1]), 8, _MOST_LEVELS))
-    return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
-
-
-def _refined(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, fineness: float) -> F64:
-    """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2).
-
-    ``fineness``: share of the usual depth that a layer may have where cloud covers most columns: broken cloud is lit
-    from its sides.
-    """
-    if total is None:
-        return levels
-    dz = np.diff(levels)
-    parts = np.clip(np.ceil(dz / cell_m - 0.01), 1, 3)
-    flat = total.reshape(total.shape[0], -1)
-    own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
-    cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
-    covered = np.clip(4 * (flat > 0).any(axis=0).mean() - 2, 0.0, 1.0)
-    beyond = 0.0 if heights.ndim == 1 else None  # below a model's lowest nodes on the mean lie those of its valleys
-    middle = 0.5 * (levels[1:] + levels[:-1])
-    scaled = _SCALED / (1 + (fineness - 1) * covered)
-    depth = scaled * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
-    parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
-    # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
-    in_cloud = depth > _CLOUDY_DEPTH
-    beside = np.pad(np.where(in_cloud, dz / parts, np.inf), 1, constant_values=np.inf)
-    beside = np.minimum(beside[:-2], beside[2:])
-    parts = np.where(in_cloud, np.maximum(parts, np.ceil(dz / beside - 0.3)), parts)
-    while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
-        parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
-    pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]
-    return np.concatenate([*pieces, levels[-1:]])
-
-
-def _with_air_above(levels: F64) -> F64:
-    """Levels up to where little air is left, ever taller: what clouds light there is the grid's to know."""
-    out, dz = list(levels), float(levels[-1] - levels[-2])
-    while out[-1] < _AIR_TOP_M:
-        dz = max(dz, min(_TALLER * dz, _TALLEST * out[-1], _TALLEST_M))
-        out.append(out[-1] + dz)
-    return np.array(out)
 
 
 def _fixed(frame: Frame, place: F64) -> F64:

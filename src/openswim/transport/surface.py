@@ -367,7 +367,7 @@ def _behind_grid(medium: Medium, sun: F64, mu_sun: F64, ix: F64, iy: F64) -> NDA
     """Whether the way to the sun from places at fractional indices outside may pass over the grid."""
     _, ny, nx = medium.shape
     x, y, _ = medium.axes[ny // 2, nx // 2].astype(float) @ sun
-    rise = medium.levels_m[-1] / np.maximum(mu_sun, 0.03)
+    rise = medium.cloud_top_m / np.maximum(mu_sun, 0.03)
     # over a large domain the sun's azimuth differs
     half = 0.5 * np.hypot(nx * medium.cell_m[0], ny * medium.cell_m[1])
     astray = max(0.1, 1.5 * half / medium.frame.radius_m)
