@@ -8,6 +8,7 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.transport import Solver
+from openswim.transport.shells import shell_levels
 
 SUN = toward(90.0, 30.0)
 PLACES = np.array([[0, 0, 1500.0], [0, 0, 1500.0], [0, 0, 8000.0], [0, 0, 2e5]])
@@ -35,3 +36,16 @@ def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None
     fast, reference = seen
     # it was a third too dark above white clouds, and a sixth of their blue was missing from space
     np.testing.assert_allclose(fast, reference, rtol=limit)
+
+
+def test_tall_levels_hold_as_much_air_as_there_is() -> None:
+    """Haze, which thins out by half in a kilometre: its values at the levels, linear between, would be too much."""
+    across, height = 500.0 * np.arange(6), np.arange(0, 801, 50.0)
+    scene = Scene.from_arrays({}, across, across, height, periodic=True, atmosphere=Atmosphere.us_standard())
+    pack = Solver().solve(scene, SUN, [550.0]).packs[0]
+    levels, shells = pack.medium.levels_m, pack.shells
+    fine = np.linspace(levels[0], levels[-1], 20_001)
+    exact = np.trapezoid(np.interp(fine, shell_levels(), shells.extinction[:, 0]), fine)
+    at_levels = np.trapezoid(np.interp(levels, shell_levels(), shells.extinction[:, 0]), levels)
+    assert at_levels > 1.004 * exact
+    assert np.trapezoid(pack.volume.air[:, 0], levels) == pytest.approx(exact, rel=2e-4)
