@@ -11,6 +11,7 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport.diffusion import Diffusion
 from openswim.transport.moments import (
     Coarser,
     add_scaled,
@@ -47,6 +48,9 @@ _LEAST_GROUP = 10  # ordinates that share a pass over the moments
 _STRIP = 32  # rows of a plane that an ordinate crosses together
 _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
 _FOLLOWED = 8  # coarse sweeps between two fine ones
+_LASTING = 0.04  # share of what follows that the last of them adds, above which there is more to come
+_THICKEST, _WIDEST = 10.0, 30.0  # optical depth of cells upright, and across in open grids, that diffusion can tell of
+_GROWN = 4.0  # times the least change, at which that is seen to mislead
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
 _LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
@@ -67,6 +71,7 @@ class Sweeper:
     place: NDArray[np.int32]
     extinction: F32  # of grid and ghosts, 1/m
     pool: Pool
+    on_ground: bool = True  # whether its lowest level may be the ground's
     amends: bool = True  # moments are of the light that the steps around a node take (decision 15), not of its own
     ratio: F32 | None = None  # (blocks, BLOCK) of these two in the last sweep, or what is given for them
 
@@ -144,19 +149,35 @@ class Sweeper:
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
-        return replace(dark, place=places(thick_blocks(cut)), amends=False, ratio=None)
+        return replace(dark, place=places(thick_blocks(cut)), on_ground=levels.start == 0, amends=False, ratio=None)
 
-    def answer(self, change: F32) -> F32:
-        """What follows from a ``change`` of the moments in the next `_FOLLOWED` sweeps of the `unlit` medium.
-
-        No more, and not extrapolated: what is left of a change in the end is small and lasts, and from a few sweeps
-        nobody can tell how long.
-        """
+    def answer(self, change: F32, lasting: bool) -> F32:
+        """What follows from a ``change`` of the moments in the `unlit` medium: of the next `_FOLLOWED` sweeps and, if
+        ``lasting``, what diffusion tells of the rest."""
         lit = self.pool.take("lit", *change.shape)
         image = self.sweep(change, self.pool.take("answer", *change.shape))
+        last: F32 | float = 0.0
         for _ in range(_FOLLOWED - 1):
-            image = self.sweep(np.add(image, change, out=lit), image)
+            np.add(image, change, out=lit)
+            last = image[:, 0].copy()
+            image = self.sweep(lit, image)
+        change = image[:, 0] - last
+        if lasting and np.linalg.norm(change) > _LASTING * np.linalg.norm(image[:, 0]):
+            self.diffusion.add(self.place, change, image)
         return image
+
+    @cached_property
+    def diffuses(self) -> bool:
+        """Whether diffusion can tell what lasts: not where cells are so thick that light hardly leaves their nodes."""
+        thickest = self.extinction.max(axis=(1, 2))
+        depth = np.maximum(thickest[1:], thickest[:-1]) * np.diff(self.grid.levels_m)
+        across = thickest * (0 if self.grid.periodic else self.grid.cell_m.max())
+        return bool(depth.max(initial=0) <= _THICKEST and across.max() <= _WIDEST)
+
+    @cached_property
+    def diffusion(self) -> Diffusion:
+        """How light goes on when sweeps have long been done."""
+        return Diffusion(self.grid, self.ground_albedo, self.on_ground)
 
     @cached_property
     def shape(self) -> tuple[int, int, int]:
@@ -237,12 +258,13 @@ class Sweeper:
 
     def solve(
         self, values: F32, tolerance: float, most: int, memory: int = 3,
-        correct: Callable[[F32, F32], None] | None = None,
+        correct: Callable[[F32, F32, bool], None] | None = None,
     ) -> tuple[F32, F32, int]:  # fmt: skip
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
-        correct(before, image) adds to a sweep's result what is yet to follow from its change; the first
-        `_MOST_CORRECTIONS` sweeps begin from that as it is.
+        correct(before, image, lasting) adds to a sweep's result what is yet to follow from its change; the first
+        `_MOST_CORRECTIONS` sweeps begin from that as it is. Without it diffusion tells what follows, and with it what
+        lasts, unless changes grow.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
@@ -251,13 +273,15 @@ class Sweeper:
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
-        before = 0.0
+        before, least, lasting = 0.0, np.inf, self.diffuses
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
             corrected = correct is not None and n <= _MOST_CORRECTIONS
-            if correct is not None and corrected:
-                correct(values, image)
+            if corrected and correct is not None:
+                correct(values, image, lasting)
+            elif correct is None and lasting:
+                self.diffusion.add(self.place, image[:, 0] - values[:, 0], image)
             size = np.zeros((threads, len(self.place)))
             in_threads(squares, values, image, level, change, size)
             size = size.sum(axis=0)
@@ -266,7 +290,8 @@ class Sweeper:
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
             if n == most or min(changed, _SLOW * follows) <= tolerance:
                 break
-            before = changed
+            before, least = changed, min(least, changed)
+            lasting = lasting and changed < _GROWN * least
             if corrected:
                 values, spare = image, values
                 continue

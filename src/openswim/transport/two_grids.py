@@ -168,14 +168,14 @@ class _Correction:
         self.dark = base.unlit(self.levels)
         self.weight = total_extinction(fine.grid)[self.levels]
 
-    def __call__(self, before: F32, image: F32) -> None:
+    def __call__(self, before: F32, image: F32, lasting: bool) -> None:
         means = self.dark.pool.take("means", *self.dark.shape)
         if not means.size:
             return
         place = np.ascontiguousarray(self.fine.place[self.levels])
         nx = self.fine.grid.ground_node.shape[1]
         in_threads(restrict, place, before, image, self.weight, nx, self.dark.place, means, parts=_PARTS)
-        follows = Moments(self.dark.place, self.dark.answer(means))
+        follows = Moments(self.dark.place, self.dark.answer(means, lasting))
         in_threads(
             prolong, follows, self.dark.grid.ground_node.shape[1], self.dark.coarser, place, nx, image, True,
             parts=_PARTS,
