@@ -115,7 +115,7 @@ def lumpy(periodic: bool) -> Scene:
 
 
 def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
-    """Fluxes within 1 % of those that many more sweeps find (they were 8 % too small)."""
+    """Fluxes within 1 % of those that many more sweeps find (they were 4 to 6 % too small)."""
     quick, exact = (
         Solver(tolerance=t).solve(lumpy(False), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
     )

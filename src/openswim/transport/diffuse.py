@@ -156,14 +156,12 @@ class Sweeper:
         ``lasting``, what diffusion tells of the rest."""
         lit = self.pool.take("lit", *change.shape)
         image = self.sweep(change, self.pool.take("answer", *change.shape))
-        last: F32 | float = 0.0
         for _ in range(_FOLLOWED - 1):
-            np.add(image, change, out=lit)
-            last = image[:, 0].copy()
-            image = self.sweep(lit, image)
-        change = image[:, 0] - last
-        if lasting and np.linalg.norm(change) > _LASTING * np.linalg.norm(image[:, 0]):
-            self.diffusion.add(self.place, change, image)
+            image = self.sweep(np.add(image, change, out=lit), image)
+        if lasting:
+            last = image[:, 0] - (lit[:, 0] - change[:, 0])
+            if np.linalg.norm(last) > _LASTING * np.linalg.norm(image[:, 0]):
+                self.diffusion.add(self.place, last, image)
         return image
 
     @cached_property

@@ -11,18 +11,15 @@ does not give it back (Marshak: half of e). Synthetic acceleration, see docs/dec
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.diffusion_kernels import step_and_clear, turn_and_multiply
-from openswim.transport.optical_grid import OpticalGrid, coarsen, twice_as_fine_plane
+from openswim.transport.optical_grid import OpticalGrid, coarsen, total_extinction, twice_as_fine_plane
 from openswim.transport.pack import LANES
 from openswim.transport.products import BLOCK
-from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -31,7 +28,7 @@ _LEAK = 1.0  # what passes between the nodes of thick cells per difference of th
 _CLEAR = 0.02  # optical depth between levels that counts as clear
 _CLOSE = 0.03  # of the right-hand side, at which to stop
 _MOST = 40  # iterations
-_FEW_COLUMNS, _MOST_COLUMNS = 500, 1024  # fewer are left to one thread; of more, 2x2 are taken for one
+_MOST_COLUMNS = 1024  # of more, 2x2 are taken for one
 
 
 class Diffusion:
@@ -48,9 +45,8 @@ class Diffusion:
         def of(species: F32, air: F32) -> F32:
             return np.asarray(np.tensordot(species, cloud, 1) + air[:, None, None], np.float32)
 
-        extinction, scattering = (
-            of(grid.scaled, grid.air_extinction), of(grid.scattering[:, 0], grid.air_scattering[:, 0])
-        )  # fmt: skip
+        extinction = total_extinction(grid)[..., :nx]
+        scattering = of(grid.scattering[:, 0], grid.air_scattering[:, 0])
         transport = np.maximum(extinction - of(grid.scattering[:, 1], grid.air_scattering[:, 1]), 0)
         ground, cell_m, albedo = grid.ground_node, np.asarray(grid.cell_m, float), np.clip(ground_albedo, 0, 1)
         height = _heights(grid.levels_m)
@@ -109,27 +105,24 @@ class Diffusion:
 
     def _solved(self, given: F32) -> F32:
         """By conjugate gradients, each residual cleared of what columns do by themselves."""
-        _, ny, nx = self.shape
+        nx = self.shape[2]
         residual = self._rows(given)
         e, along, spare, product, cleared = (self._rows() for _ in range(5))
-        shared = in_threads if ny * nx >= _FEW_COLUMNS else _alone
-        sums = np.zeros((get_num_threads(), 2, LANES), np.float32)
+        sums = np.zeros((2, LANES), np.float32)
         goal, past, step = -1.0, np.inf, 0.0
         for _ in range(_MOST):
-            shared(
-                step_and_clear, np.float32(step), along, product, e, residual, self.inverse, self.share, cleared, sums
-            )
-            left, size = sums.sum(axis=(0, 2), dtype=float)
+            step_and_clear(np.float32(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
+            left, size = sums.sum(axis=1, dtype=float)
             if goal < 0:
                 goal = _CLOSE**2 * size
             if size <= goal or left <= 0:
                 break
-            shared(
-                turn_and_multiply, np.float32(left / past), along, spare, cleared, self.own, self.up, self.north,
+            turn_and_multiply(
+                np.float32(left / past), along, spare, cleared, self.own, self.up, self.north,
                 self.east, nx, self.periodic, product, sums,
             )  # fmt: skip
             along, spare = spare, along
-            step = left / max(float(sums[:, 0].sum(dtype=float)), 1e-30)
+            step = left / max(float(sums[0].sum(dtype=float)), 1e-30)
             past = left
         return e[..., 1 : 1 + nx]
 
@@ -171,8 +164,3 @@ def _links_beside(
     if not periodic or links.shape[axis] == 1:
         np.moveaxis(links, axis, 0)[-1] = 0
     return np.asarray(links, float)
-
-
-def _alone(kernel: Callable[..., None], *arguments: object) -> None:
-    """See `in_threads`."""
-    kernel(0, 1, *arguments)

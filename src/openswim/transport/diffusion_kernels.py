@@ -1,4 +1,4 @@
-"""Conjugate gradients of `diffusion.py`, an iteration in two passes over rows that threads share.
+"""Conjugate gradients of `diffusion.py`, an iteration in two passes, each row by row. Grids are small: one thread does.
 
 Fields are (nz, ny, width), rows of whole packs: a ghost, the nodes, a ghost, and filling. All but nodes is zero, except
 that ghosts of periodic grids are the nodes at the other side. Memory may be read a pack beyond a field's ends.
@@ -16,12 +16,12 @@ _ZERO = np.float32(0.0)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
-def step_and_clear(t, threads, step, along, product, e, residual, inverse, share, cleared, sums):
-    """Go a ``step`` ``along``, and solve columns by themselves for what is left; sums (threads, 2, LANES): of both
+def step_and_clear(step, along, product, e, residual, inverse, share, cleared, sums):
+    """Go a ``step`` ``along``, and solve columns by themselves for what is left; sums (2, LANES): of both
     multiplied, and of what is left, squared."""
     nz, ny, width = e.shape
     both, square = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
-    for j in range(t, ny, threads):
+    for j in range(ny):
         for k in range(nz):
             row = (k * ny + j) * width
             for n in range(row, row + width, LANES):
@@ -42,18 +42,18 @@ def step_and_clear(t, threads, step, along, product, e, residual, inverse, share
                     here += read_quadruple(share, above) * read_quadruple(cleared, above)
                 write(cleared, n, here)
                 both += here * read_quadruple(residual, n)
-    write(sums, 2 * t * LANES, both)
-    write(sums, (2 * t + 1) * LANES, square)
+    write(sums, 0, both)
+    write(sums, LANES, square)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
-def turn_and_multiply(t, threads, turn, along, new, cleared, own, up, north, east, columns, periodic, product, sums):
+def turn_and_multiply(turn, along, new, cleared, own, up, north, east, columns, periodic, product, sums):
     """The next direction, ``cleared`` and ``turn`` times the last one, and the medium's product with it; sums: of both
     multiplied."""
     nz, ny, width = own.shape
     total = spread_quadruple(_ZERO)
     plane = ny * width
-    for j in range(t, ny, threads):
+    for j in range(ny):
         to_north = width if j + 1 < ny else -j * width
         to_south = -width if j > 0 else (ny - 1) * width
         for k in range(nz):
@@ -83,4 +83,4 @@ def turn_and_multiply(t, threads, turn, along, new, cleared, own, up, north, eas
             put(product, row + columns + 1, _ZERO)
             for n in range(row, row + width, LANES):
                 total += read_quadruple(new, n) * read_quadruple(product, n)
-    write(sums, 2 * t * LANES, total)
+    write(sums, 0, total)
