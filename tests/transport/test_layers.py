@@ -123,3 +123,26 @@ def test_every_ray_sees_its_own_direction() -> None:
     alone = [field.view(Rays(np.zeros(3), d[None])).radiance[0] for d in directions]
     np.testing.assert_allclose(together, alone, rtol=1e-6)
     np.testing.assert_array_equal(together[0], together[2])
+
+
+@pytest.mark.parametrize("depth", [0.03, 0.3, 3.0])
+@pytest.mark.parametrize("asymmetry", [0.0, 0.85])
+def test_a_cloud_between_clear_levels_is_one_on_the_ground(depth: float, asymmetry: float) -> None:
+    """White, over black ground: what it takes of the sun leaves it, in the shares of an even layer as deep (up to 13 %
+    did not, where it ends in vacuum)."""
+    sun = toward(0.8, 20.0)
+    phase = HenyeyGreenstein(asymmetry)
+    levels = np.linspace(0.0, 2000.0, 41)
+    cloud = np.zeros((41, 3, 3))
+    cloud[16:24] = depth / 400.0  # half a level more above and below
+    even = np.full((41, 3, 3), depth / 2000.0)
+    across = 100.0 * np.arange(3)
+    found = [
+        Solver().solve(Scene.from_arrays(field, across, across, levels, periodic=True, phase=phase), sun, LAMBDA_NM)
+        for field in (cloud, even)
+    ]
+    alone, layer = (field.fluxes() for field in found)
+    taken = sun[2] - alone["direct_bottom"][0]
+    assert alone["up_top"][0] + alone["down_bottom"][0] == pytest.approx(taken, rel=2e-3)
+    for name, flux in layer.items():
+        np.testing.assert_allclose(alone[name], flux, rtol=3e-3, err_msg=name)

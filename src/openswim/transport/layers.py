@@ -101,8 +101,8 @@ def solve_layers(
     lit = lit[:modes]
     harmonics = associated_legendre(np.concatenate([mu, -mu]), modes)  # toward the light's origin: down, then up
     receive = 0.5 * np.swapaxes(harmonics, 1, 2) * weight[:, None]  # radiance to moments, (modes, 2N, M)
-    per_depth = np.divide(weighted, extinction[:, None], out=np.zeros_like(weighted), where=extinction[:, None] > 0)
     depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
+    per_depth = _per_depth(extinction, weighted)
     radiance = _radiance(depth, per_depth, beam, mu, weight, harmonics, receive, lit, albedo, direct)
     light = np.einsum("mkj,mjl->mkl", radiance, receive) + lit[:, None] * beam[None, :, None]
     half = 0.5 * mu * weight[: len(mu)]
@@ -111,8 +111,23 @@ def solve_layers(
     )
 
 
+def _per_depth(extinction: F64, scattering: F64) -> tuple[F64, F64]:
+    """What cells (nz - 1, M) scatter per optical depth at their lower and upper ends, linear in depth between.
+
+    Their mean is that of the scattering over that of the extinction: where cloud ends in vacuum, or in air, most of the
+    cell's depth is the cloud's.
+    """
+    own = np.divide(scattering, extinction[:, None], out=np.zeros_like(scattering), where=extinction[:, None] > 0)
+    low, high = extinction[:-1, None], extinction[1:, None]
+    total = np.maximum(low + high, 1e-300)
+    mean = (scattering[:-1] + scattering[1:]) / total
+    alike = np.minimum(low, high) / np.maximum(np.maximum(low, high), 1e-300)
+    half = 0.5 * alike * (own[1:] - own[:-1])
+    return mean - half, mean + half
+
+
 def _radiance(
-    depth: F64, per_depth: F64, beam: F64, mu: F64, weight: F64, harmonics: F64, receive: F64, lit: F64,
+    depth: F64, per_depth: tuple[F64, F64], beam: F64, mu: F64, weight: F64, harmonics: F64, receive: F64, lit: F64,
     albedo: float, direct: float,
 ) -> F64:  # fmt: skip
     """Diffuse radiance (modes, nz, 2N), light that comes down first: elimination from the top, then back."""
@@ -121,10 +136,14 @@ def _radiance(
     above, above_const = np.zeros((nz, modes, n, n)), np.zeros((nz, modes, n))
     through, through_const = np.empty((nz, modes, n, n)), np.empty((nz, modes, n))
     identity = np.eye(2 * n)
-    upper, upper_beam = _scatter(per_depth[-1], beam[-1], harmonics, receive, lit)
+    lower = None
     for k in range(nz - 2, -1, -1):
-        same = np.array_equal(per_depth[k], per_depth[k + 1])
-        lower, lower_beam = _scatter(per_depth[k], beam[k], harmonics, receive, lit, upper if same else None)
+        low, high = per_depth[0][k], per_depth[1][k]
+        if lower is None or not np.array_equal(high, per_depth[0][k + 1]):
+            lower = _scattered(high, harmonics, receive)
+        upper, lower = lower, lower if np.array_equal(low, high) else _scattered(low, harmonics, receive)
+        upper_beam = _scattered_beam(high, harmonics, lit, beam[k + 1])
+        lower_beam = _scattered_beam(low, harmonics, lit, beam[k])
         t, far, near = _step(depth[k] / mu)
         # unknown are what comes down at the lower level and what goes up at the upper one; given is what goes up below
         rows_far, rows_near = np.concatenate([far, near]), np.concatenate([near, far])  # weights of upper and lower
@@ -142,7 +161,6 @@ def _radiance(
         solved = np.linalg.solve(matrix, given)
         above[k], above_const[k] = solved[:, :n, :n], solved[:, :n, n]
         through[k + 1], through_const[k + 1] = solved[:, n:, :n], solved[:, n:, n]
-        upper, upper_beam = lower, lower_beam
     flux = 0.5 * mu * weight[:n]
     up = np.zeros((modes, n))
     returned = np.eye(n) - 4 * albedo * (flux @ above[0, 0])
@@ -156,13 +174,14 @@ def _radiance(
     return radiance
 
 
-def _scatter(
-    per_depth: F64, beam: float, harmonics: F64, receive: F64, lit: F64, known: F64 | None = None
-) -> tuple[F64, F64]:
-    """Source per radiance (modes, 2N, 2N) and source of the beam (modes, 2N) at a level."""
-    send = np.swapaxes(harmonics, 1, 2) * per_depth  # (modes, 2N, M)
-    matrix = send @ np.swapaxes(receive, 1, 2) if known is None else known
-    return matrix, beam * np.einsum("mjl,ml->mj", send, lit)
+def _scattered(per_depth: F64, harmonics: F64, receive: F64) -> F64:
+    """Source per radiance (modes, 2N, 2N)."""
+    return np.asarray((np.swapaxes(harmonics, 1, 2) * per_depth) @ np.swapaxes(receive, 1, 2))
+
+
+def _scattered_beam(per_depth: F64, harmonics: F64, lit: F64, beam: float) -> F64:
+    """Source of the beam (modes, 2N)."""
+    return np.asarray(beam * np.einsum("mlj,ml->mj", harmonics, lit * per_depth))
 
 
 def _step(x: F64) -> tuple[F64, F64, F64]:
