@@ -31,6 +31,14 @@ def lumps(seed: int = 0) -> np.ndarray:
     return field
 
 
+def test_levels_come_before_columns() -> None:
+    """Where nodes are too many to divide both, thick layers are divided and wide cells are not."""
+    shape = (16, 30, 30)
+    medium = build_medium(grid_scene(np.full(shape, 100 / 375), shape, (999.0, 999.0, 25.0)), WL, 0.8)
+    assert len(medium.levels_m) > 45  # of an optical depth of .9 each, scaled
+    assert medium.extinction.size < 5e6
+
+
 def test_levels_are_divided_without_changing_the_cloud() -> None:
     scene = grid_scene(lumps(), SHAPE)
     medium = build_medium(scene, WL, 0.8)

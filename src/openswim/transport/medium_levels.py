@@ -85,7 +85,8 @@ def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float
     halvings = 0
     while depth > _CELL_DEPTH * 2**halvings:
         parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
-        if len(refined_levels(levels, heights, total, cell_m / parts, finer, 1.0)) * finer > MOST_RESOLVED_NODES:
+        # with all levels that they want: these come first
+        if len(refined_levels(levels, heights, total, cell_m / parts, 1, 1.0)) * finer > MOST_RESOLVED_NODES:
             break
         halvings += 1
     return halvings
