@@ -46,16 +46,18 @@ class Ordinates(NamedTuple):
     weight: Array
 
 
-def ordinates_for(cell_m: tuple[float, float], levels_m: Array, count: int = 50) -> Ordinates:
+def ordinates_for(
+    cell_m: tuple[float, float], levels_m: Array, count: int = 50, endless: bool = False
+) -> Ordinates:  # fmt: skip
     """Lebedev's rule of ``count`` ordinates in cells about as high as wide; flat ones: exact for fluxes.
 
     Lebedev's level ordinates stand for a sixth of all directions. In a layer without sides they see an endless path,
-    and a thin layer then looks too bright at grazing angles.
+    and a thin layer then looks too bright at grazing angles; so does the air of a period (``endless``).
     """
     flat = min(cell_m) / float(np.median(np.diff(levels_m)))
     if flat > 1e3:
         return double_gauss(6, 10)
-    return double_gauss(*_FLAT[count]) if flat > 5 else lebedev(count)
+    return double_gauss(*_FLAT[count]) if flat > 5 or endless else lebedev(count)
 
 
 def double_gauss(mu_count: int, azimuth_count: int) -> Ordinates:

@@ -285,7 +285,8 @@ def _diffuse(
     medium = light.medium
     nz, ny, nx = medium.shape
     setting = solver.setting
-    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates)
+    endless = medium.periodic and medium.air is not None
+    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, endless)
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)

@@ -191,6 +191,31 @@ def _wrap_sides(plane, nx, side):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _cross_clear(k, before, q, grid, light, light_before, emitted, emitted_before):
+    """A plane of a period in one step from the plane before, with clear air between: level light goes round many times
+    on its way there, which sweeps of cells would follow one round each."""
+    ny, nx = grid.ground_node.shape
+    length = abs(grid.levels_m[k] - grid.levels_m[before]) / abs(q[2])
+    aside_x, aside_y = length * q[0] / grid.cell_m[0], length * q[1] / grid.cell_m[1]
+    cells_x, cells_y = math.floor(aside_x), math.floor(aside_y)
+    a, c = np.float32(aside_x - cells_x), np.float32(aside_y - cells_y)
+    trans, near, far = step_weights(grid.air_extinction[k], grid.air_extinction[before], np.float32(length))
+    for j in range(ny):
+        one = (j + cells_y) % ny + 1
+        two = (j + cells_y + 1) % ny + 1
+        for i in range(nx):
+            here = (i + cells_x) % nx + 1
+            after = (i + cells_x + 1) % nx + 1
+            up = light_before[one, here] + a * (light_before[one, after] - light_before[one, here])
+            beside = light_before[two, here] + a * (light_before[two, after] - light_before[two, here])
+            up += c * (beside - up)
+            source = emitted_before[one, here] + a * (emitted_before[one, after] - emitted_before[one, here])
+            beside = emitted_before[two, here] + a * (emitted_before[two, after] - emitted_before[two, here])
+            source += c * (beside - source)
+            light[j + 1, i + 1] = trans * up + near * emitted[j + 1, i + 1] + far * source
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _end_rows(plane, periodic):
     """Ghost rows: the other side where periodic, else the edge itself."""
     ny = plane.shape[0] - 2
@@ -279,10 +304,14 @@ def _carry_strip(
             _copy_row(room.front[t, 0, k], plane[ahead])
             _copy_row(room.front[t, 1, k], emitted[ahead])
         axis = _plan_step(q, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, step)
-        _sweep_plane(
-            k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid, step,
-            at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
-        )  # fmt: skip
+        clear = room.near_cloud[k] != 1 and room.near_cloud[before] != 1 and min(k, before) >= highest
+        if grid.periodic and clear and axis != ALONG_Z and turn > 0 and q[2] != 0.0:
+            _cross_clear(k, before, q, grid, plane, room.light[t, 1 - cur], emitted, room.emitted[t, 1 - cur])
+        else:
+            _sweep_plane(
+                k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid,
+                step, at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
+            )  # fmt: skip
         if k <= highest:
             _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])
         if k == nz - 1 and not downward:
