@@ -49,7 +49,7 @@ _STRIP = 32  # rows of a plane that an ordinate crosses together
 _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _LASTING = 0.04  # share of what follows that the last of them adds, above which there is more to come
-_THICKEST, _WIDEST = 10.0, 30.0  # optical depth of cells upright, and across in open grids, that diffusion can tell of
+_FALLING = 0.5  # of a change at most is the next, where what corrections tell can be trusted as it is
 _GROWN = 4.0  # times the least change, at which that is seen to mislead
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
@@ -165,14 +165,6 @@ class Sweeper:
         return image
 
     @cached_property
-    def diffuses(self) -> bool:
-        """Whether diffusion can tell what lasts: not where cells are so thick that light hardly leaves their nodes."""
-        thickest = self.extinction.max(axis=(1, 2))
-        depth = np.maximum(thickest[1:], thickest[:-1]) * np.diff(self.grid.levels_m)
-        across = thickest * (0 if self.grid.periodic else self.grid.cell_m.max())
-        return bool(depth.max(initial=0) <= _THICKEST and across.max() <= _WIDEST)
-
-    @cached_property
     def diffusion(self) -> Diffusion:
         """How light goes on when sweeps have long been done."""
         return Diffusion(self.grid, self.ground_albedo, self.on_ground)
@@ -271,7 +263,7 @@ class Sweeper:
         recent = _Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
-        before, least, lasting = 0.0, np.inf, self.diffuses
+        before, least, lasting = 0.0, np.inf, True
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
@@ -288,10 +280,10 @@ class Sweeper:
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
             if n == most or min(changed, _SLOW * follows) <= tolerance:
                 break
-            before, least = changed, min(least, changed)
+            earlier, before, least = before, changed, min(least, changed)
             lasting = lasting and changed < _GROWN * least
-            if corrected:
-                values, spare = image, values
+            if corrected and (n == 1 or changed < _FALLING * earlier):
+                values, spare, recent = image, values, _Anderson(memory)
                 continue
             spare = None
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))

@@ -25,6 +25,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _LEAK = 1.0  # what passes between the nodes of thick cells per difference of their light
+_ASLANT = 0.5  # cosine that stands for all ways through a side
 _CLEAR = 0.02  # optical depth between levels that counts as clear
 _CLOSE = 0.03  # of the right-hand side, at which to stop
 _MOST = 40  # iterations
@@ -57,6 +58,7 @@ class Diffusion:
         while ground.size > _MOST_COLUMNS and min(ground.shape) > 1:
             self.halved.append(ground.shape)
             transport, absorbed, albedo = coarsen(transport), coarsen(absorbed), coarsen(albedo)
+            extinction, scattering = coarsen(extinction), coarsen(scattering)
             ground, cell_m = ground[::2, ::2], 2 * cell_m
         self.shape, self.periodic = absorbed.shape, grid.periodic
         under = level < ground
@@ -73,6 +75,9 @@ class Diffusion:
             _links_beside(transport, under, height, length_m, axis, grid.periodic)
             for axis, length_m in ((1, cell_m[1]), (2, cell_m[0]))
         )
+        if not grid.periodic:
+            for links, axis, length_m in ((north, 1, cell_m[1]), (east, 2, cell_m[0])):
+                _tie_sides(links, extinction, scattering * height, length_m, axis)
         own = np.where(under, 1, lost) + up + np.roll(up, -1, 0)
         own += north + np.roll(north, 1, 1) + east + np.roll(east, 1, 2)
         inverse, share = 1 / own, np.zeros_like(own)
@@ -164,3 +169,14 @@ def _links_beside(
     if not periodic or links.shape[axis] == 1:
         np.moveaxis(links, axis, 0)[-1] = 0
     return np.asarray(links, float)
+
+
+def _tie_sides(links: F64, extinction: F32, scattered: NDArray[Any], cell_m: float, axis: int) -> None:
+    """Light that enters through an open side takes after that of the node next to it, see `sweep._enter`: half of what
+    a node at the side has goes with its neighbour, however wide the cell."""
+    along, thick = np.moveaxis(links, axis, 0), np.moveaxis(extinction, axis, 0)
+    source = np.moveaxis(scattered, axis, 0)
+    for side, beside, link in ((0, 1, 0), (-1, -2, -2)) if len(along) > 1 else ():
+        depth = np.maximum(0.5 * (thick[side] + thick[beside]) * cell_m / _ASLANT, 1e-3)
+        share = 2 * (-1 / np.expm1(-depth) - 1 / depth) - 1
+        along[link] += np.where(along[link] > 0, 0.5 * share * source[side], 0)  # not where the ground is between
