@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, slab, sun_at_zenith_angle
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene, slab, sun_at_zenith_angle, toward
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
@@ -99,3 +99,17 @@ def test_clouds_from_the_ground_by_monte_carlo() -> None:
     )
     np.testing.assert_allclose(seen, expected, rtol=0.06)
     assert seen[1] / seen[0] == pytest.approx(expected[1] / expected[0], rel=0.04)
+
+
+@pytest.mark.parametrize("altitude_deg", [60.0, 20.0])
+def test_a_deck_that_ends_with_the_domain_is_no_brighter_there(altitude_deg: float) -> None:
+    """Its last cells toward the sun take what the beam brings, through the top and half a cell (they were lit through
+    and through, 15 to 30 times too bright)."""
+    shape = (16, 20, 20)
+    cloud = box(shape, (slice(4, 12), slice(None), slice(None)), 0.02)
+    scene = grid_scene(cloud, shape, (5000.0, 5000.0, 300.0), True, air=True)
+    field = Solver().solve(scene, toward(60.0, altitude_deg), [546.0])
+    up = field.packs[0].lighting.up_top[0]
+    middle = up[up.shape[0] // 2, up.shape[1] // 2]
+    np.testing.assert_allclose(up[:, -1], middle, rtol=0.12)
+    np.testing.assert_allclose(up[-1], middle, rtol=0.12)

@@ -27,6 +27,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
 MOST_PARTS = 12  # of a cell
 _PART_DEPTH = np.float32(0.8)  # delta-scaled optical depth of a part
+_ENDLESS = 1e30
 _DARKEST = np.float32(1e-30)  # root of a beam that stands for none
 _MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that the eye may be shown in its place
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
@@ -93,6 +94,37 @@ def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scatteri
         for n in range(LANES):
             root_of_beam = max(flat(fields, (node + n) * channels + w), _DARKEST)
             put(nodes, out + (DEGREE + 2) * LANES + n, np.float32(-2.0 * math.log(root_of_beam)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _shade_sides(j, i, ny, nx, levels_m, clear, sun, half_m, nodes):
+    """Depths to the sun of columns through whose open side it shines: the cell goes on there for half its width, or its
+    whole depth would scatter a beam that a little of it takes. ``clear``: extinction of the air (nz,)."""
+    nz = levels_m.shape[0]
+    apart = (DEGREE + 3) * LANES
+    for n in range(LANES):
+        x, y, z = sun[j, 0, i + n], sun[j, 1, i + n], sun[j, 2, i + n]
+        way = _ENDLESS
+        if (i + n == 0 and x < 0.0) or (i + n == nx - 1 and x > 0.0):
+            way = half_m[0] / abs(x)
+        if (j == 0 and y < 0.0) or (j == ny - 1 and y > 0.0):
+            way = min(way, half_m[1] / abs(y))
+        if way == _ENDLESS or z <= 0.0:
+            continue
+        for k in range(nz):
+            height, end, depth = levels_m[k], levels_m[k] + way * z, 0.0
+            own = flat(nodes, k * apart + n) - clear[k]
+            for m in range(k, nz - 1):
+                up = min(levels_m[m + 1], end)
+                share = (up - levels_m[m]) / (levels_m[m + 1] - levels_m[m])
+                low, high = flat(nodes, m * apart + n) - clear[m], flat(nodes, (m + 1) * apart + n) - clear[m + 1]
+                at_end = low + share * (high - low)
+                depth += 0.5 * (own + at_end) * (up - height) / z
+                if up == end:
+                    break
+                own, height = at_end, up
+            at = k * apart + (DEGREE + 2) * LANES + n
+            put(nodes, at, flat(nodes, at) + np.float32(depth))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -226,7 +258,7 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missin
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def column_light(
     t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
-    albedo, direct, inflow, lacking, tables, columns, eye, parallel, count, once, fields, down, up,
+    albedo, direct, inflow, lacking, tables, columns, half_m, eye, parallel, count, once, fields, down, up,
 ):  # fmt: skip
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
 
@@ -238,8 +270,8 @@ def column_light(
     columns' axes; ``albedo`` and the beam's flux ``direct`` at the ground (count, ny, nx), the light from above the
     grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
     ``lacking`` (count, nz, suns, ways), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root
-    of the beam. ``down``, ``up`` (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See
-    `eye_source.view_source`.
+    of the beam; ``half_m`` (2,): what cells at open sides have of their width beyond the nodes. ``down``, ``up``
+    (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See `eye_source.view_source`.
     """
     _, nz, ny, nx = extinction.shape
     most = nz * MOST_PARTS + 1
@@ -268,6 +300,8 @@ def column_light(
                 _nodes(
                     w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, once, fields, nodes
                 )
+                if half_m[0] > 0.0:
+                    _shade_sides(j, i, ny, nx, levels_m, air_extinction[w], sun, half_m, nodes)
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)
                 places = _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, source)

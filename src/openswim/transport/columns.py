@@ -7,7 +7,7 @@ does not is solved without sweeps (`column_solve.py`), and the eye sees of each 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,6 +52,7 @@ class Columns:
     down: F32
     up: F32
     count: int
+    half_m: F64 = field(default_factory=lambda: np.zeros(2))  # of cells at open sides, beyond their nodes
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
     def aim(self, fields: F32, eye: F64, parallel: bool) -> None:
@@ -62,7 +63,7 @@ class Columns:
             np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
             self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
-            columns_of(m.axes, m.place, eye, parallel), eye, parallel, self.count, self.once, fields,
+            columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once, fields,
             self.down, self.up,
         )  # fmt: skip
 
@@ -81,7 +82,8 @@ def columns_of_grid(
     direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(node, len(medium.levels_m) - 2).astype(np.int64), local_sun, lighting.mu_sun,
-        lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count, once,
+        lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
+        0.5 * np.array(medium.cell_m, float), once,
     )  # fmt: skip
 
 
