@@ -223,6 +223,17 @@ def with_air_above(medium: Medium) -> Medium:
     )  # fmt: skip
 
 
+def with_soft_top(medium: Medium) -> Medium:
+    """A medium whose cloud does not end at the highest level, where sweeps lose light: as much of it, half a layer on
+    both sides of where it ended. Without air, or all goes on above it (`with_air_above`)."""
+    if medium.air is not None or medium.layered or not medium.extinction[:, -1].any():
+        return medium
+    levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
+    extinction = np.pad(medium.extinction, [(0, 0), (0, 1), (0, 0), (0, 0)])
+    extinction[:, -2] *= 0.5
+    return replace(medium, levels_m=levels, extinction=extinction)
+
+
 def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine: bool) -> int:
     """Into how many a cell of a grid (nz, ny, nx) is divided each way; ``broken``: into clouds, by their cover."""
     nz, ny, nx = shape

@@ -27,7 +27,7 @@ from openswim.transport.grid_light import GridLight, beams_and_shadows, coeffici
 from openswim.transport.landscape import landscape_of
 from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
-from openswim.transport.medium import Medium, air_of, build_medium, halved_medium, with_air_above
+from openswim.transport.medium import Medium, air_of, build_medium, halved_medium, with_air_above, with_soft_top
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.nested import Core, shade_from
@@ -174,7 +174,7 @@ def _grid_field(
     if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     if fast:
-        medium = with_air_above(medium)
+        medium = with_soft_top(with_air_above(medium))
     landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
