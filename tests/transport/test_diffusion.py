@@ -157,3 +157,16 @@ def test_lone_thick_cells_are_solved() -> None:
     total = sum(float(field.fluxes()[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
     assert max(field.packs[0].sweeps[0]) < 40
     assert total == pytest.approx(sun[2], rel=0.03)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 11])
+def test_where_diffusion_misleads_sweeps_go_on_alone(seed: int) -> None:
+    """Nodes of depth up to 1000 across, all different, on the round Earth: no more light than there is (1e5 times as
+    much, where diffusion was not seen to mislead)."""
+    rng = np.random.default_rng(seed)
+    shape = (7, 5, 6)
+    cover, altitude = rng.uniform(0.05, 1), rng.uniform(0, 90)
+    cloud = np.where(rng.random(shape) < cover, rng.random(shape), 0.0)
+    scene = grid_scene(cloud, shape, (1000.0, 1000.0, 200.0), True)
+    for name, flux in Solver().solve(scene, toward(0.0, altitude), [615.0]).fluxes().items():
+        assert 0 <= flux[0] < 1, name

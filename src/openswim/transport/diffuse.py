@@ -50,7 +50,7 @@ _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _LASTING = 0.04  # share of what follows that the last of them adds, above which there is more to come
 _FALLING = 0.5  # of a change at most is the next, where what corrections tell can be trusted as it is
-_GROWN = 4.0  # times the least change, at which that is seen to mislead
+_GROWN, _ASTRAY = 4.0, 0.05  # times the least change, or of the light half-way, at which diffusion is seen to mislead
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
 _LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
@@ -253,8 +253,8 @@ class Sweeper:
         """Fixed point by Anderson acceleration over the last ``memory`` sweeps; inner products over l < 2.
 
         correct(before, image, lasting) adds to a sweep's result what is yet to follow from its change; the first
-        `_MOST_CORRECTIONS` sweeps begin from that as it is. Without it diffusion tells what follows, and with it what
-        lasts, unless changes grow.
+        `_MOST_CORRECTIONS` sweeps begin from that as it is, or mixed where it does not settle. Without it diffusion
+        tells what follows, and with it what lasts; where changes grow, all begins anew from darkness without diffusion.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
@@ -280,8 +280,12 @@ class Sweeper:
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
             if n == most or min(changed, _SLOW * follows) <= tolerance:
                 break
-            earlier, before, least = before, changed, min(least, changed)
-            lasting = lasting and changed < _GROWN * least
+            much = float(np.sqrt(change.sum()))
+            earlier, before, least = before, changed, min(least, much)
+            if lasting and (not much <= _GROWN * least or (n == most // 2 and changed > _ASTRAY)):
+                values.fill(0.0)
+                lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
+                continue
             if corrected and (n == 1 or changed < _FALLING * earlier):
                 values, spare, recent = image, values, _Anderson(memory)
                 continue
