@@ -106,5 +106,5 @@ def compile_sweeps() -> None:
             grid, np.zeros((len(ordinates.weight), nz), f32), np.zeros((ny, nx), f32), np.ones((ny, nx), f32),
             ordinates, pool,
         )  # fmt: skip
-        solution = coarse_to_fine(sweeper, 1e-3, 4, traces)
+        solution = coarse_to_fine(sweeper, 1e-3, 6, traces)
         traces = traces or solution.traces
