@@ -196,7 +196,7 @@ def test_white_clouds_that_fill_the_domain_do_not_run_away(upper: int, spacing_m
 @pytest.mark.parametrize("depth", [0.0, 1.0])
 def test_a_narrow_period_with_air_is_its_column(altitude_deg: float, depth: float) -> None:
     """Clear and cloudy air in columns that are all but alike, swept in a period of 1.6 km, in which level light goes
-    round a hundred times: as one column without sides (light from below was 8 % too little, from above 5 too much)."""
+    round a hundred times: as one column without sides (8 % too little left the top, 5 too much came down)."""
     rng = np.random.default_rng(0)
     shape = (20, 16, 16)
     cloud = np.zeros(shape)

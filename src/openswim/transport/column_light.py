@@ -27,7 +27,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
 MOST_PARTS = 12  # of a cell
 _PART_DEPTH = np.float32(0.8)  # delta-scaled optical depth of a part
-_ENDLESS = 1e30
+_ENDLESS = 1e30  # way of a sunbeam that enters by no open side
 _DARKEST = np.float32(1e-30)  # root of a beam that stands for none
 _MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that the eye may be shown in its place
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)

@@ -75,15 +75,15 @@ def stand_alone(medium: Medium) -> bool:
 
 def columns_of_grid(
     medium: Medium, coefficients: list[Coefficients], lighting: Lighting, local_sun: F64, inflow: F32, lacking: F32,
-    count: int, once: bool,
+    count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
-    """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at."""
+    """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at. ``ends``: no wider grid is beyond."""
     node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(node, len(medium.levels_m) - 2).astype(np.int64), local_sun, lighting.mu_sun,
         lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
-        0.5 * np.array(medium.cell_m, float), once,
+        0.5 * ends * np.array(medium.cell_m, float), once,
     )  # fmt: skip
 
 

@@ -280,9 +280,9 @@ class Sweeper:
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
             if n == most or min(changed, _SLOW * follows) <= tolerance:
                 break
-            much = float(np.sqrt(change.sum()))
-            earlier, before, least = before, changed, min(least, much)
-            if lasting and (not much <= _GROWN * least or (n == most // 2 and changed > _ASTRAY)):
+            moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
+            earlier, before, least = before, changed, min(least, moved)
+            if lasting and (not moved <= _GROWN * least or (n == most // 2 and changed > _ASTRAY)):
                 values.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue

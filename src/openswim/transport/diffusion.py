@@ -172,8 +172,8 @@ def _links_beside(
 
 
 def _tie_sides(links: F64, extinction: F32, scattered: NDArray[Any], cell_m: float, axis: int) -> None:
-    """Light that enters through an open side takes after that of the node next to it, see `sweep._enter`: half of what
-    a node at the side has goes with its neighbour, however wide the cell."""
+    """Light that enters through an open side takes after that of the node next to it, see `sweep_sides.enter`: half of
+    what a node at the side has goes with its neighbour, however wide the cell."""
     along, thick = np.moveaxis(links, axis, 0), np.moveaxis(extinction, axis, 0)
     source = np.moveaxis(scattered, axis, 0)
     for side, beside, link in ((0, 1, 0), (-1, -2, -2)) if len(along) > 1 else ():

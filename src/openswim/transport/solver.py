@@ -212,7 +212,7 @@ def _grid_field(
     if fast and medium.layered:
         _light_layers(light, lighting, sun, count)
     elif fast and stand_alone(medium):
-        _light_columns(light, volume, lighting, shells, local_sun, sun)
+        _light_columns(light, volume, lighting, shells, local_sun, sun, wider is None)
     elif fast:
         ends = wider is None and not scene.cut and not medium.periodic
         result.volume = result.volume._replace(per_extinction=True)
@@ -226,13 +226,13 @@ def _grid_field(
 
 
 def _light_columns(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64, ends: bool
 ) -> None:  # fmt: skip
     """The light of wide cells, every column by itself; aimed once, for the fluxes."""
     count = light.count
     inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
     light.columns = columns_of_grid(
-        light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False
+        light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False, ends
     )
     light.aim(volume, np.array([0.0, 0.0, -1.0]), True)
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
