@@ -94,7 +94,7 @@ def test_thick_decks_keep_their_light(depth: float) -> None:
     scatterings; and as much comes through as two streams say (Eddington, 2 (1 + 3/2 mu)/(4 + 3 depth (1 - g)) where it
     is thick; Meador and Weaver 1980), within a tenth. (Of depth 1000, cells of depth 7, twice as much: .015.)"""
     rng = np.random.default_rng(0)
-    shape = (9, 12, 12)
+    shape = (9, 8, 8)
     extinction = np.zeros(shape)
     extinction[2:7] = depth / 400.0
     scene = grid_scene(extinction * rng.normal(1.0, 0.02, shape), shape, periodic=True)
