@@ -50,7 +50,8 @@ _SLOW = 1.6  # change over what follows it, where a sweep leaves two fifths
 _FOLLOWED = 8  # coarse sweeps between two fine ones
 _LASTING = 0.04  # share of what follows that the last of them adds, above which there is more to come
 _FALLING = 0.5  # of a change at most is the next, where what corrections tell can be trusted as it is
-_GROWN, _ASTRAY = 4.0, 0.05  # times the least change, or of the light half-way, at which diffusion is seen to mislead
+_GROWN = 4.0  # times the least change, or as much half-way, at which diffusion is seen to mislead,
+_ASTRAY = 0.05  # if it is more than this of the light: mixed changes go up and down
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
 _LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
@@ -282,7 +283,7 @@ class Sweeper:
                 break
             moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
             earlier, before, least = before, changed, min(least, moved)
-            if lasting and (not moved <= _GROWN * least or (n == most // 2 and changed > _ASTRAY)):
+            if lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2):
                 values.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue

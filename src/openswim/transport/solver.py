@@ -47,6 +47,7 @@ F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast", "reference")
 _ASIDE = 1e-3  # above and below the horizon, rad
+_NARROW = 0.5  # of its height, a period's width in which level light goes round too often
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,8 @@ def _diffuse(
     medium = light.medium
     nz, ny, nx = medium.shape
     setting = solver.setting
-    endless = medium.periodic and medium.air is not None
+    width_m, height_m = min(ny * medium.cell_m[1], nx * medium.cell_m[0]), float(np.ptp(medium.levels_m))
+    endless = medium.periodic and (medium.air is not None or width_m < _NARROW * height_m)
     ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, endless)
     inflow = _inflow(medium, shells, sun, ordinates)
     ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)

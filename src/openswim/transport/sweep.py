@@ -21,7 +21,7 @@ from openswim.transport.optical_grid import OpticalGrid
 from openswim.transport.pack import flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
 from openswim.transport.sweep_row import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
-from openswim.transport.sweep_sides import cross_clear, end_rows, enter, set_sides, wrap_sides
+from openswim.transport.sweep_sides import cross_clear, end_rows, enter, rounds_of, set_sides, wrap_sides
 from openswim.transport.sweep_source import (
     collect_row,
     emission_row,
@@ -225,10 +225,16 @@ def _carry_strip(
         if grid.periodic and clear and axis != ALONG_Z and turn > 0 and q[2] != 0.0:
             cross_clear(k, before, q, grid, plane, room.light[t, 1 - cur], emitted, room.emitted[t, 1 - cur])
         else:
-            _sweep_plane(
-                k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow, grid,
-                step, at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
-            )  # fmt: skip
+            rounds = 1
+            if grid.periodic and axis != ALONG_Z and turn > 0:
+                rounds = rounds_of(q, grid.levels_m[k] - grid.levels_m[before], grid.cell_m, grid.ground_node.shape)
+            for turned in range(rounds):
+                if turned > 0:
+                    wrap_sides(plane, nx, half.edges[n, k])
+                _sweep_plane(
+                    k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow,
+                    grid, step, at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
+                )  # fmt: skip
         if k <= highest:
             _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])
         if k == nz - 1 and not downward:

@@ -11,6 +11,8 @@ from openswim.transport.pack import flat, put
 from openswim.transport.sweep_row import step_weights
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_LEFT = 0.02  # of the light upstream, that the last sweep's stands in for
+_MOST_ROUNDS = 100
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -70,6 +72,19 @@ def end_rows(plane, periodic):
     for i in range(plane.shape[1]):
         plane[0, i] = plane[first, i]
         plane[ny + 1, i] = plane[last, i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def rounds_of(q, dz, cell_m, columns):
+    """How often a plane is swept until light that goes round a period of ``columns`` (y, x) on its way through a layer
+    has come in from the plane before, but for `_LEFT`. Once where a period is wide, and along level ordinates, whose
+    light comes from nowhere else."""
+    if q[2] == 0.0:
+        return 1
+    round_x = columns[1] * cell_m[0] / max(abs(q[0]), 1e-12)
+    round_y = columns[0] * cell_m[1] / max(abs(q[1]), 1e-12)
+    often = abs(dz / q[2]) / min(round_x, round_y)
+    return int(min(max(math.ceil(-math.log(_LEFT) * often), 1), _MOST_ROUNDS))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
