@@ -228,8 +228,8 @@ def _carry_strip(
             rounds = 1
             if grid.periodic and axis != ALONG_Z and turn > 0:
                 rounds = rounds_of(q, grid.levels_m[k] - grid.levels_m[before], grid.cell_m, grid.ground_node.shape)
-            for turned in range(rounds):
-                if turned > 0:
+            for done in range(rounds):
+                if done > 0:
                     wrap_sides(plane, nx, half.edges[n, k])
                 _sweep_plane(
                     k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow,
