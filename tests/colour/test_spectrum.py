@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from openswim.colour.cie import xyz_weights
+from openswim.colour.rgb import rgb_matrix
 from openswim.colour.spectrum import extension_matrix, full_spectrum
 
 VISIBLE = np.arange(380.0, 781.0, 10.0)
@@ -95,3 +97,51 @@ def test_black_is_black_and_nothing_is_nothing():
 def test_repeated_wavelengths_are_refused():
     with pytest.raises(ValueError, match="distinct"):
         extension_matrix(np.array([450.0, 450.0]), VISIBLE)
+
+
+# Reflectance at 400, 420, .. 780 nm by PROSAIL 2.0.5 (nadir 10 degrees off, sun 40 off zenith): chlorophyll per area,
+# leaf area index, share of dry soil
+CANOPIES = {
+    "meadow": (0.022, 0.0226, 0.023, 0.0231, 0.0232, 0.0252, 0.045, 0.0624, 0.0608, 0.0455, 0.0399, 0.0337, 0.0307,
+               0.026, 0.0269, 0.0708, 0.2021, 0.3182, 0.359, 0.3694),
+    "crop": (0.0167, 0.0175, 0.0182, 0.018, 0.0176, 0.0169, 0.0262, 0.0381, 0.0366, 0.0256, 0.0219, 0.0182, 0.0167,
+             0.0154, 0.0177, 0.0418, 0.1655, 0.3237, 0.3969, 0.4164),
+    "wood": (0.0162, 0.0171, 0.0178, 0.0178, 0.0176, 0.0184, 0.0331, 0.047, 0.0456, 0.0331, 0.0284, 0.023, 0.0204,
+             0.0166, 0.0178, 0.0547, 0.1788, 0.3119, 0.3755, 0.4017),
+    "sparse": (0.0664, 0.065, 0.0635, 0.0641, 0.0652, 0.07, 0.0924, 0.1101, 0.1114, 0.0999, 0.097, 0.0931, 0.0921,
+               0.0885, 0.0906, 0.1384, 0.236, 0.2995, 0.3212, 0.3287),
+    "young": (0.0182, 0.0192, 0.02, 0.0216, 0.0225, 0.0295, 0.0636, 0.0876, 0.0852, 0.0637, 0.0551, 0.0447, 0.0391,
+              0.0284, 0.0263, 0.0962, 0.2369, 0.3301, 0.3576, 0.3643),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("haze", [0.0, 0.01, 0.02])
+@pytest.mark.parametrize("canopy", CANOPIES)
+def test_three_wavelengths_tell_the_colour_of_leaves(canopy, haze):
+    """Through haze too; a parabola makes them emerald, up to 20 % of the green wrong."""
+    spectrum = np.interp(VISIBLE, np.arange(400, 781, 20), CANOPIES[canopy]) + haze * (VISIBLE / 550) ** -3.0
+    weights = xyz_weights(step_nm=10)[1] @ rgb_matrix().T
+    truth = spectrum @ weights
+    found = full_spectrum(np.interp(THREE, VISIBLE, spectrum)[None], THREE, VISIBLE)[0] @ weights
+    np.testing.assert_allclose(found, truth, atol=0.04 * truth.max())
+
+
+@pytest.mark.parametrize("airmass", [0, 4, 7, 10, 20])
+def test_reddened_skies_are_not_taken_for_leaves(airmass):
+    def sky(nm):
+        return (546 / nm) ** 4.08 * np.exp(-airmass * 0.0999 * (546 / nm) ** 4.08)
+
+    weights = xyz_weights(step_nm=10)[1] @ rgb_matrix().T
+    truth, found = sky(VISIBLE) @ weights, full_spectrum(sky(THREE), THREE, VISIBLE) @ weights
+    np.testing.assert_allclose(found, truth, atol=0.04 * truth.max())
+
+
+def test_what_is_greener_than_leaves_or_seen_elsewhere_is_a_parabola():
+    line = full_spectrum(np.array([[1e-3, 1.0, 1e-3]]), THREE, VISIBLE)  # the line of the airglow, not a wood
+    assert np.isfinite(line).all()
+    assert line.max() < 10
+    red = np.array([700.0, 650.0, 610.0])  # no green among them
+    values = np.array([[0.2, 0.5, 0.3]])
+    between = np.array([630.0])
+    parabola = np.exp(np.log(values) @ extension_matrix(red, between).T)
+    np.testing.assert_allclose(full_spectrum(values, red, between), parabola, rtol=1e-5)

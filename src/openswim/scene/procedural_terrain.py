@@ -22,6 +22,7 @@ _FIELDS = (
     (0.065, 0.100, 0.125),  # bare soil
     (0.033, 0.075, 0.048),  # grass
 )
+_GROUP = 4  # fields to what a grid tells apart
 
 
 def terrain_field(
@@ -111,9 +112,9 @@ def land_albedo(
 
 
 def _parcels(rng: np.random.Generator, axes: tuple[NDArray, ...]) -> NDArray:
-    """Reflectance (ny, nx, 3) of a patchwork of fields, each about 250 by 400 m.
+    """Reflectance (ny, nx, 3) of a patchwork of groups of fields, each about 250 by 400 m.
 
-    A field is what is nearest to one seed; seeds are scattered one to a square of a skewed grid.
+    A group is what is nearest to one seed; seeds are scattered one to a square of a skewed grid.
     """
     y, x = axes
     size = max(350.0, 3.0 * float(x[1] - x[0]))
@@ -130,5 +131,6 @@ def _parcels(rng: np.random.Generator, axes: tuple[NDArray, ...]) -> NDArray:
         owner = np.where(distance < nearest, r * seeds.shape[1] + c, owner)
         nearest = np.minimum(distance, nearest)
     count = seeds.shape[0] * seeds.shape[1]
-    colours = np.asarray(_FIELDS)[rng.choice(len(_FIELDS), count, p=[0.25, 0.2, 0.2, 0.1, 0.25])]
+    fields = rng.choice(len(_FIELDS), (count, _GROUP), p=[0.25, 0.2, 0.2, 0.1, 0.25])
+    colours = np.asarray(_FIELDS)[fields].mean(axis=1)
     return (colours * rng.normal(1.0, 0.12, (count, 1)).clip(0.7, 1.3))[owner]
