@@ -162,3 +162,17 @@ def test_shadows_lie_beside_open_domains() -> None:
     direct = 4 * 0.4 * SUN[2] * np.exp(-depth)
     assert direct - 4 * view.sigma[0, 0] < view.radiance[0, 0] < direct + 0.25
     assert view.sigma[0, 0] < 0.02
+
+
+def test_fog_on_a_plateau_is_fog_on_the_plain() -> None:
+    """Rays end at the plateau (they went on to the lowest level, through the fog below)."""
+    fog = np.zeros((10, 12, 14), np.float32)
+    fog[:6] = 0.02
+    z, down, up_m = 50.0 * np.arange(10), -sky_directions([5.0, 40.0], [0.0, 120.0]), 100.0
+    raised = Scene.from_arrays(fog, X, Y, z, terrain_m=np.full((12, 14), up_m), surface_albedo=0.4)
+    plain = Scene.from_arrays(fog[2:], X, Y, z[:8], surface_albedo=0.4)
+    there, here = (Solver("reference", paths=4000).solve(scene, SUN, [546.0]) for scene in (raised, plain))
+    eye = np.array([50.0, 30.0, 440.0])
+    one, two = there.view(Rays(eye + np.array([0.0, 0.0, up_m]), down)), here.view(Rays(eye, down))
+    sigma = np.hypot(one.sigma, two.sigma)
+    assert (np.abs(one.radiance - two.radiance) < 4 * sigma).all()

@@ -25,7 +25,7 @@ from openswim.transport.threads import in_threads
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE, _EIGHTH = np.float32(0.0), np.float32(1.0), np.float32(0.125)
+_ZERO, _ONE, _EIGHTH, _QUARTER = np.float32(0.0), np.float32(1.0), np.float32(0.125), np.float32(0.25)
 _NINTH, _EIGHTEENTH = np.float32(1 / 9), np.float32(1 / 18)
 _CLOUDY = np.float32(1e-3)  # share of the extinction that cloud must be
 _OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off,
@@ -112,10 +112,13 @@ def _most(a, b):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def amend_beam(t, threads, ratios, levels_m, near_cloud, periodic, beam):
-    """The beam (nz, ny, columns) of thread t's levels, by the mean of the ``ratios`` of the cells around each node."""
+def amend_beam(t, threads, ratios, levels_m, near_cloud, ground_node, periodic, beam):
+    """The beam (nz, ny, columns) of thread t's levels, by the mean of the ``ratios`` of the cells around each node, and
+    of those above it on the ground."""
     nz, ny, columns = beam.shape
     rows, width = ratios.shape[1], ratios.shape[2]
+    highest = ground_node.max()
+    around = np.empty(2 * LANES, np.float32)
     for k in range(t, nz, threads):
         if not near_cloud[k]:
             continue
@@ -134,8 +137,14 @@ def amend_beam(t, threads, ratios, levels_m, near_cloud, periodic, beam):
                 low += read_quadruple(ratios, b + i) + read_quadruple(ratios, b + i + 1)
                 high = read_quadruple(ratios, c + i) + read_quadruple(ratios, c + i + 1)
                 high += read_quadruple(ratios, d + i) + read_quadruple(ratios, d + i + 1)
+                write(around, 0, below * low + above * high)
+                if 0 < k <= highest:
+                    write(around, LANES, _QUARTER * high)
+                    for m in range(min(LANES, ground_node.shape[1] - i)):
+                        if ground_node[j, i + m] == k:
+                            around[m] = around[LANES + m]
                 n = (k * ny + j) * columns + i
-                write(beam, n, read_quadruple(beam, n) * (below * low + above * high))
+                write(beam, n, read_quadruple(beam, n) * read_quadruple(around, 0))
 
 
 def beam_around(grid: OpticalGrid) -> F32:
@@ -155,5 +164,5 @@ def beam_around(grid: OpticalGrid) -> F32:
     )
     if not grid.periodic and nx > 1:
         ratios[..., 0], ratios[..., nx] = ratios[..., 1], ratios[..., nx - 1]
-    in_threads(amend_beam, ratios, grid.levels_m, near_cloud, grid.periodic, out)
+    in_threads(amend_beam, ratios, grid.levels_m, near_cloud, grid.ground_node, grid.periodic, out)
     return out

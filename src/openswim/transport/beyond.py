@@ -267,19 +267,20 @@ def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[Opti
     medium, c, coarser = light.medium, light.coefficients[w], light.coarser[w]
     factor = coarser.factor
     ratio: F32 | None
-    ground_node = np.minimum((medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0), levels - 1)
+    ground_node = np.minimum(medium.ground_node, levels - 1)
     if factor:
         nx = coarser.columns
         extinction, beam, harmonics = (f[..., :nx] for f in (coarser.extinction, coarser.beam, coarser.sun_harmonics))
         place, values, ratio = coarser.place, coarser.values, coarser.ratio
         ground_node = np.ascontiguousarray(ground_node[::factor, ::factor])
     else:
-        extinction, beam, harmonics = medium.extinction, light.beams[w], np.moveaxis(light.sun_harmonics, 0, 1)
+        extinction, beam = medium.extinction_above_ground, light.beams[w]
+        harmonics = np.moveaxis(light.sun_harmonics, 0, 1)
         (place, values), ratio = light.moments[w], light.ratios[w]
     own = Coefficients(c.scaled, c.scattering, c.air_extinction[:levels], c.air_scattering[:levels])
     grid = optical_grid(
         extinction[:, :levels], harmonics, medium.levels_m[:levels], max(factor, 1) * np.array(medium.cell_m, float),
-        False, ends, ground_node.astype(np.int64), own, beam[:levels],
+        False, ends, ground_node, own, beam[:levels],
     )  # fmt: skip
     kept = place[:levels]
     moments = np.zeros((kept.size, values.shape[1], BLOCK), np.float32)

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numba import get_num_threads, set_num_threads
+from numba import config, get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.diffusion import Diffusion
@@ -226,6 +226,14 @@ class Sweeper:
         row = np.concatenate([[0], (self.place >= 0).sum(axis=2).ravel()]).cumsum()
         return row, int(wanted.sum()) * rows, thin_level.astype(np.int64), _near_cloud(grid)
 
+    @cached_property
+    def _extinction(self) -> F32:
+        """See `Room`."""
+        if not (self.on_ground and _cloud_on_ground(self.grid)):
+            return self.extinction
+        threads: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+        return np.pad(self.extinction, [(0, 2 * threads), (0, 0), (0, 0)])
+
     def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
         grid = self.grid
@@ -237,7 +245,7 @@ class Sweeper:
         ends = columns + 2
         f32 = self.pool.take
         return Room(
-            self.extinction, f32("emission", most, self.shape[0], BLOCK), row,
+            self._extinction, f32("emission", most, self.shape[0], BLOCK), row,
             f32("thin", thin_rows, most, self.coarser.beam.shape[2] + LANES), thin_level,
             f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
             f32("amended", threads, 2, (height + 2) * self.amends, ends),
@@ -305,6 +313,12 @@ def _near_cloud(grid: OpticalGrid) -> NDArray[np.int64]:
     cloudy = grid.cloudy.any(axis=(1, 2))
     beside = np.pad(cloudy, 1)
     return np.where(cloudy, 1, np.where(beside[:-2] | beside[2:], 2, 0))
+
+
+def _cloud_on_ground(grid: OpticalGrid) -> bool:
+    """Whether there is some at, or next to, a node on the ground."""
+    j, i = np.indices(grid.ground_node.shape)
+    return bool(grid.cloudy[grid.ground_node, j, i // BLOCK].any())
 
 
 def of_nodes(values: F32, ratio: F32 | None) -> None:

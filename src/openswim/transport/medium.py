@@ -72,6 +72,30 @@ class Medium:
     def shape(self) -> tuple[int, int, int]:
         return (len(self.levels_m), *self.terrain_m.shape)
 
+    @cached_property
+    def ground_node(self) -> NDArray[np.int64]:
+        """The level nearest to the ground (ny, nx)."""
+        between = 0.5 * (self.levels_m[1:] + self.levels_m[:-1])
+        return np.asarray((between[:, None, None] < self.terrain_m - 0.01).sum(axis=0), np.int64)
+
+    @cached_property
+    def extinction_above_ground(self) -> F32:
+        """``extinction`` to be swept: none below the nodes of the ground, and in these what makes half a layer of what
+        lies between the ground and halfway to the next."""
+        node = self.ground_node
+        lowest = self.extinction[:, : node.max() + 1]
+        if not (lowest.any() and self.terrain_m.any()):
+            return self.extinction
+        out = self.extinction.copy()
+        level = np.arange(lowest.shape[1])[:, None, None]
+        out[:, : lowest.shape[1]][:, level < node] = 0
+        half = 0.5 * np.diff(self.levels_m)[np.minimum(node, len(self.levels_m) - 2)]
+        below = self.levels_m[node] - self.terrain_m
+        share = np.where(node > 0, 1 + below / half, 1.0)
+        j, i = np.indices(node.shape)
+        out[:, node, j, i] *= np.clip(share, 0.0, None).astype(np.float32)
+        return out
+
     @property
     def layered(self) -> bool:
         """Whether `layers.solve_layers` is to light it: one column, no sides, no air."""

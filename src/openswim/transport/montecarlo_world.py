@@ -151,7 +151,8 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         ground = ground[:1]  # periodic scenes stand on sea level, as in the march
     elif flat and not medium.frame.curved:
         ground = ground[1:]
-    plain = not airy and not medium.frame.curved and min(ground) == max(ground) and not _one_wide(medium)
+    plain = not (airy or medium.frame.curved or min(ground) < max(ground) or max(ground) > levels[0])
+    plain = plain and not _one_wide(medium)
     normal = lighting.normal
     assert normal is not None
     x0, y0, per_x, per_y = 0.0, 0.0, 0.0, 0.0

@@ -290,13 +290,12 @@ def _diffuse(
     endless = medium.periodic and (medium.air is not None or width_m < _NARROW * height_m)
     ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, endless)
     inflow = _inflow(medium, shells, sun, ordinates)
-    ground_node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
-    ground_node = np.minimum(ground_node, nz - 1).astype(np.int64)
     traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}
     first = optical_grid(
-        medium.extinction, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m, np.array(medium.cell_m, float),
-        medium.periodic, ends, ground_node, light.coefficients[0], light.beams[0],
+        medium.extinction_above_ground, np.moveaxis(light.sun_harmonics, 0, 1), medium.levels_m,
+        np.array(medium.cell_m, float), medium.periodic, ends, medium.ground_node, light.coefficients[0],
+        light.beams[0],
     )  # fmt: skip
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)

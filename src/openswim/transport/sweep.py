@@ -20,6 +20,7 @@ from openswim.transport.moments import Coarser
 from openswim.transport.optical_grid import OpticalGrid
 from openswim.transport.pack import flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK, Groups
+from openswim.transport.sweep_ground import share_ground, share_of_ground
 from openswim.transport.sweep_row import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
 from openswim.transport.sweep_sides import cross_clear, end_rows, enter, rounds_of, set_sides, wrap_sides
 from openswim.transport.sweep_source import (
@@ -49,7 +50,7 @@ class Half(NamedTuple):
 class Room(NamedTuple):
     """Scratch that sweeps of a grid share."""
 
-    extinction: np.ndarray  # (nz, ny + 2, nodes and ghosts) 1/m
+    extinction: np.ndarray  # (nz, ny + 2, nodes and ghosts) 1/m; where cloud lies on ground, then two planes per thread
     emission: np.ndarray  # (ordinates of a group, blocks kept, BLOCK) in all, see `kept_row`; then the radiance
     row: np.ndarray  # (nz * ny + 1,) the first block kept on each row
     thin: np.ndarray  # (rows, ordinates of a group, nodes) of the coarser grid: what it gives the air and thin cloud
@@ -92,19 +93,20 @@ def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _sweep_plane(
-    k, before, rows, now, last, axis, q, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted, extinction,
-    work, scratch,
+    k, level_e, before_e, rows, now, last, axis, q, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted,
+    extinction, work, scratch,
 ):  # fmt: skip
     """Rows (first, last) of one plane of an ordinate, the strip that the buffers hold.
 
-    now, last: first flat elements of this plane and the one before in both buffers. sx, sy: to which side the upstream
+    level_e, before_e: this plane and the one before in ``extinction``; now, last: their first flat elements in both
+    buffers. sx, sy: to which side the upstream
     point lies. top, side: whether light enters the plane, or the strip, from outside.
     """
     _, ny, packs = grid.cloudy.shape
     nx = grid.ground_node.shape[1]
     stride = extinction.shape[2]
     begin, end = rows
-    now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
+    now_e, last_e = (level_e * (ny + 2) + begin) * stride, (before_e * (ny + 2) + begin) * stride
     along_x = axis == ALONG_X
     across_x = grid.ends and q[0] != 0.0 and nx > 1
     across_y = grid.ends and side and q[1] != 0.0
@@ -152,7 +154,7 @@ def _meet_ground(k, downward, rows, plane, share, ground_node, ground_radiance, 
         own = plane[j - rows[0] + 1]
         for i in range(ground_node.shape[1]):
             if not downward:
-                if k < ground_node[j, i] or k == 0:
+                if k <= ground_node[j, i]:
                     own[i + 1] = ground_radiance[j, i]
             elif k == ground_node[j, i]:
                 flux[j, i] += share * own[i + 1]
@@ -207,6 +209,7 @@ def _carry_strip(
     share = half.weight[n] * np.float32(abs(q[2]) / (4.0 * math.pi))
     known = half.edges.shape[3] > 0
     amend = room.amended.shape[2] > 0
+    level_e = 0
     for turn in range(nz):
         k = nz - 1 - turn if downward else turn
         before = k if turn == 0 else (k + 1 if downward else k - 1)
@@ -215,6 +218,13 @@ def _carry_strip(
         inflow = half.inflow[k, n]
         plane, emitted = room.light[t, cur, : count + 2], room.emitted[t, cur, : count + 2]
         _emit(k, rows, slot, now, grid, place, coarser, room)
+        before_e = level_e if turn > 0 else k
+        level_e = k
+        if k <= highest and room.near_cloud[k] == 1 and room.extinction.shape[0] > nz:
+            part = share_of_ground(k, q, downward, grid.levels_m, grid.cell_m)
+            if part != 1.0:
+                level_e = nz + 2 * t + cur
+                share_ground(k, rows, part, grid, room.extinction[k], room.extinction[level_e], emitted)
         end_rows(emitted, grid.periodic)
         set_sides(plane, rows[0], nx, grid.periodic, inflow, known, half.edges[n, k if known else 0])
         if follows:
@@ -232,8 +242,9 @@ def _carry_strip(
                 if done > 0:
                     wrap_sides(plane, nx, half.edges[n, k])
                 _sweep_plane(
-                    k, before, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), inflow,
-                    grid, step, at, at_e, room.light, room.emitted, room.extinction, room.work, 2 * t * stride,
+                    k, level_e, before_e, rows, now, last, axis, q, sx, sy, turn == 0,
+                    not (follows or grid.periodic), inflow, grid, step, at, at_e, room.light, room.emitted,
+                    room.extinction, room.work, 2 * t * stride,
                 )  # fmt: skip
         if k <= highest:
             _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])
@@ -249,15 +260,17 @@ def _carry_strip(
             if room.near_cloud[k] > 0:
                 room.amended[t, cur, : count + 2] = np.float32(0.0)
             if room.near_cloud[k] == 1:
+                buried = (k + 1 if downward else k) if k <= highest else -1  # what rises begins at the ground
                 after = min(max(k - 1 if downward else k + 1, 0), nz - 1)
                 amend_plane(
-                    k, before, after, rows, now, last, axis, q, sx, sy, turn == 0, not (follows or grid.periodic), grid,
-                    step, at, at_e, room.light, room.emitted, room.amended, room.extinction, room.work, 2 * t * stride,
+                    k, before, after, level_e, before_e, rows, now, last, axis, q, sx, sy, turn == 0,
+                    not (follows or grid.periodic), grid, step, at, at_e, room.light, room.emitted, room.amended,
+                    room.extinction, room.work, 2 * t * stride, buried,
                 )  # fmt: skip
         if turn > 0:
-            leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], room)
+            leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], q, downward, highest, room)
         if turn == nz - 1:
-            leave_amended(k, t, cur, rows, grid, place, half.weight[n], room)
+            leave_amended(k, t, cur, rows, grid, place, half.weight[n], q, downward, highest, room)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

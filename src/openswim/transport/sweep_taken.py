@@ -13,6 +13,7 @@ from numba import njit
 
 from openswim.transport.pack import LANES, choose_above, flat, put, read_quadruple, write
 from openswim.transport.products import BLOCK
+from openswim.transport.sweep_ground import all_of_ground
 from openswim.transport.sweep_row import ALONG_Z, between_corners, upstream
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
@@ -25,13 +26,14 @@ _FIRST = np.float32(0.5 / math.sqrt(math.pi))  # the first harmonic
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _amend_row(
     intensity, source, extinction, amended, out, out_e, at, at_e, step, own_share, up_share, cloudy, packs, nx, entry,
-    work, room,
+    work, room, buried, ground, first,
 ):  # fmt: skip
     """What the steps of a row that has been carried take of the light, over what the nodes at their ends would have
     them take: less one, as a share of these nodes' light, added to ``amended``, an array like ``intensity``.
 
     A step loses exactly what goes in, and what the nodes emit along it, less what comes out. own_share, up_share: what
-    the step is of all that is around its node, and of what is around the upstream ones; the rest: see `carry_row`.
+    the step is of all that is around its node, and of what is around the upstream ones. buried: steps to nodes whose
+    ``ground``, from flat element ``first`` on, is that level or above do not count; or -1. The rest: see `carry_row`.
     """
     wa, wb, wc, wd = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3)
     half = _HALF * flat(step, 4)
@@ -58,6 +60,10 @@ def _amend_row(
             put(work, room + entry - i, _ZERO)
         for n in range(nx - i, LANES):
             put(work, room + n, _ZERO)
+        if buried >= 0:
+            for n in range(min(nx - i, LANES)):
+                if flat(ground, first + i + n) >= buried:
+                    put(work, room + n, _ZERO)
         more = read_quadruple(work, room)
         write(amended, out + i, read_quadruple(amended, out + i) + own_share * more)
         more *= up_share
@@ -69,15 +75,15 @@ def _amend_row(
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def amend_plane(
-    k, before, after, rows, now, last, axis, q, sx, sy, top, side, grid, step, at, at_e, light, emitted, amended,
-    extinction, work, scratch,
+    k, before, after, level_e, before_e, rows, now, last, axis, q, sx, sy, top, side, grid, step, at, at_e, light,
+    emitted, amended, extinction, work, scratch, buried,
 ):  # fmt: skip
     """`_amend_row` of the steps of `sweep._sweep_plane`; ``before``, ``after``: the planes upstream and downstream."""
     _, ny, packs = grid.cloudy.shape
     nx = grid.ground_node.shape[1]
     stride = extinction.shape[2]
     begin, end = rows
-    now_e, last_e = (k * (ny + 2) + begin) * stride, (before * (ny + 2) + begin) * stride
+    now_e, last_e = (level_e * (ny + 2) + begin) * stride, (before_e * (ny + 2) + begin) * stride
     entry = (nx - 1 if sx > 0 else 0) if grid.ends and q[0] != 0.0 and nx > 1 else -1
     skipped = 1 if grid.ends and side and q[1] != 0.0 else 0
     near, near_e = (last, last_e) if axis == ALONG_Z else (now, now_e)
@@ -97,7 +103,8 @@ def amend_plane(
         upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
         _amend_row(
             light, emitted, extinction, amended, now + row, now_e + row, at, at_e, step, own_share, up_share,
-            grid.cloudy, (k * ny + begin + j - 1) * packs, nx, entry, work, scratch,
+            grid.cloudy, (k * ny + begin + j - 1) * packs, nx, entry, work, scratch, buried, grid.ground_node,
+            (begin + j - 1) * nx,
         )  # fmt: skip
 
 
@@ -131,10 +138,13 @@ def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def leave_amended(k, t, which, rows, grid, place, weight, room):
+def leave_amended(k, t, which, rows, grid, place, weight, q, downward, highest, room):
     """`_leave_more` of a plane, once the steps to the next one have amended it."""
     if room.amended.shape[2] == 0 or room.near_cloud[k] == 0:
         return
-    _fold_sides(room.amended[t, which, : rows[1] - rows[0] + 2], grid.ground_node.shape[1], grid.periodic)
+    plane = room.amended[t, which, : rows[1] - rows[0] + 2]
+    _fold_sides(plane, grid.ground_node.shape[1], grid.periodic)
+    if k <= highest and room.near_cloud[k] == 1:
+        all_of_ground(k, rows, q, downward, grid, plane)
     start = (t * 2 + which) * room.light.shape[2] * room.light.shape[3]
     _leave_more(k, t, rows, grid.cloudy, place, _FIRST * weight, room.light, room.amended, start, room.more)
