@@ -258,7 +258,7 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missin
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def column_light(
     t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
-    albedo, direct, inflow, lacking, tables, columns, half_m, eye, parallel, count, once, fields, down, up,
+    albedo, direct, inflow, lacking, tables, columns, half_m, eye, parallel, count, once, part, fields, down, up,
 ):  # fmt: skip
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
 
@@ -271,7 +271,8 @@ def column_light(
     grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
     ``lacking`` (count, nz, suns, ways), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root
     of the beam; ``half_m`` (2,): what cells at open sides have of their width beyond the nodes. ``down``, ``up``
-    (count, ny, nx): diffuse flux at the ground, flux at the top. nx >= LANES. See `eye_source.view_source`.
+    (count, ny, nx): diffuse flux at the ground, flux at the top. ``part``: rows and columns (2, 2) from and to which it
+    is wanted, and maybe a few more. nx >= LANES. See `eye_source.view_source`.
     """
     _, nz, ny, nx = extinction.shape
     most = nz * MOST_PARTS + 1
@@ -286,8 +287,8 @@ def column_light(
     slopes, lit = np.empty((nz + 1) * LANES, f32), np.empty(MODES * ORDERS * LANES, f32)
     ground, above, flux = np.empty(3 * LANES, f32), np.empty(2 * LANES, f32), np.zeros(2 * LANES, f32)
     parts = np.empty(nz, np.int64)
-    for j in range(t, ny, threads):
-        for block in range((nx + LANES - 1) // LANES):
+    for j in range(part[0, 0] + t, part[0, 1], threads):
+        for block in range(part[1, 0] // LANES, (part[1, 1] + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
             _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes)
             for m in range(MODES):

@@ -7,6 +7,7 @@ does not is solved without sweeps (`column_solve.py`), and the eye sees of each 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -55,16 +56,16 @@ class Columns:
     half_m: F64 = field(default_factory=lambda: np.zeros(2))  # of cells at open sides, beyond their nodes
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
-    def aim(self, fields: F32, eye: F64, parallel: bool) -> None:
-        """Fill the source channels for one eye."""
+    def aim(self, fields: F32, eye: F64, parallel: bool, part: Sequence[tuple[int, int]]) -> None:
+        """Fill the source channels for one eye, in ``part``: see `column_light`."""
         m, some = self.medium, self.coefficients[: self.count]
         in_threads(
             column_light, m.extinction, np.stack([c.scaled for c in some]), np.stack([c.scattering for c in some]),
             np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
             self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
-            columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once, fields,
-            self.down, self.up,
+            columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once,
+            np.array(part, np.int64), fields, self.down, self.up,
         )  # fmt: skip
 
 
@@ -78,10 +79,9 @@ def columns_of_grid(
     count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
     """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at. ``ends``: no wider grid is beyond."""
-    node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
     direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
     return Columns(
-        medium, coefficients, np.minimum(node, len(medium.levels_m) - 2).astype(np.int64), local_sun, lighting.mu_sun,
+        medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
         lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
         0.5 * ends * np.array(medium.cell_m, float), once,
     )  # fmt: skip
@@ -138,7 +138,8 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
             low = min(int(at), SOURCE_AZIMUTHS - 2)
             meant += known[:, :, low] + (at - low) * (known[:, :, low + 1] - known[:, :, low])
             side = np.sqrt(1 - z * z)
-            column.aim(fields, np.array([side * x, side * np.sqrt(1 - x * x), z]), True)
+            way = np.array([side * x, side * np.sqrt(1 - x * x), z])
+            column.aim(fields, way, True, [(0, n) for n in fields.shape[1:3]])
             found += fields[:, 0, :, PACK : PACK + count]
         ways = len(_AZIMUTHS) if abs(z) < 1 else 1
         out[..., n] = np.moveaxis((meant - found) / ways, -1, 0)

@@ -75,7 +75,7 @@ def compile_view() -> None:
         np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
         *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
         columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, 1,
-        blank_fields(shape, 2 * PACK),
+        np.array([(0, n) for n in shape]), blank_fields(shape, 2 * PACK),
     )  # fmt: skip
 
 

@@ -191,9 +191,9 @@ def _source_function(amounts, scaled, scattering, air_extinction, air_scattering
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
 def _rows(
     j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
+    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
 ):  # fmt: skip
-    """The nodes of row j on all levels, LANES at a time."""
+    """The nodes of row j in a ``part`` of the grid, LANES at a time."""
     nz, ny, nx = fields.shape[0], fields.shape[1], columns.shape[2]
     harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
     source, amounts = np.empty((PACK, LANES), np.float32), np.empty((extinction.shape[0], LANES), np.float32)
@@ -201,13 +201,13 @@ def _rows(
     for w in range(count):
         widest = max(widest, coarse_kept[w].shape[2] * BLOCK)
     row = np.empty((count, _MOMENTS, widest + LANES + 2), np.float32)
-    for k in range(nz):
+    for k in range(part[0, 0], part[0, 1]):
         for w in range(count):
             if factor[w] > 0 and kept[w][k, j].min() < 0:
                 _coarse_row(
                     coarse_kept[w], coarse_values[w], k, j, factor[w], coarse_columns[w], row[w]
                 )
-        for block in range((nx + LANES - 1) // LANES):
+        for block in range(part[2, 0] // LANES, (part[2, 1] + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
             _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, harmonics)
             own = min(LANES, fields.shape[2] - i)
@@ -229,7 +229,7 @@ def _rows(
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def view_source(
     t, threads, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
+    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
 ):  # fmt: skip
     """Source of diffuse light toward one eye, per extinction, at every node of thread t's rows, into
     fields[..., PACK:2 PACK].
@@ -241,12 +241,12 @@ def view_source(
     ``count`` are wanted, per extinction what is delta-scaled ``scaled`` (PACK, ns) and Legendre moments of what is
     scattered ``scattering`` (PACK, ns, M), ``air_extinction`` (PACK, nz) and ``air_scattering`` (PACK, nz, M), the
     diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`. ``eye``: the viewing direction
-    where ``parallel``.
+    where ``parallel``. ``part``: levels, rows and columns (3, 2) from and to which it is wanted, and maybe a few more.
     """
-    for j in range(t, fields.shape[1], threads):
+    for j in range(part[1, 0] + t, part[1, 1], threads):
         _rows(
             j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-            coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, fields,
+            coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
         )  # fmt: skip
 
 

@@ -217,11 +217,15 @@ class PackField:
     def _aim(self, eye: F64, parallel: bool) -> None:
         """Have all grids shine toward an eye, or along a direction; a period shines every way, for who looks around."""
         for level in self.levels:
-            assert level.light is not None
-            if level.volume.periodic and not parallel and not level.volume.turning.size and level.light.moments:
-                level.volume = level.light.turning(level.volume)
-            if not level.volume.turning.size:
-                level.light.aim(level.volume, eye, parallel)
+            light = level.light
+            assert light is not None
+            if (light.moments or light.columns) and not parallel:
+                if not level.volume.periodic:
+                    level.volume = light.turning_around(level.volume, eye)
+                elif not level.volume.turning.size:
+                    level.volume = light.turning(level.volume)
+            if not (level.volume.periodic and level.volume.turning.size):
+                light.aim(level.volume, eye, parallel)
 
     def _view_tile(self, rays: Rays, part: Any, out: View) -> int:
         origin, direction = rays.origins(), rays.directions()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _TOLD = 4096  # nodes whose harmonics are told together
+_AROUND, _BESIDE = 6, 3  # cells from an eye at which nodes have it in their rays' direction; at which cloud matters
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
@@ -60,6 +62,7 @@ class GridLight:
     layers: list[Layers] | None = None  # instead of moments, in `Medium.layered` scenes
     columns: Columns | None = None  # instead of moments, in very large domains
     _aimed: tuple[bytes, bool] | None = None
+    _around: bytes | None = None  # the eye of the last `turning_around`
     _stands_for: NDArray[np.int32] | None = None  # `thickest_around`
 
     @property
@@ -76,13 +79,18 @@ class GridLight:
         if self.layers is not None:
             for w, layers in enumerate(self.layers):
                 volume.fields[:, 0, 0, PACK + w] = layers.source(eye)
-            self._aimed = key
+        if self.columns is not None or self.moments is not None:
+            self._aim_part(volume, np.array(eye, float), parallel, [(0, n) for n in self.medium.shape])
+        self._aimed = key
+
+    def _aim_part(self, volume: Volume, eye: F64, parallel: bool, part: Sequence[tuple[int, int]]) -> None:
+        """See `view_source` and `column_light`."""
+        self._aimed = None
         if self.columns is not None:
-            self.columns.aim(volume.fields, np.array(eye, float), parallel)
-            self._aimed = key
+            self.columns.aim(volume.fields, eye, parallel, part[1:])
         if self.moments is None:
             return
-        m, eye = self.medium, np.array(eye, float)
+        m = self.medium
         extinction = wide(m.extinction)
         if self._stands_for is None:
             self._stands_for = thickest_around(extinction, m.periodic)
@@ -92,31 +100,70 @@ class GridLight:
                 for name in ("scaled", "scattering", "air_extinction", "air_scattering")
             ), *field_at(self.moments, self.coarser),
             columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
-            parallel, self.count, volume.fields,
+            parallel, self.count, np.array(part, np.int64), volume.fields,
         )  # fmt: skip
-        self._aimed = key
 
     def turning(self, volume: Volume) -> Volume:
-        """The volume with sources that rays read in their own direction: in a period a node is seen at many places.
+        """The volume with sources that rays read in their own direction: in a period a node is seen at many places."""
+        near = beside(volume.fields[..., volume.cloud_channel] > 0, volume.periodic)
+        near |= volume.air[:, 0, None, None] > 0
+        return self._turning(volume, [(0, n) for n in near.shape], near)
+
+    def turning_around(self, volume: Volume, eye: F64) -> Volume:
+        """The volume with such sources at the nodes around an eye that is in or beside cloud: they have it in other
+        directions than its rays come from."""
+        key = np.asarray(eye, float).tobytes()
+        if key != self._around:
+            self._around = key
+            part = self._part_around(volume, np.asarray(eye, float))
+            if part is None:
+                return volume._replace(turning=np.zeros((0, DEGREE * DEGREE, PACK), np.float32))
+            return self._turning(volume, part, np.ones([end - first for first, end in part], bool))
+        return volume
+
+    def _part_around(self, volume: Volume, eye: F64) -> list[tuple[int, int]] | None:
+        """Levels, rows and columns within `_AROUND` cells of an eye, if there is cloud within `_BESIDE` of it."""
+        m = self.medium
+        up = m.axes[..., 2, :].astype(float)
+        height = np.sum((eye - m.place) * up, axis=-1)
+        away = np.linalg.norm(eye - m.place - height[..., None] * up, axis=-1)
+        row, column = np.unravel_index(np.argmin(away), away.shape)
+        cell_m = max(m.cell_m)
+        parts = []
+        for cells in (_BESIDE, _AROUND):
+            near = np.flatnonzero(np.abs(m.levels_m - height[row, column]) <= cells * cell_m)
+            if away[row, column] > cells * cell_m or not near.size or height[row, column] < m.levels_m[0] - cell_m:
+                return None  # far away, or what water mirrors
+            parts.append(
+                [(int(near[0]), int(near[-1]) + 1)]
+                + [(max(int(n) - cells, 0), min(int(n) + cells + 1, size))
+                   for n, size in zip((row, column), m.shape[1:], strict=True)]
+            )  # fmt: skip
+        levels, rows, columns = (slice(*bounds) for bounds in parts[0])
+        cloud = volume.fields[levels, rows, columns, volume.cloud_channel]
+        return parts[1] if (cloud > 0).any() else None
+
+    def _turning(self, volume: Volume, part: Sequence[tuple[int, int]], near: NDArray[np.bool_]) -> Volume:
+        """Sources at the nodes that are ``near``, in a part of the grid, as rays read them in their own direction.
 
         Sources toward one direction are harmonics of it, below DEGREE: as many directions tell them.
         """
-        near = beside(volume.fields[..., volume.cloud_channel] > 0, volume.periodic)
-        near |= volume.air[:, 0, None, None] > 0
-        row = np.where(near, np.cumsum(near).reshape(near.shape), 0).astype(np.int32)
+        where = tuple(slice(*bounds) for bounds in part)
+        count = np.count_nonzero(near)
+        row = np.zeros(self.medium.shape, np.int32)
+        row[where][near] = np.arange(1, count + 1)
         directions = lebedev(50).direction
         told = np.linalg.pinv(harmonic_matrix(directions, DEGREE)).astype(np.float32)
-        rows = np.zeros((int(near.sum()) + 1, DEGREE * DEGREE, PACK), np.float32)
+        rows = np.zeros((count + 1, DEGREE * DEGREE, PACK), np.float32)
         for some in np.split(np.arange(len(directions)), 10):
-            sources = np.empty((len(some), len(rows) - 1, PACK), np.float32)
+            sources = np.empty((len(some), count, PACK), np.float32)
             for source, n in zip(sources, some, strict=True):
-                self.aim(volume, directions[n], True)
-                source[:] = volume.fields[..., PACK : 2 * PACK][near]
+                self._aim_part(volume, directions[n], True, part)
+                source[:] = volume.fields[where][..., PACK : 2 * PACK][near]
             for a in range(1, len(rows), _TOLD):
-                part = rows[a : a + _TOLD]
-                of_part = sources[:, a - 1 : a - 1 + len(part)].reshape(len(some), -1)
-                harmonics = (told[:, some] @ of_part).reshape(DEGREE * DEGREE, len(part), PACK)
-                part += np.moveaxis(harmonics, 0, 1)
+                of_part = sources[:, a - 1 : a - 1 + _TOLD].reshape(len(some), -1)
+                harmonics = (told[:, some] @ of_part).reshape(DEGREE * DEGREE, -1, PACK)
+                rows[a : a + _TOLD] += np.moveaxis(harmonics, 0, 1)
         return volume._replace(turning=rows, turning_row=row)
 
 
@@ -325,8 +372,7 @@ def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> 
 
 def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:
     """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
-    node = (medium.levels_m[:, None, None] < medium.terrain_m - 0.01).sum(axis=0)
-    node = np.minimum(node, len(medium.levels_m) - 1)[None]
+    node = medium.ground_node[None]
     air = forward_depth(shells, lighting.mu_sun)
     out = np.zeros((PACK, *medium.shape[1:]), np.float32)
     for w in range(PACK):

@@ -122,7 +122,8 @@ def turn_ray(dx, dy, dz, volume, ray):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
-    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on."""
+    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on; of those that do not
+    tell it, toward the eye."""
     size = DEGREE * DEGREE * PACK
     first = RAY + volume.species * PACK
     total = spread(_ZERO)
@@ -132,10 +133,12 @@ def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
             (v11 if corner & 1 else v10) if corner & 2 else (v01 if corner & 1 else v00)
         )
         start = int(flat(volume.turning_row, at)) * size
-        if start > 0 and share > _ZERO:
-            here = spread(_ZERO)
-            for n in range(DEGREE * DEGREE):
-                here += flat(ray, first + n) * read(volume.turning, start + n * PACK)
+        if share > _ZERO:
+            here = read(volume.fields, at * volume.fields.shape[3] + PACK)
+            if start > 0:
+                here = spread(_ZERO)
+                for n in range(DEGREE * DEGREE):
+                    here += flat(ray, first + n) * read(volume.turning, start + n * PACK)
             total += share * here
     return total
 
