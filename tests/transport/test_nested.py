@@ -107,8 +107,12 @@ def test_the_rim_cannot_be_seen_from_above(clouds) -> None:
 @pytest.mark.parametrize("name", VIEWS)
 def test_clear_air_is_counted_once(solver, name) -> None:
     alone, two = (solved(scene, solver).view(VIEWS[name]) for scene in (laid(clear_sky), nest(clear_sky)))
-    assert difference(two.radiance, alone.radiance) < (0.004 if solver is FAST else 0.025)  # its steps in haze are long
     np.testing.assert_allclose(two.transmittance, alone.transmittance, rtol=4e-3)
+    if solver is FAST:  # and right: a sky without a grid
+        scene = laid(clear_sky)
+        plain = Scene.clear(LAT, LON, scene.atmosphere, surface_albedo=float(scene.data["surface_albedo"].mean()))
+        alone = solved(plain, solver).view(VIEWS[name])
+    assert difference(two.radiance, alone.radiance) < (0.007 if solver is FAST else 0.025)  # its steps in haze are long
 
 
 def test_swim_sees_both_grids() -> None:

@@ -39,6 +39,9 @@ _LEBEDEV = {
 _FLAT = {50: (4, 9), 110: (5, 11)}  # rules of `double_gauss` about as large
 
 
+LEVEL = 1e-6  # least |z| of an ordinate that is not level
+
+
 class Ordinates(NamedTuple):
     """Unit vectors ``direction`` (n, 3) toward the light's origin, and ``weight`` (n,), summing to 4 pi."""
 
@@ -89,6 +92,12 @@ def lebedev(count: int) -> Ordinates:
         points += sorted(orbit)
         weights += [4 * np.pi * weight] * len(orbit)
     return Ordinates(np.array(points, float), np.array(weights))
+
+
+def level_zone(ordinates: Ordinates) -> float:
+    """Up to which |z| level ordinates stand for all directions: as much of the sphere as they have weight."""
+    level = np.abs(ordinates.direction[:, 2]) < LEVEL
+    return float(ordinates.weight[level].sum()) / (4 * np.pi)
 
 
 def harmonic_matrix(directions: Array, degree: int) -> Array:

@@ -32,7 +32,7 @@ from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
 from openswim.transport.nested import Core, shade_from
 from openswim.transport.optical_grid import at_another_wavelength, optical_grid
-from openswim.transport.ordinates import Ordinates, ordinates_for
+from openswim.transport.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
 from openswim.transport.pack import PACK
 from openswim.transport.peak import peak_tables
 from openswim.transport.pool import Pool
@@ -46,7 +46,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast", "reference")
-_ASIDE = 1e-3  # above and below the horizon, rad
+_WITHIN_ZONE = 4  # directions in which a level ordinate looks out of the grid
 _NARROW = 0.5  # of its height, a period's width in which level light goes round too often
 
 
@@ -259,21 +259,23 @@ def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) ->
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
     """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level.
 
-    A level ordinate stands for directions above and below the horizon, where there is a step if there is no air: it
-    brings the mean of both sides.
+    A level ordinate brings the mean of what it stands for, above and below the horizon, which is brightest.
     """
     nz, ny, nx = medium.shape
     axes = medium.axes[ny // 2, nx // 2].astype(float)
     count = len(ordinates.direction)
-    level = np.flatnonzero(np.abs(ordinates.direction[:, 2]) < 1e-6)
-    way = np.concatenate([ordinates.direction, ordinates.direction[level]])
-    way[level, 2] += _ASIDE
-    way[count:, 2] -= _ASIDE
+    level = np.flatnonzero(np.abs(ordinates.direction[:, 2]) < LEVEL)
+    # no node of the rule is level itself
+    nodes, shares = np.polynomial.legendre.leggauss(_WITHIN_ZONE)
+    z = np.repeat(level_zone(ordinates) * nodes, len(level))
+    across = np.tile(ordinates.direction[level, :2], (len(nodes), 1)) * np.sqrt(1 - z * z)[:, None]
+    way = np.concatenate([ordinates.direction, np.column_stack([across, z])])
     direction = np.repeat(way @ axes, nz, axis=0)
     height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(way))
     origin = np.stack([0 * height, 0 * height, height], axis=-1)
     radiance = clear_radiance(origin, direction, sun, shells, 1.0).reshape(len(way), nz, PACK)
-    radiance[level] = 0.5 * (radiance[level] + radiance[count:])
+    of_level = radiance[count:].reshape(len(nodes), len(level), nz, PACK)
+    radiance[level] = np.tensordot(0.5 * shares, of_level, 1)
     return radiance[:count]
 
 
