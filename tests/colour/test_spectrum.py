@@ -99,8 +99,8 @@ def test_repeated_wavelengths_are_refused():
         extension_matrix(np.array([450.0, 450.0]), VISIBLE)
 
 
-# Reflectance at 400, 420, .. 780 nm by PROSAIL 2.0.5 (nadir 10 degrees off, sun 40 off zenith): chlorophyll per area,
-# leaf area index, share of dry soil
+# Reflectance at 400, 420, .. 780 nm by PROSAIL 2.0.5, seen 10 degrees off nadir, sun 40 off zenith; chlorophyll of 20
+# to 50 ug/cm2, leaf area index of 1 (sparse) to 5 (wood)
 CANOPIES = {
     "meadow": (0.022, 0.0226, 0.023, 0.0231, 0.0232, 0.0252, 0.045, 0.0624, 0.0608, 0.0455, 0.0399, 0.0337, 0.0307,
                0.026, 0.0269, 0.0708, 0.2021, 0.3182, 0.359, 0.3694),

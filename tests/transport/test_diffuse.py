@@ -255,7 +255,7 @@ def test_fog_keeps_its_light(low_m: float, high_m: float, asymmetry: float) -> N
 
 
 def test_fog_on_a_plateau_is_fog_on_the_plain() -> None:
-    """What lies below the ground changes nothing (.34 of the sun's light came down for .21)."""
+    """What lies below the ground changes nothing (it shone up, and 2 % more left the top)."""
     shape = (16, 20, 20)
     fog = np.zeros(shape)
     fog[:9] = 0.02 * np.exp(0.3 * np.random.default_rng(2).standard_normal(shape[1:]))

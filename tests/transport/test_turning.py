@@ -45,10 +45,10 @@ def test_a_period_further_is_the_same():
     np.testing.assert_allclose(here, there, rtol=1e-3)
 
 
-@pytest.mark.parametrize(("cell_m", "tolerance"), [(100.0, 0.015), (3000.0, 0.03)])
+@pytest.mark.parametrize("cell_m", [100.0, 3000.0])
 @pytest.mark.parametrize("height_m", [5.0, 250.0, 750.0])
-def test_an_eye_in_cloud_sees_what_each_ray_sees_alone(cell_m, height_m, tolerance):
-    """In fog, in its middle and just above: sources aimed at the eye are wrong by 12 to 34 %, in swept cells as in
+def test_an_eye_in_cloud_sees_what_each_ray_sees_alone(cell_m, height_m):
+    """In fog, in its middle and just above: sources aimed at the eye are wrong by 12 to 89 %, in swept cells as in
     wide ones, which are lit column by column."""
     x, z = cell_m * (np.arange(24) - 11.5), 50.0 * np.arange(18)
     cloud = np.zeros((18, 24, 24), np.float32)
@@ -59,7 +59,7 @@ def test_an_eye_in_cloud_sees_what_each_ray_sees_alone(cell_m, height_m, toleran
     rays = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(zenith)], axis=-1)
     rays = rays[rays[:, 2] > 0] if height_m < 100 else rays
     eye = np.array([0.13 * cell_m, 0.3 * cell_m, height_m])
-    field = Solver(quality="preview").solve(fog, SUN, [546.0])
-    together = field.view(Rays(eye, rays)).radiance
-    single = np.concatenate([field.view(Rays(eye[None], ray)).radiance for ray in rays])
-    np.testing.assert_allclose(together, single, rtol=tolerance, atol=tolerance * single.mean())
+    alone, around = (Solver(quality="preview").solve(fog, SUN, [546.0]) for _ in range(2))
+    together = around.view(Rays(eye, rays)).radiance
+    single = np.concatenate([alone.view(Rays(eye[None], ray)).radiance for ray in rays])
+    np.testing.assert_allclose(together, single, rtol=2e-3, atol=1e-4)

@@ -31,7 +31,7 @@ from openswim.transport.optical_grid import (
     unlit_grid,
     with_ghosts,
 )
-from openswim.transport.ordinates import Ordinates, double_gauss, lebedev
+from openswim.transport.ordinates import LEVEL, Ordinates, double_gauss, lebedev
 from openswim.transport.pack import LANES
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK, Groups, in_groups
@@ -70,7 +70,7 @@ class Sweeper:
     halves: tuple[tuple[Half, Groups], tuple[Half, Groups]]
     coarser: Coarser
     place: NDArray[np.int32]
-    extinction: F32  # of grid and ghosts, 1/m
+    extinction: F32  # of grid and ghosts, 1/m, and planes for what cloud on the ground is to each thread
     pool: Pool
     on_ground: bool = True  # whether its lowest level may be the ground's
     amends: bool = True  # moments are of the light that the steps around a node take (decision 15), not of its own
@@ -99,10 +99,12 @@ class Sweeper:
                 (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
+        extinction = with_ghosts(total_extinction(grid), nx, grid.periodic)
+        shared = 2 * config.NUMBA_NUM_THREADS if _cloud_on_ground(grid) else 0  # type: ignore[attr-defined]
         kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
         return cls(
             grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
-            places(kept), with_ghosts(total_extinction(grid), nx, grid.periodic), pool,
+            places(kept), np.pad(extinction, [(0, shared), (0, 0), (0, 0)]) if shared else extinction, pool,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -140,7 +142,7 @@ class Sweeper:
         cut = unlit_grid(self.grid, levels)
         on_ground = np.float32(levels.start == 0)
         # a few ordinates answer as well, which tell three degrees apart; level ones are not for flat cells
-        level = (np.abs(self.ordinates.direction[:, 2]) < 1e-6).any()
+        level = (np.abs(self.ordinates.direction[:, 2]) < LEVEL).any()
         few = lebedev(14) if level else double_gauss(3, 5)
         cut = cut._replace(
             scattering=np.ascontiguousarray(cut.scattering[:, :_ANSWERED]),
@@ -150,7 +152,11 @@ class Sweeper:
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool,
         )  # fmt: skip
-        return replace(dark, place=places(thick_blocks(cut)), on_ground=levels.start == 0, amends=False, ratio=None)
+        extinction = dark.extinction if levels.start == 0 else dark.extinction[: len(cut.levels_m)]
+        return replace(
+            dark, place=places(thick_blocks(cut)), extinction=extinction, on_ground=levels.start == 0, amends=False,
+            ratio=None,
+        )  # fmt: skip
 
     def answer(self, change: F32, lasting: bool) -> F32:
         """What follows from a ``change`` of the moments in the `unlit` medium: of the next `_FOLLOWED` sweeps and, if
@@ -226,14 +232,6 @@ class Sweeper:
         row = np.concatenate([[0], (self.place >= 0).sum(axis=2).ravel()]).cumsum()
         return row, int(wanted.sum()) * rows, thin_level.astype(np.int64), _near_cloud(grid)
 
-    @cached_property
-    def _extinction(self) -> F32:
-        """See `Room`."""
-        if not (self.on_ground and _cloud_on_ground(self.grid)):
-            return self.extinction
-        threads: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-        return np.pad(self.extinction, [(0, 2 * threads), (0, 0), (0, 0)])
-
     def room(self, threads: int) -> Room:
         """Scratch for sweeps by so many threads."""
         grid = self.grid
@@ -245,7 +243,7 @@ class Sweeper:
         ends = columns + 2
         f32 = self.pool.take
         return Room(
-            self._extinction, f32("emission", most, self.shape[0], BLOCK), row,
+            self.extinction, f32("emission", most, self.shape[0], BLOCK), row,
             f32("thin", thin_rows, most, self.coarser.beam.shape[2] + LANES), thin_level,
             f32("light", threads, 2, height + 2, ends), f32("emitted", threads, 2, height + 2, ends),
             f32("amended", threads, 2, (height + 2) * self.amends, ends),

@@ -80,8 +80,8 @@ class Medium:
 
     @cached_property
     def extinction_above_ground(self) -> F32:
-        """``extinction`` to be swept: none below the nodes of the ground, and in these what makes half a layer of what
-        lies between the ground and halfway to the next."""
+        """``extinction`` to be swept: none below the nodes of the ground. These stand for half a layer, but hold all
+        cloud from the terrain to halfway up to the next."""
         node = self.ground_node
         lowest = self.extinction[:, : node.max() + 1]
         if not (lowest.any() and self.terrain_m.any()):

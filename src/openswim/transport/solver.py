@@ -259,7 +259,8 @@ def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) ->
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
     """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level.
 
-    A level ordinate brings the mean of what it stands for, above and below the horizon, which is brightest.
+    A level ordinate brings the mean of what it stands for, above and below the horizon, which is brightest
+    (docs/decisions/0026-level-ordinates.md).
     """
     nz, ny, nx = medium.shape
     axes = medium.axes[ny // 2, nx // 2].astype(float)

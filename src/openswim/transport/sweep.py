@@ -50,7 +50,7 @@ class Half(NamedTuple):
 class Room(NamedTuple):
     """Scratch that sweeps of a grid share."""
 
-    extinction: np.ndarray  # (nz, ny + 2, nodes and ghosts) 1/m; where cloud lies on ground, then two planes per thread
+    extinction: np.ndarray  # (nz, ny + 2, nodes and ghosts) 1/m; then two planes per thread if cloud is on ground
     emission: np.ndarray  # (ordinates of a group, blocks kept, BLOCK) in all, see `kept_row`; then the radiance
     row: np.ndarray  # (nz * ny + 1,) the first block kept on each row
     thin: np.ndarray  # (rows, ordinates of a group, nodes) of the coarser grid: what it gives the air and thin cloud
@@ -99,8 +99,8 @@ def _sweep_plane(
     """Rows (first, last) of one plane of an ordinate, the strip that the buffers hold.
 
     level_e, before_e: this plane and the one before in ``extinction``; now, last: their first flat elements in both
-    buffers. sx, sy: to which side the upstream
-    point lies. top, side: whether light enters the plane, or the strip, from outside.
+    buffers. sx, sy: to which side the upstream point lies. top, side: whether light enters the plane, or the strip,
+    from outside.
     """
     _, ny, packs = grid.cloudy.shape
     nx = grid.ground_node.shape[1]
@@ -218,8 +218,7 @@ def _carry_strip(
         inflow = half.inflow[k, n]
         plane, emitted = room.light[t, cur, : count + 2], room.emitted[t, cur, : count + 2]
         _emit(k, rows, slot, now, grid, place, coarser, room)
-        before_e = level_e if turn > 0 else k
-        level_e = k
+        before_e, level_e = before if turn == 0 else level_e, k
         if k <= highest and room.near_cloud[k] == 1 and room.extinction.shape[0] > nz:
             part = share_of_ground(k, q, downward, grid.levels_m, grid.cell_m)
             if part != 1.0:
