@@ -248,9 +248,9 @@ def with_air_above(medium: Medium) -> Medium:
 
 
 def with_soft_top(medium: Medium) -> Medium:
-    """A medium whose cloud does not end at the highest level, where sweeps lose light: as much of it, half a layer on
-    both sides of where it ended. Without air, or all goes on above it (`with_air_above`)."""
-    if medium.air is not None or medium.layered or not medium.extinction[:, -1].any():
+    """A medium whose cloud does not end at the highest level, where sweeps lose light, nor fades through a tall layer
+    of air above: as much of it, half a layer on both sides of where it ended."""
+    if medium.layered or not medium.extinction[:, -1].any():
         return medium
     levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
     extinction = np.pad(medium.extinction, [(0, 0), (0, 1), (0, 0), (0, 0)])

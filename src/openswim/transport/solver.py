@@ -175,7 +175,7 @@ def _grid_field(
     if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     if fast:
-        medium = with_soft_top(with_air_above(medium))
+        medium = with_air_above(with_soft_top(medium))
     landscape = landscape_of(scene, medium)
     lighting = Lighting.of_grid(scene, medium)
     lighting.place_sun(sun)
