@@ -279,3 +279,37 @@ def test_clouds_at_the_top_keep_their_light(asymmetry: float) -> None:
     fluxes = Solver().solve(scene, sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
     assert total == pytest.approx(sun[2], rel=0.003)
+
+
+def test_clouds_at_the_top_end_there_though_air_goes_on() -> None:
+    """A deck of optical depth one in the highest levels: it faded through a tall layer of air above (by a tenth too
+    much light). Against Monte Carlo."""
+    shape = (12, 12, 12)
+    deck = np.zeros(shape)
+    deck[6:] = 1 / 500.0
+    scene = grid_scene(deck, shape, (400.0, 400.0, 100.0), curved=True, air=True, phase=HenyeyGreenstein(0.0))
+    down = Rays(np.array([0.0, 0.0, 1500.0]), sky_directions([-90.0, -75.0], np.arange(0.0, 360.0, 90.0)))
+    sun = toward(200.0, 50.0)
+    fast, truth = (Solver(name, **more).solve(scene, sun, [650.0]).view(down)
+                   for name, more in (("fast", {}), ("reference", {"paths": 1500})))  # fmt: skip
+    error = float(np.sqrt((truth.sigma**2).sum()) / len(truth.sigma))  # type: ignore[attr-defined]
+    assert error < 0.015 * truth.radiance.mean()
+    assert fast.radiance.mean() == pytest.approx(float(truth.radiance.mean()), abs=3 * error)
+
+
+def test_a_small_cloud_on_the_earth_is_one_on_a_plane() -> None:
+    """Cells of optical depth up to 14, without air: where they were not divided across, on the Earth alone, a
+    fifteenth of the light from above was missing."""
+    shape = (14, 24, 24)
+    lumps = gaussian_filter(np.random.default_rng(7).standard_normal(shape), (1.5, 2.0, 2.0))
+    lumps = np.clip(lumps - np.quantile(lumps, 0.65), 0, None)
+    lumps[:2], lumps[9:] = 0, 0
+    lumps *= 7 / (lumps.sum(axis=0).mean() * 100.0)
+    across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (200, 2))
+    down = Rays(np.column_stack([across, np.full(200, 3000.0)]), np.tile([0.0, 0.0, -1.0], (200, 1)))
+    flat, curved = (
+        Solver().solve(scene, toward(200.0, 60.0), [546.0]).view(down).radiance.mean()
+        for scene in (grid_scene(lumps, shape, (200.0, 200.0, 100.0), curved=curved, phase=HenyeyGreenstein(0.0))
+                      for curved in (False, True))
+    )  # fmt: skip
+    assert curved == pytest.approx(flat, rel=0.02)

@@ -89,13 +89,13 @@ def estimate(
 
 def _drawn(scene: "Scene", fast: bool) -> tuple[int, bool, bool]:
     """Nodes of the grid that a scene is drawn on; whether its cells are so wide that columns are solved alone; whether
-    a flat scene's are divided."""
+    they are halved."""
     grid = scene.grid
     if grid is None:
         return 0, False, False
     if grid.curved:
-        shape, cell_m = drawn_shape(scene, fast)
-        return math.prod(shape), fast and cell_m >= WIDE_CELL_M, False
+        shape, cell_m, divided = drawn_shape(scene, fast)
+        return math.prod(shape), fast and cell_m >= WIDE_CELL_M, divided
     if not fast or math.prod(grid.shape) > MOST_RESOLVED_NODES:
         return math.prod(grid.shape), False, False
     medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0)  # which takes little where there is no map

@@ -271,14 +271,14 @@ class PackField:
         up = np.array([0.0, 0.0, self.frame.radius_m])
         above_m = np.linalg.norm(origin + up, axis=-1) - self.frame.radius_m - m.cloud_top_m
         width_m = cone[:, 0] + cone[:, 1] * np.maximum(above_m, 0.0)
-        if width_m.min() >= widest_m(first_wavelength_m(min(m.cell_m))):
+        if width_m.min() >= widest_m(first_wavelength_m(m.drawn_cell_m)):
             return NO_DETAIL
         if self.detail is None:
             # what is given as extinction is given as it is
             refined = [s.kind == "liquid" and s.name not in self.scene.optics for s in m.species]
             _, ny, nx = m.shape
             self.detail = NO_DETAIL if not any(refined) else detail_of(
-                m.extinction[refined].sum(axis=0), np.array(refined, np.float32), min(m.cell_m),
+                m.extinction[refined].sum(axis=0), np.array(refined, np.float32), m.drawn_cell_m,
                 self.light.local_sun[ny // 2, nx // 2],
             )  # fmt: skip
         return self.detail

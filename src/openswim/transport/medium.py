@@ -67,6 +67,7 @@ class Medium:
     fineness: int = 1  # nodes of the medium per node of the scene's grid, each way
     degree: int = DEGREE  # truncation order of the diffuse field
     first: tuple[int, int] = (0, 0)  # column and row of the scene's grid that are its first
+    halvings: int = 0  # of the cells that are drawn, which counts in ``fineness``, too
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -109,8 +110,13 @@ class Medium:
 
     @property
     def divided(self) -> bool:
-        """Whether columns of a flat scene are halved, since they would be too thick."""
-        return not self.frame.curved and self.fineness > 1
+        """Whether columns are halved, since they would be too thick."""
+        return self.halvings > 0
+
+    @property
+    def drawn_cell_m(self) -> float:
+        """Width of the cells between which all is linear."""
+        return min(self.cell_m) * 2**self.halvings
 
     @property
     def level_lookup(self) -> tuple[float, float, F64]:
@@ -134,8 +140,8 @@ def build_medium(
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
-    It divides columns too, up to `MOST_RESOLVED_NODES`, of flat scenes: their fields are meant as they are given. A
-    model's nodes tell of means; what lies between them is our guess, and nothing is gained by solving it better.
+    It divides columns too, up to `MOST_RESOLVED_NODES`, unless each is to be lit by itself or its clouds are broken by
+    their cover.
 
     tall: layers may be as tall as two columns are wide, and columns are not divided. frame: another scene's, around
     which this one lies.
@@ -170,7 +176,7 @@ def build_medium(
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        if not frame.curved and not sideless and not tall and cell_m < WIDE_CELL_M:
+        if not sideless and not tall and cover is None and cell_m < WIDE_CELL_M:
             halvings = halvings_for(levels, heights, total, cell_m, ny * nx)
         share = 1.0  # on the Earth, where levels do not follow the hour
         if sideless:
@@ -231,7 +237,7 @@ def halved_medium(scene: Scene, medium: Medium) -> Medium:
         extinction, levels = halved(extinction, 1), halved(levels, 0)
     return replace(
         medium, extinction=extinction, levels_m=levels, cell_m=cell_m, terrain_m=terrain, axes=axes, place=place,
-        chart=2 * medium.chart, fineness=fineness,
+        chart=2 * medium.chart, fineness=fineness, halvings=medium.halvings + 1,
     )  # fmt: skip
 
 
@@ -273,24 +279,28 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
     return fineness
 
 
-def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float]:
-    """Nodes (nz, ny, nx) of what `build_medium` makes of a scene on the Earth, or a few more, and the width (m) of its
-    cells; ``refine``: for sweeps."""
+def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float, bool]:
+    """Nodes (nz, ny, nx) of what `build_medium` makes of a scene on the Earth, or a few more; the width (m) of its
+    cells; whether they are halved. ``refine``: for sweeps."""
     grid, species = scene.grid, scene_optics(scene, REFERENCE_NM)
     assert grid is not None
     _, ny, nx = grid.shape
     terrain = np.zeros((1, 1), np.float32)
     if "surface_altitude" in scene.data:
         terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
-    cell_m, cover = min(grid.spacing_m()), cloud_cover(scene) if species else None
+    cell_m, cover, halvings = min(grid.spacing_m()), cloud_cover(scene) if species else None, 0
     levels = own_levels(grid.height_m, terrain, grid.curved)
     if refine:
         total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-        levels = refined_levels(levels, grid.height_m, total, cell_m, ny * nx, 1.0)
-    fineness = 1
+        if cover is None and cell_m < WIDE_CELL_M:
+            halvings = halvings_for(levels, grid.height_m, total, cell_m, ny * nx)
+        cell_m /= 2**halvings
+        levels = refined_levels(levels, grid.height_m, total, cell_m, ny * nx * 4**halvings, 1.0)
+    fineness = 2**halvings
     if refine or cover is not None:
-        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
-    return (len(levels), fineness * ny, fineness * nx), cell_m / fineness
+        wide = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
+        fineness, cell_m = fineness * wide, cell_m / wide
+    return (len(levels), fineness * ny, fineness * nx), cell_m, halvings > 0
 
 
 def outside_ground_m(terrain: F32) -> float:

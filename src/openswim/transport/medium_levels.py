@@ -79,9 +79,12 @@ def refined_levels(
 
 
 def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
-    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many."""
-    cloudy = total[total > 0] if total is not None else np.zeros(0)
-    depth = _SCALED * np.percentile(cloudy, 90) * cell_m if cloudy.size else 0.0
+    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many. What is even
+    need not be divided, however thick."""
+    depth = 0.0
+    if total is not None and (cloudy := total > 0).any():
+        uneven = np.minimum(total, 4 * _difference_across(total))[cloudy]
+        depth = _SCALED * float(np.percentile(uneven, 90)) * cell_m
     halvings = 0
     while depth > _CELL_DEPTH * 2**halvings:
         parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)
@@ -90,6 +93,16 @@ def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float
             break
         halvings += 1
     return halvings
+
+
+def _difference_across(field: F32) -> F32:
+    """The largest difference of each node (nz, ny, nx) from its neighbours along the last two axes."""
+    out = np.zeros_like(field)
+    for axis in (1, 2):
+        there, other = np.moveaxis(out, axis, 0), np.abs(np.diff(np.moveaxis(field, axis, 0), axis=0))
+        np.maximum(there[1:], other, out=there[1:])
+        np.maximum(there[:-1], other, out=there[:-1])
+    return out
 
 
 def levels_above(levels: F64) -> F64:
