@@ -79,8 +79,9 @@ def refined_levels(
 
 
 def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
-    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many. What is even
-    need not be divided, however thick."""
+    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many.
+
+    What is even need not be divided, however thick."""
     depth = 0.0
     if total is not None and (cloudy := total > 0).any():
         uneven = np.minimum(total, 4 * _difference_across(total))[cloudy]
