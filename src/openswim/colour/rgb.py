@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.colour.cie import xyz_weights
+from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
 
@@ -25,11 +26,11 @@ SRGB_MATRIX = np.array(
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
-HIGHLIGHT = 1.2  # ... and the most that it lets the bright parts have; the shoulder takes 1.2 to 0.927
+HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shoulder takes 1.1 to .849
 # 13 stops more than by day, as f/1.8, ISO 3200 and 1/30 s by hand give: clear skies show their twilight until the sun
 # is at -8 degrees, a dim one at -10, none at -13
 MOST_EXPOSURE = 1e4
-SHOULDER = 0.65  # below this tones are proportional to the scene
+SHOULDER = 0.5  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
 Matrix = Literal["srgb", "paper"]
@@ -88,7 +89,7 @@ def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
     """The factor from L' to display light that a photographer would choose.
 
     The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts:
-    their 98th percentile stays at 1.2, which the shoulder brings below white; at night the factor ends at 1e4, and
+    their 98th percentile stays at 1.1, which the shoulder brings below white; at night the factor ends at 1e4, and
     the picture is dark.  Pixels outside the image, black
     space (below .2 % of the bright parts) and the sun's disc do not count.
     """
@@ -113,6 +114,7 @@ def to_rgb(
     gamma: float | Literal["srgb"] = "srgb",
     roll_off: bool = True,
     dither: bool = True,
+    glare: bool = True,
 ) -> np.ndarray:
     """A picture, uint8 (y, x, 3), of a rendered image; NaN pixels are black.
 
@@ -120,11 +122,15 @@ def to_rgb(
     `auto_exposure`.  `matrix` "srgb" or "paper" (Eq. 36).  `gamma` "srgb" (the standard's curve) or a number
     (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same for the three colours, so
     that bright things keep their hue.  `dither`: noise below one step against banding, the same at every
-    call.
+    call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
     """
     check_exposure(exposure)
     factor = auto_exposure(image) if exposure == "auto" else exposure
-    xyz = np.nan_to_num(to_xyz(image)) * np.float32(factor)
+    xyz = np.nan_to_num(to_xyz(image))
+    if glare and (sun := glare_of_sun(image)) is not None:
+        share, irradiance = sun
+        xyz += share[..., None] * to_xyz(irradiance)
+    xyz *= np.float32(factor)
     linear = into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
     if roll_off:
         linear = shoulder(linear)
@@ -149,7 +155,7 @@ def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
 
 
 def shoulder(linear: np.ndarray) -> np.ndarray:
-    """Highlights rolled off: the largest component m > .65 becomes 1 - .35 e^-((m - .65)/.35).
+    """Highlights rolled off: the largest component m > .5 becomes 1 - .5 e^-((m - .5)/.5).
 
     The other two follow in proportion, so the hue stays; far above white (m of 10) colours pale by up to .7,
     as the eye's and the film's do.

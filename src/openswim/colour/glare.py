@@ -1,0 +1,61 @@
+"""What a lens, or the eye, scatters of the sun's light over the rest of a picture."""
+
+import math
+
+import numpy as np
+import xarray as xr
+
+EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
+LEAST_DEG = 0.1  # within it lies what is sharp
+SUN_DEG = 0.3  # a little more than the disc's radius
+
+
+def spread(angle_deg: np.ndarray) -> np.ndarray:
+    """Radiance per irradiance (1/sr) at angles from a point of light, by a lens: .15 of 10/a^3 + 5/a^2.
+
+    The eye's: CIE 135/1 (Vos and van den Berg 1999), of a young observer, .1 to 30 degrees.
+    """
+    angle = np.maximum(angle_deg, LEAST_DEG)
+    return np.asarray(EYE_SHARE * (10 / angle + 5) / angle**2)
+
+
+def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataArray] | None:
+    """What an irradiance of one from the sun's place adds to each pixel (y, x), 1/sr, and the irradiance (wavelength,),
+    L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
+    """
+    known = {"azimuth", "altitude", "solar_relative_radiance"}
+    if not isinstance(image, xr.Dataset) or not known <= set(image):
+        return None
+    if "sun_azimuth_deg" not in image.attrs or min(image["azimuth"].shape) < 3:
+        return None
+    azimuth, altitude = (np.radians(image[name].values.astype(np.float32)) for name in ("azimuth", "altitude"))
+    sun_azimuth, sun_altitude = (math.radians(image.attrs[f"sun_{name}_deg"]) for name in ("azimuth", "altitude"))
+    angle = np.degrees(_between(azimuth, altitude, sun_azimuth, sun_altitude))
+    if not np.isfinite(angle).any():
+        return None
+    j, i = np.unravel_index(np.nanargmin(angle), angle.shape)
+    beside = np.s_[max(j - 1, 0) : j + 2, max(i - 1, 0) : i + 2]
+    pixel = np.degrees(np.nanmax(_between(azimuth[beside], altitude[beside], azimuth[j, i], altitude[j, i])))
+    if angle[j, i] > SUN_DEG + pixel:
+        return None
+    sunny, beside_it = angle < SUN_DEG + 2 * pixel, angle < SUN_DEG + 4 * pixel
+    rows = np.flatnonzero(beside_it.any(axis=1))
+    some = slice(max(rows[0] - 1, 0), rows[-1] + 2)
+    sunny, beside_it = sunny[some], beside_it[some] & ~sunny[some]
+    place = np.stack([
+        np.cos(altitude[some]) * np.sin(azimuth[some]), np.cos(altitude[some]) * np.cos(azimuth[some]),
+        np.sin(altitude[some]),
+    ], axis=-1).astype(float)  # fmt: skip
+    solid_angle = np.linalg.norm(np.cross(np.gradient(place, axis=0), np.gradient(place, axis=1)), axis=-1)
+    light = np.nan_to_num(image["solar_relative_radiance"].transpose(..., "wavelength").values[some])
+    sky = np.median(light[beside_it], axis=0) if beside_it.any() else np.zeros(light.shape[-1])
+    held = np.maximum(((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny].sum(axis=0), 0)
+    irradiance = xr.DataArray(held, dims="wavelength", coords={"wavelength": image["wavelength"]})
+    return np.nan_to_num(spread(angle)).astype(np.float32), irradiance
+
+
+def _between(azimuth: np.ndarray, altitude: np.ndarray, other_azimuth: float, other_altitude: float) -> np.ndarray:
+    """Angles (radians) between directions, right for small ones."""
+    half = np.sin((altitude - other_altitude) / 2) ** 2
+    half += np.cos(altitude) * np.cos(other_altitude) * np.sin((azimuth - other_azimuth) / 2) ** 2
+    return np.asarray(2 * np.arcsin(np.sqrt(np.clip(half, 0, 1))))
