@@ -212,3 +212,24 @@ def test_what_a_model_says_of_the_ground_is_worked_out_once(monkeypatch) -> None
     for _ in range(2):
         ground(field, np.linspace(-500.0, 500.0, 3 * _PART), np.zeros(3 * _PART))
     assert len(calls) == solved + 1
+
+
+@pytest.mark.parametrize("albedo", [0.1, 0.6])
+def test_valleys_under_an_overcast_see_little_of_it(albedo: float) -> None:
+    """Valleys a kilometre deep with slopes of up to 45 degrees, against Monte Carlo, from below the clouds: as if
+    level, they were a fifth too bright (dark ground), a twelfth (bright)."""
+    shape = (36, 40, 40)
+    x = np.broadcast_to(200.0 * (np.arange(40) - 19.5), (40, 40))
+    inland = np.clip((3400 - np.maximum(abs(x), abs(x.T))) / 800, 0, 1)
+    valleys = 500 * (1 - np.cos(2 * np.pi * x / 3200)) * inland
+    deck = np.zeros(shape)
+    deck[28:34] = 10 / 600.0
+    scene = grid_scene(deck, shape, (200.0, 200.0, 100.0), curved=True, surface_albedo=albedo, terrain_m=valleys)
+    across = np.random.default_rng(1).uniform(-2400.0, 2400.0, (300, 2))
+    down = Rays(np.column_stack([across, np.full(300, 1500.0)]), np.tile([0.0, 0.0, -1.0], (300, 1)))
+    fast, truth = (Solver(name, **more).solve(scene, toward(0.0, 50.0), [WAVELENGTH_NM]).view(down)
+                   for name, more in (("fast", {}), ("reference", {"paths": 200})))  # fmt: skip
+    error = float(np.sqrt((truth.sigma**2).sum()) / len(truth.sigma))  # type: ignore[attr-defined]
+    mean = float(truth.radiance.mean())
+    assert error < 0.02 * mean
+    assert fast.radiance.mean() == pytest.approx(mean, abs=3 * error)

@@ -79,10 +79,11 @@ def columns_of_grid(
     count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
     """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at. ``ends``: no wider grid is beyond."""
-    direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
+    ground = [lighting.for_sweeps(w) for w in range(count)]
+    albedo, direct = (np.stack(one) for one in zip(*ground, strict=True))
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
-        lighting.albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
+        albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
         0.5 * ends * np.array(medium.cell_m, float), once,
     )  # fmt: skip
 

@@ -308,15 +308,15 @@ def _diffuse(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
-            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.direct_horizontal(w)
+            enters, (albedo, direct) = np.ascontiguousarray(inflow[..., w]), lighting.for_sweeps(w)
             sides = None
             if not ends and not medium.periodic:
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(
-                    wider, medium, grid, clear, lighting.albedo[w], direct, ordinates, setting.tolerance, w
+                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w
                 )
-            sweeper = diffuse.Sweeper.of(grid, enters, lighting.albedo[w], direct, ordinates, pool, sides)
+            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides)
             properties = spectral.properties_of(sweeper)
             others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()))
             if plane_parallel:

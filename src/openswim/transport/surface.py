@@ -13,6 +13,7 @@ from openswim.ground.fields import blurred
 from openswim.ground.hills import steepness_below, sunlight_on_slopes
 from openswim.ground.model import ModelGround
 from openswim.ground.relief import height_maps, mapped_normals
+from openswim.ground.sky_view import Terrain
 from openswim.scene.frame import Frame
 from openswim.scene.rims import BEYOND_CELLS
 from openswim.scene.scene import Scene
@@ -58,6 +59,9 @@ class Lighting:
     unshadowed: F32 | None = None  # ``direct`` without the terrain's own shadows, where a relief casts them
     steepness: F64 | None = None  # (ny, nx) of what slopes there are below the scene's cells
     forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
+    terrain: Terrain | None = None  # None where it is level
+    local_sun: F64 | None = None  # (3,) along the middle column's axes
+    _slopes: tuple[F32, F32] | None = field(default=None, repr=False)
 
     @classmethod
     def of_clear_scene(cls, scene: Scene, frame: Frame, wl: F64) -> Lighting:
@@ -80,6 +84,7 @@ class Lighting:
         terrain = medium.terrain_m.astype(float)
         slope_y = np.gradient(terrain, medium.cell_m[1], axis=0) if ny > 1 else np.zeros_like(terrain)
         slope_x = np.gradient(terrain, medium.cell_m[0], axis=1) if nx > 1 else np.zeros_like(terrain)
+        whole = Terrain(medium.terrain_m, medium.cell_m, medium.periodic)
         axes = medium.axes.astype(float)
         normal = axes[..., 2, :] - slope_x[..., None] * axes[..., 0, :] - slope_y[..., None] * axes[..., 1, :]
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -87,16 +92,48 @@ class Lighting:
             medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(np.float32), blank, blank.copy(), blank.copy(),
             normal=normal, axes=medium.axes,
             steepness=steepness_below(blurred(slope_x**2 + slope_y**2), _scene_cell_m(medium)),
+            terrain=None if whole.level else whole,
         )  # fmt: skip
 
     def place_sun(self, sun: F64) -> None:
         """Cosine of the solar zenith angle over every column."""
         if self.axes is not None:
             self.mu_sun = self.axes[..., 2, :].astype(float) @ sun
+            ny, nx = self.mu_sun.shape
+            self.local_sun = self.axes[ny // 2, nx // 2].astype(float) @ sun
 
     def direct_horizontal(self, w: int) -> F32:
         """Direct flux through the horizontal (ny, nx)."""
         return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(np.float32)
+
+    def for_sweeps(self, w: int) -> tuple[F32, F32]:
+        """Albedo and direct flux (ny, nx) with which a plain returns as much of the diffuse light, which sweeps bring
+        as if there were no hills, and of the sun's, as the terrain does."""
+        albedo, direct = self.albedo[w], self.direct_horizontal(w)
+        if self.terrain is None:
+            return albedo, direct
+        gain, more = (of[w] for of in self._on_slopes(self.terrain))
+        return albedo * gain, (direct + more) / gain
+
+    def diffuse_on_slopes(self) -> F32:
+        """``diffuse`` as slopes and hollows get it: the ground around hides some of the sky, and shines itself."""
+        if self.terrain is None:
+            return self.diffuse
+        gain, more = self._on_slopes(self.terrain)
+        return gain * self.diffuse + more
+
+    def _on_slopes(self, terrain: Terrain) -> tuple[F32, F32]:
+        """Factor and addend (nw, ny, nx) of `diffuse_on_slopes`, known as soon as ``direct`` is."""
+        if self._slopes is None:
+            assert self.local_sun is not None
+            sunlit = self.albedo * self.direct
+            mean = sunlit.mean(axis=0)
+            view, grey = terrain.seen(mean, self.local_sun)
+            around = grey * np.stack([blurred(one) for one in sunlit]) / np.maximum(blurred(mean), 1e-9)
+            # what the ground around has of the sky, and of the ground, is as much as here
+            again = 1 / (1 - (1 - view) * np.stack([blurred(albedo) for albedo in self.albedo]))
+            self._slopes = np.asarray(view * again, np.float32), np.asarray(around * again, np.float32)
+        return self._slopes
 
     def light_clear(self, shells: Shells, sun: F64) -> None:
         """Fluxes below the shells alone, and their sky."""
@@ -130,7 +167,7 @@ class Lighting:
             "up_top": self.up_top,
             "down_bottom": total - direct,
             "direct_bottom": direct,
-            "up_bottom": self.albedo * total,
+            "up_bottom": self.albedo * (beam + self.diffuse_on_slopes()),
         }
         return {name: np.asarray(v, float).mean(axis=(1, 2)) for name, v in named.items()}
 
@@ -229,11 +266,12 @@ def shade(
     found: dict[int, tuple[NDArray[np.int64], _Ground]] = {}
     near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
     model = light_field.model_ground
+    on_slopes = light_field.lighting.diffuse_on_slopes()
 
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
             part = slice(start, start + _PART)
-            ground = _ground(light_field, shells, model, place[part], direction[part], width_m[part])
+            ground = _ground(light_field, shells, model, on_slopes, place[part], direction[part], width_m[part])
             out[part] = _reflected(light_field, shells, ground)
             wet = np.flatnonzero(ground.sample.water > 0.05)
             if near and wet.size and not ground.sample.lambertian:
@@ -263,9 +301,9 @@ def _any_outside(light_field: PackField, place: F64) -> bool:
 
 
 def _ground(
-    light_field: PackField, shells: Shells, model: ModelGround, place: F64, direction: F64, width_m: F64
+    light_field: PackField, shells: Shells, model: ModelGround, on_slopes: F32, place: F64, direction: F64, width_m: F64
 ) -> _Ground:
-    """What is there, and the light on it: see `shade`."""
+    """What is there, and the light on it, of which `diffuse_on_slopes` is given: see `shade`."""
     scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
     sun, wl = light_field.sun, light_field.wavelengths_nm
     lat, lon, height_m = frame.latlon(place)
@@ -288,7 +326,7 @@ def _ground(
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
         direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
         beam[inside] = bilinear(direct, ix[inside], iy[inside])
-        diffuse[inside] = bilinear(lighting.diffuse, ix[inside], iy[inside])
+        diffuse[inside] = bilinear(on_slopes, ix[inside], iy[inside])
         outside = np.flatnonzero(~inside)
         if outside.size and light_field.beyond is not None:
             diffuse[outside] = light_field.beyond.flux(ix[outside], iy[outside], diffuse[outside], lighting.diffuse)
