@@ -24,7 +24,7 @@ from openswim.transport import Field, Solver
 from openswim.transport.surface import _PART, _steepness
 
 ALTITUDE = 30.0
-RIDGE_M, CELL = 500.0, 50.0
+RIDGE_M, CELL, DARK = 500.0, 50.0, 0.01
 
 
 def ground(field: Field, x_m, y_m, height_m: float = 3000.0) -> np.ndarray:
@@ -34,7 +34,7 @@ def ground(field: Field, x_m, y_m, height_m: float = 3000.0) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=[90.0, 270.0, 0.0], ids=["sun east", "sun west", "sun north"])
 def ridge(request) -> tuple[Field, float]:
-    """A wall 500 m high and two cells thick across the sun, white ground, no air."""
+    """A wall 500 m high and two cells thick across the sun, dark ground that lights no other, no air."""
     azimuth = request.param
     n = 81
     terrain = np.zeros((n, n))
@@ -43,14 +43,14 @@ def ridge(request) -> tuple[Field, float]:
         terrain[middle] = RIDGE_M
     else:
         terrain[:, middle] = RIDGE_M
-    scene = grid_scene({}, (13, n, n), (CELL,) * 3, terrain_m=terrain, surface_albedo=1.0)
+    scene = grid_scene({}, (13, n, n), (CELL,) * 3, terrain_m=terrain, surface_albedo=DARK)
     return Solver().solve(scene, toward(azimuth, ALTITUDE), [WAVELENGTH_NM]), azimuth
 
 
 def test_a_ridge_shades_its_far_side(ridge) -> None:
     field, azimuth = ridge
     away = -toward(azimuth, 0.0)
-    sunny = 4 * np.sin(np.radians(ALTITUDE))  # L' of white ground (Eq. 2): 4 mu0
+    sunny = 4 * DARK * np.sin(np.radians(ALTITUDE))  # L' of level ground (Eq. 2): 4 A mu0
     length = RIDGE_M / np.tan(np.radians(ALTITUDE))  # 866 m, from the ridge's edge one cell off the middle
     behind = np.array([150.0, 400.0, 700.0])[:, None] * away
     # penumbra and the terrain's nodes blur the end by about a cell
@@ -65,9 +65,23 @@ def test_the_shadow_ends_where_the_sun_looks_over_the_ridge(ridge) -> None:
     field, azimuth = ridge
     way = np.arange(300.0, 1500.0, 5.0)
     seen = ground(field, *(way[:, None] * -toward(azimuth, 0.0)).T[:2])
-    half = way[np.argmax(seen > 2 * np.sin(np.radians(ALTITUDE)))]
+    half = way[np.argmax(seen > 2 * DARK * np.sin(np.radians(ALTITUDE)))]
     expected = CELL + RIDGE_M / np.tan(np.radians(ALTITUDE))
     assert half == pytest.approx(expected, abs=1.5 * CELL)
+
+
+@pytest.mark.parametrize("albedo", [0.3, 1.0])
+def test_a_sunny_wall_lights_the_ground_before_it(albedo: float) -> None:
+    """As bright as with Monte Carlo within an eighth, where without the wall's light up to a half was missing; in its
+    shadow next to nothing."""
+    terrain = np.zeros((81, 81))
+    terrain[:, 39:42] = RIDGE_M
+    scene = grid_scene({}, (13, 81, 81), (CELL,) * 3, terrain_m=terrain, surface_albedo=albedo)
+    x_m = np.array([150.0, 200.0, 300.0, 400.0, -150.0, -400.0, -700.0])
+    found, truth = (ground(Solver(name, **more).solve(scene, toward(90.0, ALTITUDE), [WAVELENGTH_NM]), x_m, 0 * x_m)
+                    for name, more in (("fast", {}), ("reference", {"paths": 4000})))  # fmt: skip
+    np.testing.assert_allclose(found[:4], truth[:4], rtol=0.125)
+    np.testing.assert_allclose(found[4:], truth[4:], atol=0.03 * truth[0])
 
 
 @pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 40.0), (270.0, 40.0), (0.0, 40.0), (250.0, 60.0)])
