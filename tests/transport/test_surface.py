@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pyproj import CRS
+from scipy.ndimage import gaussian_filter
 from tests.transport.scenes import (
     LAT,
     LON,
@@ -226,6 +227,21 @@ def test_what_a_model_says_of_the_ground_is_worked_out_once(monkeypatch) -> None
     for _ in range(2):
         ground(field, np.linspace(-500.0, 500.0, 3 * _PART), np.zeros(3 * _PART))
     assert len(calls) == solved + 1
+
+
+def test_white_hills_keep_their_light() -> None:
+    """Steep ones in a period, under thin cloud: what enters leaves."""
+    shape = (20, 32, 32)
+    hills = gaussian_filter(np.random.default_rng(1).standard_normal(shape[1:]), 2.5, mode="wrap")
+    hills = 600 * (hills - hills.min()) / np.ptp(hills)
+    cloud = np.zeros(shape)
+    cloud[14:18] = 0.002
+    scene = grid_scene(cloud, shape, (100.0, 100.0, 50.0), periodic=True, surface_albedo=1.0, terrain_m=hills)
+    sun = toward(250.0, 40.0)
+    field = Solver().solve(scene, sun, [WAVELENGTH_NM])
+    lighting = field.packs[0].lighting
+    assert lighting.diffuse_on_slopes().max() > 1.1 * lighting.diffuse.max()  # they light each other
+    assert field.fluxes()["up_top"][0] == pytest.approx(sun[2], rel=0.003)
 
 
 @pytest.mark.parametrize("albedo", [0.1, 0.6])

@@ -79,8 +79,8 @@ def columns_of_grid(
     count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
     """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at. ``ends``: no wider grid is beyond."""
-    ground = [lighting.for_sweeps(w) for w in range(count)]
-    albedo, direct = (np.stack(one) for one in zip(*ground, strict=True))
+    direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
+    albedo = np.stack([lighting.albedo_for_sweeps(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
         albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,

@@ -308,7 +308,8 @@ def _diffuse(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
-            enters, (albedo, direct) = np.ascontiguousarray(inflow[..., w]), lighting.for_sweeps(w)
+            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.direct_horizontal(w)
+            albedo = lighting.albedo_for_sweeps(w)
             sides = None
             if not ends and not medium.periodic:
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)

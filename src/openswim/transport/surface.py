@@ -106,14 +106,12 @@ class Lighting:
         """Direct flux through the horizontal (ny, nx)."""
         return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(np.float32)
 
-    def for_sweeps(self, w: int) -> tuple[F32, F32]:
-        """Albedo and direct flux (ny, nx) with which a plain returns as much of the diffuse light, which sweeps bring
-        as if there were no hills, and of the sun's, as the terrain does."""
-        albedo, direct = self.albedo[w], self.direct_horizontal(w)
+    def albedo_for_sweeps(self, w: int) -> F32:
+        """Albedo (ny, nx) of a plain that returns as much as the terrain does: of what slopes and hollows reflect part
+        meets ground again."""
         if self.terrain is None:
-            return albedo, direct
-        gain, more = (of[w] for of in self._on_slopes(self.terrain))
-        return albedo * gain, (direct + more) / gain
+            return self.albedo[w]
+        return self.albedo[w] * self._on_slopes(self.terrain)[0][w]
 
     def diffuse_on_slopes(self) -> F32:
         """``diffuse`` as slopes and hollows get it: the ground around hides some of the sky, and shines itself."""
