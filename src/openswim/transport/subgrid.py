@@ -22,7 +22,7 @@ F64 = NDArray[np.float64]
 
 PRECIPITATION = ("rain", "snow", "graupel")
 SMALLEST_M = 500.0  # lattice of the finest octave of cloud
-_SHOWN_NODES = 2.0  # nodes of the grid to a lattice spacing from which on it shows an octave
+_SHOWN_NODES = 1.75  # nodes of the grid to a lattice spacing from which on it shows an octave: 3.5 to its least lumps
 _TALL_M = 4000.0
 _EXPONENT = 2 / 3  # of an octave's variance with its size: spectra of k^-5/3
 _WIDEST = 0.5  # cells: lumps of such octaves are about two cells wide, the least that a model's own fields show
