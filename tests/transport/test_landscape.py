@@ -128,6 +128,22 @@ def test_shadow_on_the_ground_of_a_picture(tmp_path) -> None:
     np.testing.assert_allclose(light[across > 450.0], 1.0, atol=0.02)
 
 
+def test_steep_slopes_see_less_of_the_sky(tmp_path) -> None:
+    """Of ripples that the model does not know, in twilight: (1 + cos)/2 of the sky's light, some from each other."""
+    x = pixels(6e3, 15.0)
+    ripples = BASE_M + 95.0 * np.cos(2 * np.pi * x / 600.0)
+    scene = scene_with(np.broadcast_to(ripples, (x.size, x.size)), tmp_path / "dem.tif", 6e3, air=True)
+    frame = build_medium(scene, np.array([WAVELENGTH_NM]), 0.5).frame
+    field = Solver(detail=False).solve(scene, toward(90.0, -3.0), [WAVELENGTH_NM])
+    metre = np.degrees(1 / RADIUS) / np.cos(np.radians(LAT))
+    crest, flank = (frame.position(LAT, LON + east * metre, 2000.0) for east in (0.0, 150.0))
+    down = -(frame.enu(LAT, LON)[2])
+    seen = [float(field.view(Rays(eye, down[None])).radiance[0, 0]) for eye in (crest, flank)]
+    steep = 1 / np.sqrt(1 + (95.0 * 2 * np.pi / 600.0) ** 2)
+    sky = (1 + steep) / 2
+    assert seen[1] / seen[0] == pytest.approx(sky + 0.3 * (1 - sky), abs=0.02)
+
+
 def test_rays_told_where_the_ground_is_see_what_those_see_that_find_it() -> None:
     """Air light and transmission up to a distance are those up to the ground at that distance."""
     scene = scene_with(None, "", air=True)

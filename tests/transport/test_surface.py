@@ -229,6 +229,18 @@ def test_what_a_model_says_of_the_ground_is_worked_out_once(monkeypatch) -> None
     assert len(calls) == solved + 1
 
 
+def test_the_shaded_side_of_a_snowy_peak_is_lit_by_the_plain() -> None:
+    """A cone of 1500 m, no air: against Monte Carlo, nothing at first; the sunny side a little by the plain, too."""
+    x = 100.0 * (np.arange(81) - 40)
+    terrain = np.clip(1500 * (1 - np.hypot(x, x[:, None]) / 2000), 0, None)
+    scene = grid_scene({}, (17, 81, 81), (100.0,) * 3, terrain_m=terrain, surface_albedo=0.8)
+    x_m = np.array([-1500.0, -1200.0, -900.0, -600.0, 300.0, 900.0, 1500.0])
+    found, truth = (ground(Solver(name, **more).solve(scene, toward(90.0, 24.0), [WAVELENGTH_NM]), x_m, 0 * x_m)
+                    for name, more in (("fast", {}), ("reference", {"paths": 4000})))  # fmt: skip
+    np.testing.assert_allclose(found[:4], truth[:4], rtol=0.35)
+    np.testing.assert_allclose(found[4:], truth[4:], rtol=0.03)
+
+
 def test_white_hills_keep_their_light() -> None:
     """Steep ones in a period, under thin cloud: what enters leaves."""
     shape = (20, 32, 32)

@@ -42,8 +42,8 @@ class Terrain(NamedTuple):
         along columns, rows and up.
 
         The integral over azimuth of Dozier and Frew (1990, IEEE Trans. Geosci. Remote Sens. 28, 963, Eq. 7b), by 16 of
-        them. Along each the horizon rises over nodes ever farther apart, up to 30 km; by as much as it does the rise
-        itself is seen, lit by its own slope. What is lower than a slope on a hill is as bright as ground is around.
+        them. Along each the horizon rises over nodes ever farther apart, up to 30 km; by as much as it does the ground
+        there is seen, lit by the slope that it rises or falls with. What is farther is as bright as ground around.
         """
         height, (dx, dy) = self.height_m.astype(np.float32), self.cell_m
         east, north, up = (float(v) for v in sun)
@@ -58,8 +58,7 @@ class Terrain(NamedTuple):
             cosine, sine = math.cos(angle), math.sin(angle)
             toward: F32 = np.asarray(-(slope_x * cosine + slope_y * sine))
             step = math.hypot(x * dx, y * dy)
-            # the horizon begins where the slope's own plane ends, or level
-            tangent = np.maximum(-toward, 0)
+            tangent = -toward  # where the slope's own plane ends
             above = _above(tangent, toward)
             along = cosine * east + sine * north
             last, far, before = height, 1.0, 0
@@ -76,7 +75,7 @@ class Terrain(NamedTuple):
                     facet = np.maximum(up - rise * along, 0) / np.sqrt(1 + rise * rise)
                     around += band * facet * there.of(light)
                 last, far, before = here, max(far + 1, _FURTHER * far), count
-            view += share * facing * above
+            view += share * facing * _above(np.maximum(tangent, 0), toward)
         rest = np.maximum(1 - view - bands, 0)
         below = np.maximum(up - slope_x * east - slope_y * north, 0) * facing
         return np.clip(view, _LEAST, 1.0), around + rest * blurred(below * light)

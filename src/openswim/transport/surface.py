@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -120,16 +121,22 @@ class Lighting:
         gain, more = self._on_slopes(self.terrain)
         return gain * self.diffuse + more
 
+    @cached_property
+    def ground_around(self) -> tuple[F32, F32]:
+        """Albedo, and albedo times ``direct`` (nw, ny, nx), over some cells."""
+        fields = self.albedo, self.albedo * self.direct
+        return tuple(np.stack([blurred(one) for one in field]).astype(np.float32) for field in fields)  # type: ignore[return-value]
+
     def _on_slopes(self, terrain: Terrain) -> tuple[F32, F32]:
         """Factor and addend (nw, ny, nx) of `diffuse_on_slopes`, known as soon as ``direct`` is."""
         if self._slopes is None:
             assert self.local_sun is not None
-            sunlit = self.albedo * self.direct
-            mean = sunlit.mean(axis=0)
+            albedo, sunlit = self.ground_around
+            mean = (self.albedo * self.direct).mean(axis=0)
             view, grey = terrain.seen(mean, self.local_sun)
-            around = grey * np.stack([blurred(one) for one in sunlit]) / np.maximum(blurred(mean), 1e-9)
+            around = grey * sunlit / np.maximum(sunlit.mean(axis=0), 1e-9)
             # what the ground around has of the sky, and of the ground, is as much as here
-            again = 1 / (1 - (1 - view) * np.stack([blurred(albedo) for albedo in self.albedo]))
+            again = 1 / (1 - (1 - view) * albedo)
             self._slopes = np.asarray(view * again, np.float32), np.asarray(around * again, np.float32)
         return self._slopes
 
@@ -339,6 +346,11 @@ def _ground(
         own, known = mapped_normals(maps, frame, place, up, footprint)
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
+    if maps and medium is not None and lighting.normal is not None:
+        within = np.flatnonzero(inside)
+        diffuse[within] = _on_finer_slopes(
+            lighting, diffuse[within], (normal * up).sum(-1)[within], mu_sun[within], ix[within], iy[within]
+        )
     facet_sun = (normal * sun).sum(-1)
     horizontal_sun = sun - mu_sun[:, None] * up
     if medium is not None and light_field.solver.detail and not (maps or sample.lambertian):
@@ -383,6 +395,18 @@ def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored
         ground.sample, light_field.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
     ).astype(np.float32)  # fmt: skip
+
+
+def _on_finer_slopes(lighting: Lighting, diffuse: F64, upright: F64, mu_sun: F64, ix: F64, iy: F64) -> F64:
+    """``diffuse`` (n, nw) on the slopes of an elevation model, with cosines ``upright`` (n,) to the vertical: less of
+    the sky, (1 + cos)/2 by what it is on the grid's, and in its place the ground of the cells around."""
+    assert lighting.normal is not None
+    assert lighting.axes is not None
+    own = bilinear((lighting.normal * lighting.axes[..., 2, :]).sum(-1), ix, iy)
+    share = ((1 + upright) / (1 + own))[:, None]
+    albedo, sunlit = (bilinear(field, ix, iy) for field in lighting.ground_around)
+    around = albedo * diffuse + sunlit * np.maximum(mu_sun, 0)[:, None]
+    return np.maximum(share * diffuse + (1 - share) * around, 0)
 
 
 def _steepness(lighting: Lighting, medium: Medium, ix: F64, iy: F64) -> F64:
