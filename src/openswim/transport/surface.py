@@ -124,8 +124,11 @@ class Lighting:
     @cached_property
     def ground_around(self) -> tuple[F32, F32]:
         """Albedo, and albedo times ``direct`` (nw, ny, nx), over some cells."""
-        fields = self.albedo, self.albedo * self.direct
-        return tuple(np.stack([blurred(one) for one in field]).astype(np.float32) for field in fields)  # type: ignore[return-value]
+        albedo, sunlit = (
+            np.stack([blurred(one) for one in every]).astype(np.float32)
+            for every in (self.albedo, self.albedo * self.direct)
+        )
+        return albedo, sunlit
 
     def _on_slopes(self, terrain: Terrain) -> tuple[F32, F32]:
         """Factor and addend (nw, ny, nx) of `diffuse_on_slopes`, known as soon as ``direct`` is."""
