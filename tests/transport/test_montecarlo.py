@@ -308,6 +308,21 @@ def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
     assert 0.3 < seen[2] / seen[1] <= 1.05  # half of its surroundings, all of its own air
 
 
+def test_the_sky_in_the_sea_has_little_noise() -> None:
+    """Seen from a ship, away from the sun: 60 paths know it as well as a million did that left evenly (a third of the
+    mean, by rare bright ones)."""
+    n = 8
+    scene = grid_scene(
+        {}, (6, n, n), (2000.0, 2000.0, 1000.0), curved=True, air=True, surface_albedo=0.05,
+        fields={"land_area_fraction": np.zeros((n, n)), "wind_east_10m": np.full((n, n), 5.0)},
+    )  # fmt: skip
+    rays = Rays(np.array([0.0, 0.0, 20.0]), sky_directions([-20.0, -10.0], np.arange(0.0, 360.0, 45.0)))
+    seen = Solver("reference", paths=400).solve(scene, toward(20.0, 35.0), [WAVELENGTH_NM]).view(rays)
+    away = np.abs((np.tile(np.arange(0.0, 360.0, 45.0), 2) - 20.0 + 180.0) % 360.0 - 180.0) > 60.0
+    assert np.median((seen.sigma / seen.radiance)[away]) < 0.06
+    assert (seen.sigma / seen.radiance)[away].max() < 0.2
+
+
 def test_land_and_water_reflect_as_for_the_other_solvers() -> None:
     """Clear and without air, light is what the sun sends back off the ground: `swim`'s to 3 %, the hills' shape."""
     scene = demo_scene(48, 48, 16, spacing_m=500.0)

@@ -12,7 +12,7 @@ from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.transport.montecarlo_cells import cell_majorants, free_cells
-from openswim.transport.montecarlo_ground import reflectance, seen_ground
+from openswim.transport.montecarlo_ground import mirrored, mirrored_density, reflectance, seen_ground
 from openswim.transport.montecarlo_phase import (
     drawn_q,
     exponential,
@@ -215,3 +215,38 @@ def test_beam_through_the_air_is_the_integral() -> None:
                 continue
             depth = np.trapezoid(np.interp(h, 100.0 * np.arange(1001), world.air[:, 0, 0]) * (h <= 1e5), s)
             assert beam[0] == pytest.approx(np.exp(-depth), rel=2e-3, abs=1e-6)
+
+
+@njit
+def _by_waves(a, n, seen, count):
+    """Directions (count, 3) into which waves mirror what comes along a; others, evenly drawn, and their density."""
+    rng = np.zeros(1, np.uint64)
+    start_stream(rng, 5, 6, 7)
+    own, even, density = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+    for i in range(count):
+        own[i] = mirrored(a[0], a[1], a[2], n[0], n[1], n[2], 0, seen, rng)
+        z, azimuth = 2 * uniform(rng) - 1, 2 * np.pi * uniform(rng)
+        sine = np.sqrt(1 - z * z)
+        even[i] = sine * np.cos(azimuth), sine * np.sin(azimuth), z
+        density[i] = mirrored_density(
+            a[0], a[1], a[2], even[i, 0], even[i, 1], even[i, 2], n[0], n[1], n[2], 0, seen
+        )
+    return own, even, density
+
+
+@pytest.mark.parametrize("below_deg", [10.0, 40.0, 90.0])
+def test_waves_mirror_with_the_density_that_is_told(below_deg: float) -> None:
+    """Above the water it has the same mean, and mean directions and squares, as what is drawn; facets that are seen
+    from behind mirror nothing up."""
+    one = np.ones(1)
+    seen = seen_ground(SurfaceSample(0.1 * np.ones((1, 1)), one, 0 * one, 0 * one, 12 * one, one), np.array([546.0]))
+    down = np.radians(below_deg)
+    normal = np.array([0.05, -0.1, 1.0]) / np.linalg.norm([0.05, -0.1, 1.0])
+    own, even, density = _by_waves(np.array([np.cos(down), 0.0, -np.sin(down)]), normal, seen, 600_000)
+    np.testing.assert_allclose(np.linalg.norm(own, axis=-1), 1.0, atol=1e-9)
+    up, told = own @ normal > 0, density * (even @ normal > 0)
+    assert up.mean() > 0.6
+    assert told.mean() == pytest.approx(up.mean(), abs=0.02)
+    for power in (1, 2):
+        drawn = (up[:, None] * own**power).mean(axis=0)
+        np.testing.assert_allclose((told[:, None] * even**power).mean(axis=0), drawn, atol=0.02)

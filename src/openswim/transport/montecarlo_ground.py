@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from openswim.ground import SurfaceSample, spectra, water
 from openswim.ground.reflectance import _LEAST_MU, _balance
+from openswim.transport.montecarlo_phase import turned, uniform, unit_circle
 
 F64 = NDArray[np.float64]
 
+_MIRRORED = 0.75  # of the ways on from water, by its waves
 _INDEX, _FOAM_ALBEDO = water.REFRACTIVE_INDEX, water.FOAM_ALBEDO
 
 
@@ -122,3 +124,38 @@ def reflectance(mu_in, mu_out, cos_angle, ray, seen, out):
     for w in range(nw):
         body = seen.foam[ray] * _FOAM_ALBEDO + (1.0 - seen.foam[ray]) * seen.water_leaving[ray, w]
         out[w] = (1.0 - wet) * factor * seen.albedo[ray, w] + wet * (glint + body)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def mirrored_share(ray, seen):
+    """Of the ways on from the ground, those that waves are to mirror."""
+    return 0.0 if seen.lambertian else _MIRRORED * seen.water[ray] * (1.0 - seen.foam[ray])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def mirrored_light(toward_eye, ray, seen):
+    """About what water returns of light all around to an eye at a cosine; chances may hang on it."""
+    return (1.0 - seen.foam[ray]) * seen.water[ray] * _fresnel(min(max(toward_eye, 0.1), 1.0))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def mirrored(ax, ay, az, nx, ny, nz, ray, seen, rng):
+    """A direction into which a facet by chance, of waves on ground of normal n, mirrors what comes along a."""
+    steep = -seen.variance[ray] * math.log(1.0 - uniform(rng))  # squared tangent (Cox and Munk 1954, isotropic)
+    c, e = unit_circle(rng)
+    fx, fy, fz = turned(nx, ny, nz, 1.0 - 1.0 / math.sqrt(1.0 + steep), c, e)
+    twice = 2.0 * (ax * fx + ay * fy + az * fz)
+    return ax - twice * fx, ay - twice * fy, az - twice * fz
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def mirrored_density(ax, ay, az, dx, dy, dz, nx, ny, nz, ray, seen):
+    """Density of the directions d of `mirrored`, mean 1 over the sphere."""
+    hx, hy, hz = dx - ax, dy - ay, dz - az
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    cos_beta = (nx * hx + ny * hy + nz * hz) / max(length, 1e-12)
+    cos_omega = 0.5 * length
+    if cos_beta <= 1e-3 or cos_omega <= 1e-9:
+        return 0.0
+    variance = seen.variance[ray]
+    return math.exp(-(1.0 / (cos_beta * cos_beta) - 1.0) / variance) / (variance * cos_beta**3 * cos_omega)

@@ -13,7 +13,13 @@ import math
 from numba import njit
 
 from openswim.transport.montecarlo_flat import fly_flat
-from openswim.transport.montecarlo_ground import reflectance
+from openswim.transport.montecarlo_ground import (
+    mirrored,
+    mirrored_density,
+    mirrored_light,
+    mirrored_share,
+    reflectance,
+)
 from openswim.transport.montecarlo_phase import drawn_q, phase_place, turned, uniform, unit_circle
 from openswim.transport.montecarlo_place import air_place, diffuse_albedo, facet, sizes
 from openswim.transport.montecarlo_shade import add_sunlight
@@ -141,7 +147,7 @@ def trace(
                 total += weight[w]
             if whole == 0.0:
                 whole = total
-            first, last, bright = 0, 0, 0.0
+            first, last, bright, by_waves = 0, 0, 0.0, 0.0
             nx, ny, nz = 0.0, 0.0, 1.0
             if event == GROUND:
                 nx, ny, nz = facet(ix, iy, x, y, z, h, world)
@@ -152,6 +158,9 @@ def trace(
                 cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
                 if straight:
                     reflectance(toward_sun, toward_eye, cos_angle, ray, seen, factor)
+                    by_waves = mirrored_share(ray, seen)
+                    if by_waves > 0.0:
+                        bright = total * mirrored_light(toward_eye, ray, seen)
                 else:
                     diffuse_albedo(ix, iy, world, factor)
                 for w in range(nw):
@@ -190,6 +199,8 @@ def trace(
                     q, _ = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
                     c, e = unit_circle(rng)
                     dx, dy, dz = turned(world.sun[0], world.sun[1], world.sun[2], q, c, e)
+                elif event == GROUND and by_waves > 0.0 and uniform(rng) < by_waves:
+                    dx, dy, dz = mirrored(ax, ay, az, nx, ny, nz, ray, seen, rng)
                 elif event == GROUND:
                     c, e = unit_circle(rng)
                     q = 1.0 - math.sqrt(uniform(rng))
@@ -222,6 +233,9 @@ def trace(
                         diffuse_albedo(ix, iy, world, factor)
                     for w in range(nw):
                         factor[w] *= own
+                    if by_waves > 0.0:
+                        own *= 1.0 - by_waves
+                        own += by_waves * mirrored_density(ax, ay, az, dx, dy, dz, nx, ny, nz, ray, seen)
                 elif way == 0 and nw == 1 and last - first == 1:
                     factor[0] = own
                 else:
