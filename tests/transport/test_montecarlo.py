@@ -309,8 +309,8 @@ def test_rays_in_a_side_of_the_domain_cost_what_others_do() -> None:
 
 
 def test_the_sky_in_the_sea_has_little_noise() -> None:
-    """Seen from a ship, away from the sun: 60 paths know it as well as a million did that left evenly (a third of the
-    mean, by rare bright ones)."""
+    """Seen from a ship, away from the sun: 400 paths know a pixel to a twentieth (3000 that left it evenly were off by
+    more than the mean, by rare bright ones)."""
     n = 8
     scene = grid_scene(
         {}, (6, n, n), (2000.0, 2000.0, 1000.0), curved=True, air=True, surface_albedo=0.05,
