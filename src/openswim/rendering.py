@@ -22,7 +22,7 @@ from openswim.scene.frame import scene_frame
 from openswim.scene.grid import EDGE
 from openswim.transport import Field, ReferenceField, Solver
 from openswim.transport.montecarlo import ReferenceView
-from openswim.transport.surface import bilinear
+from openswim.transport.planes import bilinear
 
 F64 = NDArray[np.float64]
 

@@ -13,6 +13,8 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.transport.field import View
+from openswim.transport.montecarlo import ReferenceView
 
 WAVELENGTH_NM = 546.0
 LAT, LON = 40.0, 10.0
@@ -94,3 +96,9 @@ def sky_directions(zenith_deg: ArrayLike, azimuth_deg: ArrayLike) -> np.ndarray:
     """All combinations as unit vectors (n, 3), azimuth clockwise from +y."""
     z, a = np.meshgrid(np.radians(zenith_deg), np.radians(azimuth_deg), indexing="ij")
     return np.stack([np.sin(z) * np.sin(a), np.sin(z) * np.cos(a), np.cos(z)], axis=-1).reshape(-1, 3)
+
+
+def mean_by_chance(view: View) -> tuple[float, float]:
+    """Mean radiance of what `reference` saw, and its standard error."""
+    assert isinstance(view, ReferenceView)
+    return float(view.radiance.mean()), float(np.sqrt((view.sigma**2).sum()) / view.sigma.size)

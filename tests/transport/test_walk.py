@@ -9,7 +9,7 @@ from openswim.scene import Scene
 from openswim.transport import Field, Solver, walk
 from openswim.transport.free import STEEP_CELLS, steepness
 from openswim.transport.march import march_rays
-from openswim.transport.surface import bilinear
+from openswim.transport.planes import bilinear
 from openswim.transport.volume import FAR_M, sphere_crossings, tidy
 
 SUN = toward(200.0, 40.0)

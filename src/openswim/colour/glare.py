@@ -5,6 +5,8 @@ import math
 import numpy as np
 import xarray as xr
 
+from openswim.cameras.pixels import horizon_vector
+
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
 SUN_DEG = 0.3  # a little more than the disc's radius
@@ -38,17 +40,14 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
     pixel = np.degrees(np.nanmax(_between(azimuth[beside], altitude[beside], azimuth[j, i], altitude[j, i])))
     if angle[j, i] > SUN_DEG + pixel:
         return None
-    sunny, beside_it = angle < SUN_DEG + 2 * pixel, angle < SUN_DEG + 4 * pixel
-    rows = np.flatnonzero(beside_it.any(axis=1))
+    sunny, around = angle < SUN_DEG + 2 * pixel, angle < SUN_DEG + 4 * pixel
+    rows = np.flatnonzero(around.any(axis=1))
     some = slice(max(rows[0] - 1, 0), rows[-1] + 2)
-    sunny, beside_it = sunny[some], beside_it[some] & ~sunny[some]
-    place = np.stack([
-        np.cos(altitude[some]) * np.sin(azimuth[some]), np.cos(altitude[some]) * np.cos(azimuth[some]),
-        np.sin(altitude[some]),
-    ], axis=-1).astype(float)  # fmt: skip
-    solid_angle = np.linalg.norm(np.cross(np.gradient(place, axis=0), np.gradient(place, axis=1)), axis=-1)
+    sunny, around = sunny[some], around[some] & ~sunny[some]
+    direction = horizon_vector(*(image[name].values[some].astype(float) for name in ("azimuth", "altitude")))
+    solid_angle = np.linalg.norm(np.cross(np.gradient(direction, axis=0), np.gradient(direction, axis=1)), axis=-1)
     light = np.nan_to_num(image["solar_relative_radiance"].transpose(..., "wavelength").values[some])
-    sky = np.median(light[beside_it], axis=0) if beside_it.any() else np.zeros(light.shape[-1])
+    sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
     held = np.maximum(((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny].sum(axis=0), 0)
     irradiance = xr.DataArray(held, dims="wavelength", coords={"wavelength": image["wavelength"]})
     return np.nan_to_num(spread(angle)).astype(np.float32), irradiance

@@ -15,7 +15,7 @@ _TOWARD = [(1, 0), (2, 1), (1, 1), (1, 2)]  # and all that a quarter turn and a 
 _REACH_M = 30e3
 _FURTHER = 1.4  # than the last, each look
 _LEVEL = 0.005  # slopes that are not worth it
-_LEAST = 0.02
+_LEAST = 0.02  # of the sky, that the narrowest gorge sees
 
 
 class Terrain(NamedTuple):
@@ -63,8 +63,8 @@ class Terrain(NamedTuple):
             along = cosine * east + sine * north
             last, far, before = height, 1.0, 0
             while (count := int(far)) * step < _REACH_M and count < max(height.shape):
-                there = _Moved(height.shape, count * x, count * y, self.periodic)
-                here = there.of(height)
+                there = _away(height.shape, count * x, count * y, self.periodic)
+                here = height[there]
                 risen = (here - height) / (count * step)
                 if (risen > tangent).any():
                     tangent = np.maximum(tangent, risen)
@@ -73,7 +73,7 @@ class Terrain(NamedTuple):
                     bands += band
                     rise = (here - last) / ((count - before) * step)
                     facet = np.maximum(up - rise * along, 0) / np.sqrt(1 + rise * rise)
-                    around += band * facet * there.of(light)
+                    around += band * facet * light[there]
                 last, far, before = here, max(far + 1, _FURTHER * far), count
             view += share * facing * _above(np.maximum(tangent, 0), toward)
         rest = np.maximum(1 - view - bands, 0)
@@ -87,14 +87,9 @@ def _above(tangent: F32, toward: F32) -> F32:
     return np.asarray(share + toward * (np.float32(np.pi / 2) - np.arctan(tangent) - tangent * share))
 
 
-class _Moved:
-    """Fields so many nodes away; beyond the sides what the nearest are."""
-
-    def __init__(self, shape: tuple[int, ...], x: int, y: int, periodic: bool):
-        ny, nx = shape
-        j, i = np.arange(ny) + y, np.arange(nx) + x
-        j, i = (j % ny, i % nx) if periodic else (np.clip(j, 0, ny - 1), np.clip(i, 0, nx - 1))
-        self.where = j[:, None], i
-
-    def of(self, field: F32) -> F32:
-        return np.asarray(field[self.where])
+def _away(shape: tuple[int, ...], x: int, y: int, periodic: bool) -> tuple[NDArray, NDArray]:
+    """Rows and columns of the nodes so many away; beyond the sides the nearest."""
+    ny, nx = shape
+    j, i = np.arange(ny) + y, np.arange(nx) + x
+    j, i = (j % ny, i % nx) if periodic else (np.clip(j, 0, ny - 1), np.clip(i, 0, nx - 1))
+    return j[:, None], i

@@ -32,10 +32,10 @@ from openswim.transport.moments import places
 from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid
 from openswim.transport.ordinates import Ordinates
 from openswim.transport.pack import PACK
+from openswim.transport.planes import bilinear
 from openswim.transport.pool import Pool
 from openswim.transport.products import BLOCK
 from openswim.transport.shells import clear_radiance
-from openswim.transport.surface import bilinear
 from openswim.transport.sweep import share_ordinates, share_rows
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import Shells

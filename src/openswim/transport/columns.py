@@ -28,7 +28,7 @@ from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 
 if TYPE_CHECKING:
-    from openswim.transport.surface import Lighting
+    from openswim.transport.lighting import Lighting
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

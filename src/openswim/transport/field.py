@@ -21,13 +21,14 @@ from openswim.transport import nested, swim_view
 from openswim.transport.detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.detail_step import widest_m
 from openswim.transport.grid_light import GridLight, SunDepth
+from openswim.transport.lighting import Lighting
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium, air_of
 from openswim.transport.nested import Core, Seen
 from openswim.transport.pack import PACK
 from openswim.transport.peak import blunted
 from openswim.transport.shells import build_shells
-from openswim.transport.surface import Lighting, shade
+from openswim.transport.surface import shade
 from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
 
 if TYPE_CHECKING:

@@ -16,16 +16,17 @@ from openswim.transport.columns import Columns
 from openswim.transport.eye_source import columns_of, field_at, thickest_around, view_source, wide
 from openswim.transport.free import beside, free_cubes, occupied, steepness
 from openswim.transport.layers import Layers
+from openswim.transport.lighting import Lighting, forward_depth
 from openswim.transport.medium import Medium
 from openswim.transport.moments import Coarser, Moments
 from openswim.transport.optical_grid import Coefficients
 from openswim.transport.ordinates import harmonic_matrix, lebedev
 from openswim.transport.pack import PACK
 from openswim.transport.peak import forward_share, peak_tables
+from openswim.transport.planes import bilinear
 from openswim.transport.shells import rows_between, shell_levels
 from openswim.transport.sun import direct_beam, ground_beam, shadow_rows
 from openswim.transport.sun_depth import depths_to_sun, inside
-from openswim.transport.surface import Lighting, bilinear, forward_depth
 from openswim.transport.threads import in_threads
 from openswim.transport.volume import DEGREE, PEAK_COSINES, SHELL_TABLE_PER_M, Shells, Volume, blank_fields, reach, tidy
 

@@ -18,8 +18,8 @@ from openswim.ground.relief import height_maps, mapped_height
 from openswim.scene.rims import rim_m
 from openswim.scene.scene import Scene
 from openswim.transport.medium import Medium
+from openswim.transport.planes import bilinear
 from openswim.transport.relief import HeightField, Relief
-from openswim.transport.surface import bilinear
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -28,10 +28,10 @@ from openswim.transport.columns import columns_of_grid, light_from_above
 from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
 from openswim.transport.grid_light import beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
 from openswim.transport.large_medium import Window, large_medium, part_of_medium
+from openswim.transport.lighting import Lighting, clear_sky_table
 from openswim.transport.medium import Medium, columns_on
 from openswim.transport.pack import PACK
 from openswim.transport.shells import build_shells, no_volume
-from openswim.transport.surface import Lighting, clear_sky_table
 from openswim.transport.volume import DEGREE
 
 if TYPE_CHECKING:

@@ -119,6 +119,11 @@ class Medium:
         return min(self.cell_m) * 2**self.halvings
 
     @property
+    def scene_cell_m(self) -> float:
+        """Width of the cells that the scene itself has."""
+        return min(self.cell_m) * self.fineness
+
+    @property
     def level_lookup(self) -> tuple[float, float, F64]:
         """Origin, entries per metre, and table of fractional levels."""
         z = self.levels_m

@@ -17,13 +17,13 @@ from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
 from openswim.transport.checkpoint import Checkpoint
 from openswim.transport.field import View
+from openswim.transport.lighting import Lighting
 from openswim.transport.medium import Medium
 from openswim.transport.montecarlo_ground import Seen, seen_ground
 from openswim.transport.montecarlo_kernels import flux_kernel, path_kernel, scout_kernel
 from openswim.transport.montecarlo_phase import Phases
 from openswim.transport.montecarlo_shade import shaded
 from openswim.transport.montecarlo_world import World, build_world
-from openswim.transport.surface import Lighting
 from openswim.transport.threads import in_threads
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from openswim.optics import background
 from openswim.scene.scene import Scene
+from openswim.transport.lighting import Lighting
 from openswim.transport.medium import Medium, build_medium
 from openswim.transport.montecarlo_cells import Cells, Shade, cell_majorants, cells_of, free_cells, no_cells, no_shade
 from openswim.transport.montecarlo_phase import Phases, phases_of
 from openswim.transport.scalar import height_of_square_m
-from openswim.transport.surface import Lighting
 from openswim.transport.threads import in_threads
 
 F32 = NDArray[np.float32]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from openswim.scene.rims import CORE_RIM, LEAST_CORE_RIM
 from openswim.transport.march import DARK
 from openswim.transport.pack import PACK
+from openswim.transport.planes import bilinear
 from openswim.transport.sun_depth import inside
-from openswim.transport.surface import bilinear
 from openswim.transport.volume import FAR_M, Volume
 
 if TYPE_CHECKING:

@@ -27,6 +27,7 @@ from openswim.transport.grid_light import GridLight, beams_and_shadows, coeffici
 from openswim.transport.landscape import landscape_of
 from openswim.transport.large import lit_in_parts, solve_large
 from openswim.transport.layers import solve_layers
+from openswim.transport.lighting import Lighting, clear_sky_table
 from openswim.transport.medium import Medium, air_of, build_medium, halved_medium, with_air_above, with_soft_top
 from openswim.transport.moments import Moments
 from openswim.transport.montecarlo import ReferenceField, solve_reference
@@ -39,7 +40,6 @@ from openswim.transport.pool import Pool
 from openswim.transport.quality import SETTINGS, Quality
 from openswim.transport.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.sides import Clear, light_through_sides
-from openswim.transport.surface import Lighting, clear_sky_table
 from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
 
 F32 = NDArray[np.float32]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.free import beside, occupied
+from openswim.transport.lighting import Lighting, clear_sky_table, sky_flux
 from openswim.transport.medium import Medium
 from openswim.transport.pack import PACK
 from openswim.transport.sun import direct_beam
 from openswim.transport.sun_depth import beyond_sides, depths_to_sun, inside
-from openswim.transport.surface import Lighting, clear_sky_table, sky_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
     diffuse_albedo,

@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.lighting import ground_flux, sky_flux
 from openswim.transport.march import march_rays
 from openswim.transport.medium import Medium
 from openswim.transport.shells import without_light
 from openswim.transport.sun import shell_transmission
-from openswim.transport.surface import ground_flux, sky_flux
 from openswim.transport.swim_layer import (
     absorbed_transmittance,
     diffuse_albedo,
