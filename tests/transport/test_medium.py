@@ -12,7 +12,7 @@ from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Solver
 from openswim.transport.finer import finer_cloud, subdivided
-from openswim.transport.medium import build_medium, with_air_above
+from openswim.transport.medium import build_medium, drawn_shape, with_air_above
 from openswim.transport.shells import no_volume
 from openswim.transport.volume import grid_index
 
@@ -231,3 +231,19 @@ def test_a_hemisphere_of_cloud_is_seen_to_the_limb_without_a_hole() -> None:
     rays = np.stack([sine * np.cos(turn), sine * np.sin(turn), -np.sqrt(1 - sine**2)], axis=-1).reshape(-1, 3)
     view = Solver("swim").solve(scene, np.array([0.3, 0.2, 0.9]), WL[:1]).view(Rays(eye, rays))
     assert view.transmittance.max() < 1e-3
+
+
+@pytest.mark.parametrize(("extinction_per_m", "halvings"), [(1e-3, 0), (0.05, 3)])
+def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, halvings: int) -> None:
+    """Nodes and halved cells of a thin and a thick cloud on the Earth, as estimates have them; even ones stay whole."""
+    shape = (10, 12, 12)
+    lump = box(shape, (slice(3, 7), slice(4, 8), slice(4, 8)), extinction_per_m)
+    scene = grid_scene(lump, shape, (200.0, 200.0, 100.0), curved=True)
+    medium = build_medium(scene, np.array([550.0]), 0.7)
+    reckoned, cell_m, divided = drawn_shape(scene, refine=True)
+    assert medium.halvings == halvings
+    assert divided == (halvings > 0)
+    assert cell_m == pytest.approx(min(medium.cell_m), rel=0.01)
+    assert np.prod(medium.shape) <= np.prod(reckoned) < 1.4 * np.prod(medium.shape)
+    even = grid_scene(np.full(shape, extinction_per_m), shape, (200.0, 200.0, 100.0), curved=True)
+    assert build_medium(even, np.array([550.0]), 0.7).halvings == 0

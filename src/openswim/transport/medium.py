@@ -238,12 +238,17 @@ def halved_medium(scene: Scene, medium: Medium) -> Medium:
     axes, place = _columns(grid, medium.frame, fineness)
     cell_m = (medium.cell_m[0] / 2, medium.cell_m[1] / 2)
     levels = medium.levels_m
-    if np.median(np.diff(levels)) > 1.2 * min(cell_m) and 8 * nz * ny * nx <= _MOST_HALVED_NODES:
+    if _too_tall(levels, min(cell_m), ny * nx):
         extinction, levels = halved(extinction, 1), halved(levels, 0)
     return replace(
         medium, extinction=extinction, levels_m=levels, cell_m=cell_m, terrain_m=terrain, axes=axes, place=place,
         chart=2 * medium.chart, fineness=fineness, halvings=medium.halvings + 1,
     )  # fmt: skip
+
+
+def _too_tall(levels: F64, cell_m: float, columns: int) -> bool:
+    """Whether layers are to be halved where so many columns have been, into cells so wide."""
+    return bool(np.median(np.diff(levels)) > 1.2 * cell_m) and 8 * len(levels) * columns <= _MOST_HALVED_NODES
 
 
 def with_air_above(medium: Medium) -> Medium:
@@ -299,8 +304,11 @@ def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float
         total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
         if cover is None and cell_m < WIDE_CELL_M:
             halvings = halvings_for(levels, grid.height_m, total, cell_m, ny * nx)
-        cell_m /= 2**halvings
-        levels = refined_levels(levels, grid.height_m, total, cell_m, ny * nx * 4**halvings, 1.0)
+        levels = refined_levels(levels, grid.height_m, total, cell_m / 2**halvings, ny * nx * 4**halvings, 1.0)
+        for n in range(halvings):
+            cell_m /= 2
+            if _too_tall(levels, cell_m, ny * nx * 4**n):
+                levels = halved(levels, 0)
     fineness = 2**halvings
     if refine or cover is not None:
         wide = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)
