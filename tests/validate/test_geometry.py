@@ -10,13 +10,14 @@ SPHERE = "sphere: centre (0,0,1) km radius 0.5 extinction 20/km"
 
 
 def _volume(text: str) -> tuple[float, np.ndarray]:
-    """Volume and centre of mass of the gridded extinction."""
+    """Volume and centre of mass of the gridded extinction, which is linear between nodes."""
     body = parse_body(text)
-    x, y, z, extinction = grid_body(body)
-    share = extinction / body.extinction
+    *axes, extinction = grid_body(body)
+    width = [np.convolve(np.diff(a), [0.5, 0.5]) for a in axes]
+    share = np.einsum("kji,i,j,k->kji", extinction / body.extinction, *width)
     total = share.sum()
-    centre = np.array([(share.sum((0, 1)) @ x), (share.sum((0, 2)) @ y), (share.sum((1, 2)) @ z)]) / total
-    return float(total * (x[1] - x[0]) ** 3), centre
+    centre = np.array([share.sum(other) @ a for other, a in zip([(0, 1), (0, 2), (1, 2)], axes, strict=True)]) / total
+    return float(total), centre
 
 
 def test_a_sphere_has_its_volume_and_centre() -> None:
@@ -37,13 +38,21 @@ def test_a_sphere_has_its_volume_and_centre() -> None:
 def test_a_box_however_it_is_worded(text: str) -> None:
     volume, centre = _volume(text)
     assert parse_body(text).extinction == 10
-    assert volume == pytest.approx(1.0, rel=1e-6)
+    assert volume == pytest.approx(1.0, rel=1e-4)
     assert centre == pytest.approx([0.5, 0, 1], abs=1e-9)
 
 
 def test_a_cube_by_its_edge() -> None:
     volume, _ = _volume("cube: centre (0,0,1) km edge 0.5 extinction 3e1/km")
-    assert volume == pytest.approx(0.125, rel=1e-6)
+    assert volume == pytest.approx(0.125, rel=1e-4)
+
+
+def test_a_box_ends_on_its_faces_and_at_once() -> None:
+    x, y, z, extinction = grid_body(parse_body("box: centre (0,0,1) km edge 1 km extinction 20/km"))
+    assert (x[0], x[-1], y[0], y[-1]) == pytest.approx((-0.5, 0.5, -0.5, 0.5))
+    assert (z[1], z[-2]) == pytest.approx((0.5, 1.5))
+    assert z[1] - z[0] == pytest.approx(z[-1] - z[-2]) == pytest.approx(1e-5, rel=0.1)
+    assert (extinction[1:-1] == 20).all() and not extinction[[0, -1]].any()
 
 
 @pytest.mark.parametrize(

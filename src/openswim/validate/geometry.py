@@ -10,9 +10,10 @@ from openswim.errors import UserError
 
 Array = NDArray[np.float64]
 
-# Odd numbers: a body's faces lie midway between nodes, so that it ends within one cell and not two
+# Odd numbers: a sphere's surface lies midway between nodes where axes meet it, so that it ends within one cell and not two
 _CELLS_ACROSS = 97, 145
 _CELL_DEPTH = 0.28  # where the more do not suffice: nodes give what is opaque a skin of a cell
+_RIM = 0.001  # of a cell, in which a box ends above and below
 _SUBSAMPLES = 6  # per cell and axis, for the share of a cell that a sphere fills
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 
@@ -87,18 +88,19 @@ def grid_body(body: Body, across: int | None = None) -> tuple[Array, Array, Arra
     """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body ``across`` cells wide (default
     `cells_across`).
 
-    A node has the share of the cell around it that lies inside; nodes reach two cells beyond the body.
+    Of a sphere a node has the share of the cell around it that lies inside; nodes reach two cells beyond. A box has nodes
+    on its faces: the grid, beyond which nothing is, ends with it, but for a thin rim above and below.
     """
     across = across or cells_across(body)
     step = 2 * body.half_size.max() / across
+    if body.shape == "box":
+        cells = np.maximum(np.ceil(2 * body.half_size / step - 1e-9), 2).astype(int)
+        x, y, z = (c + np.linspace(-h, h, n + 1) for c, h, n in zip(body.centre, body.half_size, cells, strict=True))
+        rim = _RIM * (z[1] - z[0])
+        full = np.full((z.size, y.size, x.size), body.extinction)
+        return x, y, np.concatenate([[z[0] - rim], z, [z[-1] + rim]]), np.pad(full, ((1, 1), (0, 0), (0, 0)))
     cells = np.ceil(body.half_size / step).astype(int) + 2
     x, y, z = (c + step * np.arange(-n, n + 1) for c, n in zip(body.centre, cells, strict=True))
-    if body.shape == "box":
-        near = [
-            np.clip(0.5 + (half - abs(a - c)) / step, 0, 1)
-            for a, c, half in zip((x, y, z), body.centre, body.half_size, strict=True)
-        ]
-        return x, y, z, body.extinction * near[2][:, None, None] * near[1][:, None] * near[0]
     offsets = step * ((np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5)
     share = np.zeros((z.size, y.size, x.size))
     for dz in offsets:
