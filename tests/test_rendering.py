@@ -80,6 +80,16 @@ def test_the_disc_carries_the_direct_sun(clear) -> None:
     np.testing.assert_allclose(direct, expected, rtol=0.02)
 
 
+@pytest.mark.parametrize("size", [40, 120, 300])
+def test_the_disc_is_whole_however_coarse_the_picture(size: int) -> None:
+    """Over a sky without air L' times solid angle is 4 pi, the sunbeam; a disc is within a pixel, or some."""
+    image = openswim.render(Scene.clear(LAT, LON, None), Camera.allsky(LAT, LON, size=size), sun=(200.0, 50.0))
+    zenith = np.radians(90 - image.altitude.values)
+    solid_angle = np.radians(180 / size) ** 2 * np.sinc(zenith / np.pi)
+    total = (image.solar_relative_radiance.values * solid_angle[..., None])[zenith < np.pi / 2].sum(axis=0)
+    np.testing.assert_allclose(total, 4 * np.pi, rtol=0.004)
+
+
 def test_dimensions_names_and_units(allsky: xr.Dataset) -> None:
     assert allsky.radiance.dims == ("y", "x", "wavelength")
     assert dict(allsky.sizes) == {"y": 90, "x": 90, "wavelength": 3}

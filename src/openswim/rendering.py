@@ -294,10 +294,9 @@ def _add_disc(relative: NDArray, view: Any, lit: LitScene, distance_deg: F64, pi
     distance = distance_deg[inside] if distance_deg.size == inside.size else distance_deg
     half = np.broadcast_to(np.asarray(pixels.half_width_deg), pixels.inside.shape).ravel()[inside]
     radius = lit.daylight.angular_radius_deg
-    near = np.flatnonzero((distance < radius + 3 * half + 0.05) & ~view.hit)
-    if near.size:
-        disc = disc_coverage(distance[near], half[near], radius, lit.field.wavelengths_nm)
-        relative[near] += (disc * view.transmittance[near]).astype(np.float32)
+    open_to = np.flatnonzero(~view.hit)
+    disc = disc_coverage(distance[open_to], half[open_to], radius, lit.field.wavelengths_nm)
+    relative[open_to] += (disc * view.transmittance[open_to]).astype(np.float32)
 
 
 def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:

@@ -257,6 +257,22 @@ def test_white_hills_keep_their_light() -> None:
     assert field.fluxes()["up_top"][0] == pytest.approx(sun[2], rel=0.003)
 
 
+def test_ground_of_a_period_does_not_know_where_it_begins() -> None:
+    """Shadows, slopes and albedo repeat without a seam: rolled by some columns, all is seen as far away."""
+    shape, by = (12, 8, 8), 3
+    rng = np.random.default_rng(4)
+    cloud, hills, albedo = np.zeros(shape), 60 * rng.random(shape[1:]), rng.uniform(0.1, 0.4, shape[1:])
+    cloud[6:9, 2:6, 5:8] = 0.02
+    x, y = rng.uniform(0, 800, (2, 400))
+    seen = []
+    for n in (0, by):
+        rolled = {"surface_albedo": np.roll(albedo, n, 1), "terrain_m": np.roll(hills, n, 1)}
+        scene = grid_scene(np.roll(cloud, n, 2), shape, periodic=True, **rolled)
+        field = Solver().solve(scene, toward(230.0, 45.0), [WAVELENGTH_NM])
+        seen.append(ground(field, x + 100.0 * n, y, 500.0))
+    np.testing.assert_allclose(seen[1], seen[0], rtol=0.02, atol=1e-3)
+
+
 @pytest.mark.parametrize("albedo", [0.1, 0.6])
 def test_valleys_under_an_overcast_see_little_of_it(albedo: float) -> None:
     """Valleys a kilometre deep with slopes of up to 45 degrees, against Monte Carlo, from below the clouds: as if

@@ -52,7 +52,8 @@ def test_a_box_ends_on_its_faces_and_at_once() -> None:
     assert (x[0], x[-1], y[0], y[-1]) == pytest.approx((-0.5, 0.5, -0.5, 0.5))
     assert (z[1], z[-2]) == pytest.approx((0.5, 1.5))
     assert z[1] - z[0] == pytest.approx(z[-1] - z[-2]) == pytest.approx(1e-5, rel=0.1)
-    assert (extinction[1:-1] == 20).all() and not extinction[[0, -1]].any()
+    assert (extinction[1:-1] == 20).all()
+    assert not extinction[[0, -1]].any()
 
 
 @pytest.mark.parametrize(

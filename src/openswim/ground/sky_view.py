@@ -36,6 +36,15 @@ class Terrain(NamedTuple):
             for axis, length in enumerate(self.cell_m[::-1])
         )
 
+    def slopes(self) -> tuple[F64, F64]:
+        """Rise over run (ny, nx) along y and along x; 0 where there is one node."""
+        height, (dx, dy) = self.height_m.astype(float), self.cell_m
+        if self.periodic:
+            wide = np.pad(height, 1, mode="wrap")
+        else:  # one-sided
+            wide = np.pad(height, 1, mode="reflect", reflect_type="odd")
+        return (wide[2:, 1:-1] - wide[:-2, 1:-1]) / (2 * dy), (wide[1:-1, 2:] - wide[1:-1, :-2]) / (2 * dx)
+
     def seen(self, light: F32, sun: F64) -> tuple[F32, F32]:
         """Irradiance of the ground along its own slope (ny, nx) by an even sky of irradiance one on a plain, and
         that by sunlit ground around, whose radiosity is ``light`` (ny, nx) where it faces the ``sun`` (3,), a direction
@@ -47,7 +56,7 @@ class Terrain(NamedTuple):
         """
         height, (dx, dy) = self.height_m.astype(np.float32), self.cell_m
         east, north, up = (float(v) for v in sun)
-        slope_y, slope_x = np.gradient(height, dy, dx)
+        slope_y, slope_x = (slope.astype(np.float32) for slope in self.slopes())
         facing = 1 / np.sqrt(1 + slope_x**2 + slope_y**2)
         turned = {(x * i, y * j) for a, b in _TOWARD for x, y in ((a, b), (b, a)) for i in (1, -1) for j in (1, -1)}
         azimuths = sorted((np.arctan2(y * dy, x * dx), x, y) for x, y in turned)

@@ -70,10 +70,8 @@ class Lighting:
         wl = medium.wavelengths_nm
         albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T.reshape(-1, ny, nx)
         blank = np.zeros(albedo.shape, np.float32)
-        terrain = medium.terrain_m.astype(float)
-        slope_y = np.gradient(terrain, medium.cell_m[1], axis=0) if ny > 1 else np.zeros_like(terrain)
-        slope_x = np.gradient(terrain, medium.cell_m[0], axis=1) if nx > 1 else np.zeros_like(terrain)
         land = Terrain(medium.terrain_m, medium.cell_m, medium.periodic)
+        slope_y, slope_x = land.slopes()
         axes = medium.axes.astype(float)
         normal = axes[..., 2, :] - slope_x[..., None] * axes[..., 0, :] - slope_y[..., None] * axes[..., 1, :]
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)

@@ -118,15 +118,17 @@ def _ground(
     if medium is not None:
         ix, iy = _indices(scene, medium, place, lat, lon)
         _, ny, nx = medium.shape
-        inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1)
+        inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1) | medium.periodic
         direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
-        beam[inside] = bilinear(direct, ix[inside], iy[inside])
-        diffuse[inside] = bilinear(on_slopes, ix[inside], iy[inside])
+        beam[inside] = bilinear(direct, ix[inside], iy[inside], medium.periodic)
+        diffuse[inside] = bilinear(on_slopes, ix[inside], iy[inside], medium.periodic)
         outside = np.flatnonzero(~inside)
         if outside.size and light_field.beyond is not None:
             diffuse[outside] = light_field.beyond.flux(ix[outside], iy[outside], diffuse[outside], lighting.diffuse)
         if lighting.normal is not None and relief is None:
-            normal[inside] = bilinear(np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside])
+            normal[inside] = bilinear(
+                np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside], medium.periodic
+            )
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= light_field.through_clouds(place[shaded])
@@ -192,6 +194,8 @@ def _steepness(lighting: Lighting, medium: Medium, ix: F64, iy: F64) -> F64:
     if lighting.steepness is None:
         return np.zeros(ix.shape)
     _, ny, nx = medium.shape
+    if medium.periodic:
+        return bilinear(lighting.steepness, ix, iy, periodic=True)
     away = np.hypot(ix - np.clip(ix, 0, nx - 1), iy - np.clip(iy, 0, ny - 1)) / medium.fineness
     return bilinear(lighting.steepness, ix, iy) * np.exp(-((np.minimum(away, 1e3) / BEYOND_CELLS) ** 2))
 
@@ -223,7 +227,4 @@ def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tu
         return (ix - medium.first[0]) * medium.fineness, (iy - medium.first[1]) * medium.fineness
     ix = medium.fineness * (place[:, 0] - grid.x[0]) / grid.step[0]
     iy = medium.fineness * (place[:, 1] - grid.y[0]) / grid.step[1]
-    if medium.periodic:
-        _, ny, nx = medium.shape
-        return np.clip(ix % nx, 0, nx - 1), np.clip(iy % ny, 0, ny - 1)
     return ix, iy

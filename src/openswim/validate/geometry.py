@@ -10,7 +10,7 @@ from openswim.errors import UserError
 
 Array = NDArray[np.float64]
 
-# Odd numbers: a sphere's surface lies midway between nodes where axes meet it, so that it ends within one cell and not two
+# Odd numbers: axes meet a sphere's surface midway between nodes, so that it ends within one cell and not two
 _CELLS_ACROSS = 97, 145
 _CELL_DEPTH = 0.28  # where the more do not suffice: nodes give what is opaque a skin of a cell
 _RIM = 0.001  # of a cell, in which a box ends above and below
@@ -88,8 +88,8 @@ def grid_body(body: Body, across: int | None = None) -> tuple[Array, Array, Arra
     """Node coordinates x, y, z (km) and extinction (nz, ny, nx) in 1/km of a body ``across`` cells wide (default
     `cells_across`).
 
-    Of a sphere a node has the share of the cell around it that lies inside; nodes reach two cells beyond. A box has nodes
-    on its faces: the grid, beyond which nothing is, ends with it, but for a thin rim above and below.
+    Of a sphere a node has the share of the cell around it that lies inside; nodes reach two cells beyond. A box has
+    nodes on its faces: the grid, beyond which nothing is, ends with it, but for a thin rim above and below.
     """
     across = across or cells_across(body)
     step = 2 * body.half_size.max() / across
