@@ -26,6 +26,7 @@ def main() -> None:
     rendered(stages, "", solver, *prepared)
     rendered(stages, "again: ", solver, *prepared)
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    bare_march(stages)
     print(json.dumps({"stages": stages, "peak_mb": peak_mb}))
 
 
@@ -69,6 +70,17 @@ def rendered(
     if samples is not None:
         stages[f"{prefix}view"]["samples"] = float(samples)
     timed(stages, f"{prefix}colour", coloured, camera, view.radiance)
+
+
+def bare_march(stages: Stages) -> None:
+    """What a view is measured against: see `yardstick.py`."""
+    import numpy as np
+
+    from yardstick import grid, panorama
+
+    field, out = grid(*GRID), np.empty((*PANORAMA, 3), np.float32)
+    panorama(field, 16, 16, out)
+    stages["yardstick"]["samples"] = float(timed(stages, "yardstick", panorama, field, *PANORAMA, out))
 
 
 def coloured(camera: Any, radiance: Any) -> Any:

@@ -49,7 +49,7 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
 def refined_levels(
     levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, share: float
 ) -> F64:
-    """Divide layers that are taller than a cell is wide, or optically too thick (transport.md section 2).
+    """Divide layers that are taller than a cell is wide, or optically too thick (docs/fast.md, F2).
 
     ``share`` of the usual depth that a layer may have where cloud covers most columns: broken cloud is lit
     from its sides.

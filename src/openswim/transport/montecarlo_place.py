@@ -172,7 +172,7 @@ def air_place(h, world):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def ground_height_m(ix, iy, world):
-    """Height of the ground at a place of the grid, or outside it; as `march._ground_m`."""
+    """Height of the ground at a place of the grid, or outside it; as `volume.terrain_height_m`."""
     if world.periodic or not in_domain(ix, iy, world):
         return world.ground_m
     ny, nx = world.terrain_m.shape

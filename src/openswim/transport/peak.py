@@ -1,6 +1,6 @@
 """The forward peak that delta scaling takes out of the phase function, broadened by repeated scattering.
 
-transport.md section 2: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that has met the forward depth
+docs/fast.md, F17: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that has met the forward depth
 phi between the sun and a point is scattered there by what truncation leaves of the phase function,
 R(Theta, phi) = sum_l (2l+1) r_l exp(-phi (1 - p_l)) P_l(cos Theta), p_l = min(r_l/f, 1).
 """

@@ -1,4 +1,4 @@
-"""How finely `fast` solves: named settings of the same kernels (transport.md section 1)."""
+"""How finely `fast` solves: named settings of the same kernels (docs/solvers.md)."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def transmission(optical_depth):
 def step_emission(depth, trans, step_m, source_near, source_far, extinction_near, extinction_far):
     """Light that one step adds at its near end, extinction and source linear along it.
 
-    (1 - e^-tau)/tau ds [(S_n + S_f)/2 + (S_n beta_f - S_f beta_n) ds/(12 + 2 tau)], transport.md section 2;
+    (1 - e^-tau)/tau ds [(S_n + S_f)/2 + (S_n beta_f - S_f beta_n) ds/(12 + 2 tau)], docs/fast.md, F9;
     right in the thin and the thick limit. ``depth`` = (beta_n + beta_f) ds/2, ``trans`` = e^-depth.
     """
     mean_transmission = choose_above(
