@@ -22,7 +22,7 @@ def grid(nx: int, ny: int, nz: int) -> Any:
 
 
 @njit(fastmath=True)
-def along(field, x, y, z, dx, dy, dz, at):
+def along(field, x, y, z, dx, dy, dz, at):  # type: ignore[no-untyped-def]
     """Light of three channels along a ray from a place in cells, and its samples; ``at`` (8,) is scratch."""
     nz, ny, nx, _ = field.shape
     depth, a, b, c = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
@@ -49,7 +49,7 @@ def along(field, x, y, z, dx, dy, dz, at):
 
 
 @njit(parallel=True, fastmath=True)
-def panorama(field, rows, columns, out):
+def panorama(field, rows, columns, out):  # type: ignore[no-untyped-def]
     """The sphere from the grid's middle, tile by tile, into ``out`` (rows, columns, 3). Returns all samples."""
     nz, ny, nx, channels = field.shape
     across = columns // TILE

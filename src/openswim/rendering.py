@@ -18,7 +18,7 @@ from openswim.irradiance import broadband, gases_above, quadrature_directions, s
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
 from openswim.outlines import soften
 from openswim.scene import Scene
-from openswim.scene.frame import scene_frame
+from openswim.scene.frame import horizon_vector, scene_frame
 from openswim.scene.grid import EDGE
 from openswim.transport import Field, ReferenceField, Solver
 from openswim.transport.montecarlo import ReferenceView
@@ -304,8 +304,7 @@ def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, alti
     field = lit.field
     quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
     axes = _axes_at(lit, camera)
-    az, alt = np.radians(quadrature.azimuth_deg), np.radians(quadrature.altitude_deg)
-    local = np.stack([np.cos(alt) * np.sin(az), np.cos(alt) * np.cos(az), np.sin(alt)], axis=-1)
+    local = horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg)
     view = field.view(Rays(origin, np.concatenate([local @ axes, lit.daylight.direction[None]])))
     direct = view.transmittance[-1] * (not view.hit[-1])
     wl = field.wavelengths_nm

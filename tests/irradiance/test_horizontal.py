@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from openswim.cameras.pixels import horizon_vector
 from openswim.irradiance import Quadrature, quadrature_directions, spectral_irradiance
 from openswim.lights import solar_irradiance
+from openswim.scene.frame import horizon_vector
 
 SUNS = [(200.0, 88.0), (200.0, 60.0), (10.0, 25.0), (359.0, 3.0), (90.0, 0.0), (180.0, -4.0)]
 

@@ -4,12 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
-def horizon_vector(azimuth_deg: float | np.ndarray, altitude_deg: float | np.ndarray) -> np.ndarray:
-    """Unit vectors (..., 3) east, north, up; azimuth clockwise from north."""
-    azimuth, altitude = np.radians(azimuth_deg), np.radians(altitude_deg)
-    east, north = np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth)
-    return np.stack(np.broadcast_arrays(east, north, np.sin(altitude)), axis=-1)
+from openswim.scene.frame import horizon_vector
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from openswim.cameras.pixels import Pixels, horizon_vector
+from openswim.cameras.pixels import Pixels
+from openswim.scene.frame import horizon_vector
 
 
 def polar(size: int, fov_deg: float, zenith: bool) -> Pixels:

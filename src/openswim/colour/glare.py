@@ -5,7 +5,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from openswim.cameras.pixels import horizon_vector
+from openswim.scene.frame import horizon_vector
 
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from openswim.cameras.pixels import horizon_vector
 from openswim.lights.spectrum import solar_irradiance
+from openswim.scene.frame import horizon_vector
 
 PATCH_DEG = 40.0  # radius of the finer rule about the sun
 

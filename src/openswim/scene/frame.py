@@ -21,6 +21,13 @@ FLAT_RADIUS_M = 1.0e12
 Array = NDArray[np.float64]
 
 
+def horizon_vector(azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Array:
+    """Unit vectors (..., 3) east, north, up; azimuth clockwise from north."""
+    azimuth, altitude = np.radians(np.asarray(azimuth_deg, float)), np.radians(np.asarray(altitude_deg, float))
+    east, north = np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth)
+    return np.stack(np.broadcast_arrays(east, north, np.sin(altitude)), axis=-1)
+
+
 def _enu(lat_deg: float, lon_deg: float) -> Array:
     """Rows east, north, up in Earth-centred axes."""
     lat, lon = np.radians([lat_deg, lon_deg])
@@ -85,9 +92,7 @@ class Frame:
 
     def direction(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike, lat: float, lon: float) -> Array:
         """Unit vectors (..., 3) of an azimuth (clockwise from north) and altitude seen from a place."""
-        az, alt = np.radians(np.asarray(azimuth_deg, float)), np.radians(np.asarray(altitude_deg, float))
-        local = np.stack([np.cos(alt) * np.sin(az), np.cos(alt) * np.cos(az), np.sin(alt)], axis=-1)
-        return local @ self.enu(lat, lon)
+        return horizon_vector(azimuth_deg, altitude_deg) @ self.enu(lat, lon)
 
 
 def scene_frame(scene: Scene) -> Frame:

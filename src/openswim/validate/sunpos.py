@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from openswim.lights import sun_position
+from openswim.scene.frame import horizon_vector
 from openswim.validate.metrics import Score, score
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch
@@ -53,17 +54,10 @@ def position_score(
     diameter_deg: ArrayLike,
 ) -> Score:
     """Angular distance of two directions (rms) and difference in altitude (bias), in solar diameters."""
-    here, there = _unit(altitude_deg, azimuth_deg), _unit(true_altitude_deg, true_azimuth_deg)
+    here, there = horizon_vector(azimuth_deg, altitude_deg), horizon_vector(true_azimuth_deg, true_altitude_deg)
     apart = np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(here - there, axis=-1) / 2, 0, 1)))
     lift = np.asarray(altitude_deg, float) - np.asarray(true_altitude_deg, float)
     diameter = np.asarray(diameter_deg, float)
     correlation = score(altitude_deg, true_altitude_deg).correlation
     rms = float(np.sqrt(np.mean((apart / diameter) ** 2)))
     return Score(rms, float(np.mean(lift / diameter)), correlation, apart.size)
-
-
-def _unit(altitude_deg: ArrayLike, azimuth_deg: ArrayLike) -> NDArray[np.float64]:
-    altitude, azimuth = np.radians(altitude_deg), np.radians(azimuth_deg)
-    return np.stack(
-        [np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth), np.sin(altitude)], axis=-1
-    )
