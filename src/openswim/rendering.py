@@ -355,6 +355,13 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
     return attrs
 
 
+def _which_way(altitude_deg: NDArray) -> dict[str, str]:
+    """The standard name of light from above or from below; an image of both has none."""
+    way = "" if np.nanmin(altitude_deg) < 0 else "downwelling"
+    way = "upwelling" if np.nanmax(altitude_deg) <= 0 else way
+    return {"standard_name": f"{way}_radiance_per_unit_wavelength_in_air"} if way else {}
+
+
 def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: dict[str, Any]) -> xr.Dataset:
     wl = lit.field.wavelengths_nm
     toa = solar_irradiance(wl) / lit.daylight.distance_au**2
@@ -364,8 +371,7 @@ def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: di
         {
             "radiance": (
                 dims, pixels.image(spectral),
-                {"long_name": "spectral radiance", "units": "W m-2 sr-1 nm-1",
-                 "standard_name": "downwelling_radiance_per_unit_wavelength_in_air"},
+                {"long_name": "spectral radiance", "units": "W m-2 sr-1 nm-1"} | _which_way(pixels.altitude_deg),
             ),
             "solar_relative_radiance": (
                 dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
