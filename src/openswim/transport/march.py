@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.detail import FRESH, NO_DETAIL, SCRATCH, Detail
 from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
-from openswim.transport.pack import PACK, flat, join, largest, low, put, read, read_double, write
+from openswim.transport.pack import PACK, flat, high, join, largest, low, put, read, read_double, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid, turn_ray
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
@@ -59,11 +59,12 @@ _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5)
 # What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
 # and through the whole extinction); where it stands extinction, diffuse source and what is scattered of the beam, the
 # beam, the air's extinction; depth in front of unit cloud depth; then depth of cloud, cloud's extinction where it
-# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; scratch of detail
+# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; depth of the forward
+# peaks to the eye; scratch of detail
 RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
 BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
 CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 13 * PACK + 3
-DETAIL, GATHERED = 14 * PACK, 14 * PACK + SCRATCH
+AHEAD, DETAIL, GATHERED = 14 * PACK, 15 * PACK, 15 * PACK + SCRATCH
 LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
 LANES = 4  # rays that walk in turn
 WHICH, ANGLE, SHARE, LANE = 0, 1, 2, 8  # of a lane: its ray or -1, cosine of the angle to the sun, share of the peak
@@ -105,7 +106,7 @@ def _gather(
     radiance, through = read_double(got, RADIANCE), read_double(got, THROUGH)
     extinction, diffuse = read_double(got, EXTINCTION), read_double(got, SOURCE)
     single, beam = read_double(got, SINGLE), read(got, BEAM)
-    air, front = read(got, AIR), read(got, FRONT)
+    air, front, ahead = read(got, AIR), read(got, FRONT), read(got, AHEAD)
     cloud_depth, near_cloud, distance = flat(got, CLOUD_DEPTH), flat(got, NEAR_CLOUD), flat(got, DISTANCE)
     count = int(w[COUNT])
     looked = count
@@ -118,18 +119,19 @@ def _gather(
         ds = np.float32(flat(places, place + PLACE_STEP))
         a, b = flat(places, place + PLACE_X), flat(places, place + PLACE_Y)
         half_step = _HALF * ds
+        ahead += half_step * (high(extinction) - low(extinction))
         if near_cloud > _ZERO:
             for m in range(ns):
                 species_depth[m] += half_step * flat(nodes, 2 * PACK + m)
         cloud = _ZERO
         if level >= 0.0:
             extinction_far, diffuse_far, single_far, beam_far, air_far, cloud = sample_grid(
-                a, b, level, ray, peak, share, volume, nodes
+                a, b, level, ray, peak, share, ahead, half_step, volume, nodes
             )
         else:
             mu_sun = (sunward + s * cos_angle) / (radius + a)
             extinction_far, diffuse_far, single_far, beam_far, air_far = sample_air(
-                b, mu_sun, cos_angle, a, ray, peak, share, shells, ns
+                b, mu_sun, cos_angle, a, ray, peak, share, ahead, half_step, shells, ns
             )
         if cloud > _ZERO:
             for m in range(ns):
@@ -183,6 +185,7 @@ def _gather(
             through *= trans
         cloud_depth += added
         front += (fronting * half_step) * (air + air_far)
+        ahead += half_step * (high(extinction_far) - low(extinction_far))
         extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
         air, near_cloud, refined, before = air_far, cloud, refined_far, place
         if largest(low(through)) < dark:
@@ -196,6 +199,7 @@ def _gather(
     write(got, BEAM, beam)
     write(got, AIR, air)
     write(got, FRONT, front)
+    write(got, AHEAD, ahead)
     put(got, CLOUD_DEPTH, cloud_depth)
     put(got, NEAR_CLOUD, near_cloud)
     put(got, DISTANCE, distance)

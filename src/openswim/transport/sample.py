@@ -144,11 +144,12 @@ def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
+def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes):
     """A point of the grid, at fractional indices; its channels are left in ``nodes``.
 
-    Returns double packs of extinction, of the diffuse source and of what is scattered of the beam, then the beam, the
-    air's own extinction, and the species' reference extinction.
+    ahead: forward depth to the eye, but for this point's ``half_step``. Returns double packs of extinction, of the
+    diffuse source and of what is scattered of the beam, then the beam, the air's own extinction, and the species'
+    reference extinction.
     """
     nz, ny, nx, nc = volume.fields.shape
     k = min(int(level), nz - 2)
@@ -181,6 +182,10 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
     extinction = air
     cloud = flat(nodes, volume.cloud_channel)
     if cloud > _ZERO or volume.shining:
+        for s in range(volume.species if cloud > _ZERO else 0):
+            x = flat(nodes, 2 * PACK + s)
+            extinction += x * read(volume.scaled, s * PACK)
+            forward += x * read(volume.forward, s * PACK)
         q, part = spread(_ZERO), spread(_ZERO)
         depths = peak.shape[1]
         if share > _ZERO:
@@ -189,7 +194,7 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
                 flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
             )
             haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
-            q, part = _peak_place(depth + haze, depths)
+            q, part = _peak_place(depth + haze + ahead + half_step * forward, depths)
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
         if volume.shining:
             # not from the nodes, whose own angles differ from the ray's
@@ -207,21 +212,20 @@ def sample_grid(ix, iy, level, ray, peak, share, volume, nodes):
             for s in range(volume.species):
                 x = flat(nodes, 2 * PACK + s)
                 start = s * depths * PACK
-                extinction += x * read(volume.scaled, s * PACK)
-                forward += x * read(volume.forward, s * PACK)
                 single += x * read(ray, RAY + s * PACK)
                 if share > _ZERO:
                     resolved += x * _peak_at(peak, start, q, part)
-        resolved *= share
+        single += share * resolved
     source = high(low(node))
     if volume.turning.shape[0] > 0:
         at = (k * ny + j) * nx + i
         source = _turned(at, right // nc, up // nc, ny * nx, v00, v01, v10, v11, g, ray, volume)
     if volume.per_extinction:
         source *= extinction
+    nothing = spread(_ZERO)
     return (
-        join(extinction, extinction + forward), join(source, spread(_ZERO)), join(single, resolved), beam, air, cloud
-    )
+        join(extinction, extinction + forward), join(source, nothing), join(single, nothing), beam, air, cloud
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -256,7 +260,7 @@ def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, shells, haze):
+def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, ahead, half_step, shells, haze):
     """A point of the shells: see `sample_grid`. ``haze``: row of the aerosol in ``peak``."""
     above = max(h - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
@@ -286,10 +290,10 @@ def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, shells, haze):
     beam = lit * transmission(low(slant))
     single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
     smooth = _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
-    resolved = spread(_ZERO)
     if share > _ZERO:
-        q, part = _peak_place(high(slant), peak.shape[1])
-        resolved = share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+        q, part = _peak_place(high(slant) + ahead + half_step * forward, peak.shape[1])
+        single += share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+    nothing = spread(_ZERO)
     return (
-        join(extinction, extinction + forward), join(smooth, spread(_ZERO)), join(single, resolved), beam, extinction
+        join(extinction, extinction + forward), join(smooth, nothing), join(single, nothing), beam, extinction
     )  # fmt: skip
