@@ -86,6 +86,18 @@ def test_conversions(found, expected, value, converted):
     assert factor * value + offset == pytest.approx(converted, rel=1e-4)
 
 
+def test_whole_numbers_become_fractions(tmp_path):
+    data = _dataset(
+        cloud_area_fraction=(("z", "y", "x"), np.full(CONTENT.shape, 50, "i1"), {"units": "%"}),
+        liquid_effective_radius=(("z", "y", "x"), np.full(CONTENT.shape, 10, "i2"), {"units": "um"}),
+        surface_altitude=(("y", "x"), np.full((2, 4), 1, "i1"), {"units": "km"}),
+    )
+    scene = _read(tmp_path, data)
+    np.testing.assert_allclose(scene.data.cloud_area_fraction, 0.5)
+    np.testing.assert_allclose(scene.data.liquid_effective_radius, 1e-5)
+    np.testing.assert_allclose(scene.data.surface_altitude, 1000.0)
+
+
 def test_units_that_do_not_convert():
     assert conversion("inHg", "Pa") is None
     assert conversion("kg kg-1", "kg m-3") is None

@@ -136,7 +136,8 @@ def _converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
         raise UserError(f"{name} is in {found!r}; it must be in {expected!r}: convert it")
     if factor == (1.0, 0.0):
         return field.values
-    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(field.dtype)
+    precise = np.result_type(field.dtype, np.float32)  # whole numbers become fractions
+    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(precise)
 
 
 def _wavelengths(axis: xr.DataArray) -> NDArray[np.float64]:
