@@ -217,6 +217,11 @@ def _with_smoke(**attributes):
     )
 
 
+def _with_background(**attributes):
+    return lambda data: data.assign(aerosol_background=((), 0, attributes))
+
+
+HG = '{"type": "henyey_greenstein", "g": 0.7}'
 WRONG = {
     "units": (
         _set("liquid_content", units="furlong"),
@@ -242,7 +247,32 @@ WRONG = {
     ),
     "no phase function": (_with_smoke(), "extinction_smoke lacks the attribute phase_function"),
     "phase function": (_with_smoke(phase_function="{g = 0.7}"), "not JSON"),
-    "phase function of no kind": (_with_smoke(phase_function="0.7"), "cannot be read"),
+    "phase function of no kind": (_with_smoke(phase_function="0.7"), "extinction_smoke: cannot be read"),
+    "no albedo": (
+        _with_smoke(phase_function=HG, single_scattering_albedo="{}"),
+        "extinction_smoke: optics: single_scattering_albedo must have wavelengths",
+    ),
+    "no phase functions": (_with_smoke(phase_function='{"spectral": {}}'), "extinction_smoke: optics: phase"),
+    "Angstrom exponent": (
+        _with_smoke(phase_function=HG, angstrom_exponent=np.nan),
+        "extinction_smoke: optics: angstrom_exponent must be a number",
+    ),
+    "background's albedo": (
+        _with_background(single_scattering_albedo=3.0),
+        "aerosol_background: aerosol single_scattering_albedo must be a number within 0 to 1",
+    ),
+    "background's exponent": (
+        _with_background(angstrom_exponent="null"),
+        "aerosol_background: aerosol angstrom_exponent must be a number",
+    ),
+    "background's phase": (
+        _with_background(phase='{"spectral": {}}'),
+        "aerosol_background: aerosol phase must have wavelengths",
+    ),
+    "background's spectrum": (
+        _with_background(phase='{"spectral": 3}'),
+        "aerosol_background: cannot be read",
+    ),
     "half a profile": (
         lambda data: data.assign(profile_height=("profile", [0.0, 1e5])),
         "lacks profile_pressure",

@@ -206,8 +206,8 @@ def levels_text(grid: Grid | None) -> str:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put the file's name before the messages of checks that do not know it."""
+def naming(path: Path | str) -> Iterator[None]:
+    """Put the name of a file, or of what is in it, before the messages of checks that do not know it."""
     try:
         yield
     except UserError as error:
