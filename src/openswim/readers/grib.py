@@ -39,6 +39,7 @@ from openswim.readers.grib_file import Field, GRIBFile
 from openswim.readers.grib_grid import NAMES, grid_of
 from openswim.readers.grib_sections import is_grib
 from openswim.readers.neighbourhood import Neighbourhood, select
+from openswim.readers.opening import reading
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
@@ -83,7 +84,7 @@ class GRIBReader:
 
         around : the part of the domain that is wanted.
         """
-        with GRIBFile(path) as file, naming(path):
+        with naming(path), reading(path), GRIBFile(path) as file:
             columns, valid = _columns(file, time, around)
             if columns.kind:
                 air = air_of(columns)
@@ -112,7 +113,7 @@ class GRIBReader:
 
     def describe(self, path: Path) -> SceneInfo:
         """What a file holds, from its headers and the heights of the first time (of 21 columns across the middle)."""
-        with GRIBFile(path) as file, naming(path):
+        with naming(path), reading(path), GRIBFile(path) as file:
             columns, _ = _columns(file, None, None, only_index=True)
             mesh = columns.layout.mesh
             ny, nx = mesh.shape

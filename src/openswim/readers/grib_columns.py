@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -93,15 +93,16 @@ class Air:
 def kind_and_grid(fields: list[Field]) -> tuple[str, bytes] | None:
     """The kind of level and the grid with most levels of condensate, else of temperature; None for flat files."""
     cloud: Counter[tuple[str, bytes]] = Counter()
-    warm: Counter[tuple[str, bytes]] = Counter()
+    warm: defaultdict[tuple[str, bytes], set[float]] = defaultdict(set)  # levels, of which some may come twice
     for one in fields:
         if one.kind in LEVEL_KINDS and one.instant:
             cloud[one.kind, one.grid] += one.name.endswith(CONTENT)
-            warm[one.kind, one.grid] += one.name == "temperature"
-    known = [key for key in warm if warm[key] >= 2]
+            if one.name == "temperature":
+                warm[one.kind, one.grid].add(one.level)
+    known = [key for key in warm if len(warm[key]) >= 2]
     if not known:
         return None
-    return max(known, key=lambda key: (cloud[key], warm[key], -LEVEL_KINDS.index(key[0])))
+    return max(known, key=lambda key: (cloud[key], len(warm[key]), -LEVEL_KINDS.index(key[0])))
 
 
 def air_of(columns: Columns) -> Air:
@@ -150,8 +151,6 @@ def _ordered(columns: Columns, levels: list[float]) -> list[float]:
         return levels[::-1]
     if kind.startswith("height"):
         return levels
-    if len(levels) < 2:
-        raise UserError(f"{columns.file.path}: temperature on one level only: keep all levels when cutting the file")
     for name in ("pressure", "height", "geopotential"):
         own = columns.levels_of(name)
         both = [level for level in levels if level in own]
