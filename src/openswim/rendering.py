@@ -20,6 +20,7 @@ from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.grid import EDGE
+from openswim.scene.times import parse_time
 from openswim.transport import Field, ReferenceField, Solver
 from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.planes import bilinear
@@ -115,7 +116,7 @@ def light(
     wavelengths = _checked_wavelengths(wavelengths_nm)
     day = daylight(scene, time, sun)
     chosen = solver if isinstance(solver, Solver) else Solver(solver)
-    when = scene.time if time is None else np.datetime64(time, "ms")
+    when = scene.time if time is None else parse_time(time)
     return LitScene(scene, chosen.solve(scene, day.direction, wavelengths), day, None if sun is not None else when)
 
 

@@ -105,7 +105,7 @@ def run(request: RenderRequest) -> None:
 
 def sun_of(text: str | None) -> dict[str, Any]:
     """What `openswim.render` is told of the sun: a time, or its azimuth and altitude."""
-    from openswim.readers.base import parse_time
+    from openswim.scene.times import parse_time
 
     if text is None:
         return {}

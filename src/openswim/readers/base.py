@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.classic import classic_length
+from openswim.scene.times import Time, parse_time
 
 if TYPE_CHECKING:
     import netCDF4
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from openswim.scene import Grid, Scene
 
-Time = str | np.datetime64 | datetime | None
 MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
 PLAUSIBLE_ELEMENTS = 20_000_000  # up to here no file is doubted
 _VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
@@ -138,21 +137,6 @@ def _packed_bytes(path: Path) -> float:
         return path.stat().st_size if packed else np.inf
     except OSError:
         return np.inf
-
-
-def parse_time(time: Time) -> np.datetime64 | None:
-    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
-    if time is None:
-        return None
-    if isinstance(time, np.datetime64):
-        return time.astype("datetime64[ms]")
-    try:
-        stamp = time if isinstance(time, datetime) else datetime.fromisoformat(time.strip().replace("_", "T"))
-    except ValueError as error:
-        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
-    if stamp.tzinfo is not None:
-        stamp = stamp.astimezone(UTC).replace(tzinfo=None)
-    return np.datetime64(stamp, "ms")
 
 
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:

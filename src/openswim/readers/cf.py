@@ -18,7 +18,6 @@ from openswim.readers.base import (
     iso,
     levels_text,
     naming,
-    parse_time,
     pick_time,
     place_text,
     spacing_text,
@@ -28,6 +27,7 @@ from openswim.readers.cf_grid import grid_of, upright
 from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
 from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.times import parse_time
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
 _HELPERS = {

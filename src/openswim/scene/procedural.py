@@ -13,6 +13,7 @@ from openswim.scene.procedural_cumulus import cumulus_field
 from openswim.scene.procedural_noise import blur, smoothstep
 from openswim.scene.procedural_terrain import WAVELENGTH_NM, land_albedo, terrain_field
 from openswim.scene.scene import Scene
+from openswim.scene.times import parse_time
 
 EARTH_RADIUS_M = 6_371_000.0
 CLOUD_BASE_M = 2150.0  # condensation level, 1500 m above the mean ground
@@ -142,7 +143,7 @@ def _scene(
         grid=Grid(x_m, y_m, height_m, crs, EARTH_RADIUS_M),
         data=data,
         atmosphere=Atmosphere.us_standard(),
-        time=np.datetime64(time),
+        time=parse_time(time),
         source="procedural demo scene: summer cumulus and cirrus over foothills and a lake",
         ground=Ground(mountains=False),  # real ones have no place around made-up hills
         notes=["all fields are invented (openswim.scene.procedural), none is measured or forecast"],

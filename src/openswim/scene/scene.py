@@ -16,6 +16,7 @@ from openswim.errors import UserError
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.particles import ANGSTROM_EXPONENTS, check_albedo, check_number, check_phase
+from openswim.scene.times import parse_time
 from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 
 if TYPE_CHECKING:
@@ -93,8 +94,7 @@ class Scene:
         self.data, repairs = checked_dataset(self.data, self.grid)
         self.notes = [" ".join(note.split()) for note in [*self.notes, *repairs]]
         self.source = " ".join(self.source.split())
-        if self.time is not None:
-            self.time = np.datetime64(self.time).astype("datetime64[ms]")
+        self.time = parse_time(self.time)
         direct = [
             str(name).removeprefix(DIRECT_PREFIX)
             for name in self.data.data_vars

@@ -1,0 +1,25 @@
+"""Times as users and files write them."""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime
+
+import numpy as np
+
+from openswim.errors import UserError
+
+Time = str | np.datetime64 | date | None
+
+
+def parse_time(time: Time) -> np.datetime64 | None:
+    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
+    if time is None:
+        return None
+    try:
+        if isinstance(time, str):
+            time = datetime.fromisoformat(time.strip().replace("_", "T"))
+        if isinstance(time, datetime) and time.tzinfo is not None:
+            time = time.astimezone(UTC).replace(tzinfo=None)
+        return np.datetime64(time).astype("datetime64[ms]")
+    except (ValueError, OverflowError, TypeError) as error:
+        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
