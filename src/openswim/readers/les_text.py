@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.base import SceneInfo, Time, check_size, levels_text, naming, spacing_text
+from openswim.readers.base import PLAUSIBLE_ELEMENTS, SceneInfo, Time, check_size, levels_text, naming, spacing_text
 from openswim.readers.clock import undated
 from openswim.readers.gridded import projection_text
 from openswim.readers.neighbourhood import Neighbourhood
@@ -20,6 +20,7 @@ from openswim.scene.grid import EARTH_RADIUS_M
 
 _ALBEDO = 0.06  # of the sea below, where these clouds live
 _HEAD_BYTES = 65_536
+_NODES_PER_BYTE = 30  # of which one in a thousand has a row: cloudy ones alone may be listed
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,10 @@ class LESTextReader:
         """True for text that begins with the sizes, the spacing and the levels of such a grid."""
         try:
             return path.is_file() and _head(path) is not None
-        except (OSError, UserError):
+        except OSError:
             return False
+        except UserError:  # which `read` raises again
+            return True
 
     def read(self, path: Path, time: Time = None, around: Neighbourhood | None = None) -> Scene:
         head = _head(path)
@@ -132,6 +135,12 @@ def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator:
     if not (values[:2] > 0).all():
         raise UserError(f"{path}: the spacing is {rest[0]}, {rest[1]} km; it must be positive")
     check_size(path, "the field", shape)
+    nodes = shape[0] * shape[1] * shape[2]
+    if nodes > max(PLAUSIBLE_ELEMENTS, _NODES_PER_BYTE * path.stat().st_size):
+        raise UserError(
+            f"{path}: its head tells of {shape[0]} x {shape[1]} x {shape[2]} nodes, too many for so small a file: "
+            "damaged or truncated"
+        )
     return _Head(shape, (float(values[0]), float(values[1])), values[2:], lines, separator)
 
 
