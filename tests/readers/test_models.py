@@ -124,6 +124,16 @@ def test_cosp_radii_and_flux(tmp_path):
     np.testing.assert_allclose(data.liquid_effective_radius.values[cloudy], 1 / (0.8 / 10e-6 + 0.2 / 20e-6), rtol=1e-3)
 
 
+def test_rams_over_the_date_line_has_the_hour_there(tmp_path):
+    path = rams(tmp_path / "x-A-2024-06-21-g1.h5", header=False).paths[0]
+    with netCDF4.Dataset(path, "a") as file:
+        east = file["GLON"][:] + 169.0  # from 11 E
+        file["GLON"][:] = (east + 180.0) % 360.0 - 180.0
+        assert np.ptp(file["GLON"][:]) > 300
+    ten_local = np.datetime64("2024-06-21T22:00")
+    assert abs(open_scene(path).time - ten_local) < np.timedelta64(2, "m")
+
+
 def test_radii_and_numbers_reach_the_scene(tmp_path):
     assert float(open_scene(ecrad(tmp_path / "a.nc").paths).data.ice_effective_radius.max()) == pytest.approx(50e-6)
     path = rams(tmp_path / "x-A-2024-06-21-120000-g1.h5").paths[0]
