@@ -176,6 +176,16 @@ def test_several_times(tmp_path):
         open_scene(tmp_path / "model.nc", "2024-06-21T13:00")
 
 
+@pytest.mark.parametrize("position", [0, 1])
+def test_a_time_that_is_missing_among_others(tmp_path, position):
+    times = np.insert(np.array(["2024-06-21T12:00", "2024-06-21T18:00"], "datetime64[ns]"), position, "NaT")
+    data = _dataset(liquid_content=(("time", "z", "y", "x"), np.stack(3 * [CONTENT]), {"units": "kg m-3"}))
+    data = data.assign_coords(time=times)
+    assert _read(tmp_path, data).time == np.datetime64("2024-06-21T12:00")
+    assert open_scene(tmp_path / "model.nc", "2024-06-21T18:00").time == np.datetime64("2024-06-21T18:00")
+    assert describe(tmp_path / "model.nc").times == ["2024-06-21T12:00:00", "2024-06-21T18:00:00"]
+
+
 def test_a_scene_without_time_has_the_one_asked_for(tmp_path):
     data = _dataset(liquid_content=(("z", "y", "x"), CONTENT))
     assert _read(tmp_path, data).time is None

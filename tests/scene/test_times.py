@@ -7,7 +7,7 @@ import pytest
 
 from openswim import Scene
 from openswim.errors import UserError
-from openswim.scene.times import parse_time
+from openswim.scene.times import parse_time, rounded
 
 SPELLINGS = [
     "2024-06-01T12:00",
@@ -41,3 +41,8 @@ def test_what_is_no_time_is_said_in_a_line(time):
     with pytest.raises(UserError, match="is not understood: write it as 2005-08-28T18:00") as caught:
         parse_time(time)
     assert "\n" not in str(caught.value)
+
+
+def test_what_floating_point_leaves_out_is_rounded_to_the_millisecond():
+    times = np.array(["2024-06-01T11:59:59.999600", "2024-06-01T12:00:00.000499", "NaT"], "datetime64[us]")
+    np.testing.assert_array_equal(rounded(times), np.array(["2024-06-01T12", "2024-06-01T12", "NaT"], "datetime64[ms]"))

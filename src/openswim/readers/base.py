@@ -140,16 +140,16 @@ def _packed_bytes(path: Path) -> float:
 
 
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
-    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named."""
+    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named. NaT is no time."""
     stamp = parse_time(wanted)
+    known = np.flatnonzero(~np.isnat(times))
     if stamp is None:
-        return 0
-    if times.size:
-        apart = np.abs(times.astype("datetime64[ms]") - stamp)
-        nearest = int(np.argmin(apart))
-        if apart[nearest] <= np.timedelta64(1, "s"):
-            return nearest
-    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {times_text(times)}: choose one of these (--time)")
+        return int(known[0]) if known.size else 0
+    apart = np.abs(times[known].astype("datetime64[ms]") - stamp)
+    if (apart <= np.timedelta64(1, "s")).any():
+        return int(known[np.argmin(apart)])
+    listed = times_text(times[known])
+    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {listed}: choose one of these (--time)")
 
 
 def iso(time: np.datetime64) -> str:

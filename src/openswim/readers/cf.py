@@ -27,7 +27,7 @@ from openswim.readers.cf_grid import grid_of, upright
 from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
 from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
-from openswim.scene.times import parse_time
+from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
 _HELPERS = {
@@ -114,7 +114,7 @@ class CFReader:
                 projection=_projection_text(grid),
                 spacing=spacing_text(grid),
                 levels=levels_text(grid),
-                times=[iso(moment) for moment in times],
+                times=[iso(moment) for moment in times[~np.isnat(times)]],
                 species=species_of(names),
                 surface=[name for name in names if "z" not in data[name].dims],
                 missing=[name for name in expected if name not in names],
@@ -146,8 +146,7 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
         raise UserError(
             'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
         )
-    # files keep times as floating-point numbers: round to the millisecond
-    return (values.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
+    return rounded(values)
 
 
 def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:

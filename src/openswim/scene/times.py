@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, date, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
 
@@ -23,3 +24,8 @@ def parse_time(time: Time) -> np.datetime64 | None:
         return np.datetime64(time).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
         raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+
+
+def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
+    """To the millisecond: files keep times as floating-point numbers."""
+    return (times.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
