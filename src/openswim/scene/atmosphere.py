@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -176,9 +176,6 @@ class Atmosphere:
         pressure = np.where(inside, np.exp(np.interp(z, self.height_m, log_p) + below), 0.0)
         ozone = np.where(inside, np.interp(z, self.height_m, self.ozone_per_m3), 0.0)
         return pressure, np.interp(z, self.height_m, self.temperature_k), ozone
-
-    def with_aerosol(self, aerosol: AerosolProfile | None) -> Atmosphere:
-        return replace(self, aerosol=aerosol)
 
     def ozone_column_du(self, above_m: float = -np.inf) -> float:
         """Ozone (Dobson units) above a height; of the whole profile by default."""
