@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.scene.grid import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -23,7 +24,6 @@ Affine = tuple[float, ...]  # x = a column + b row + c, y = d column + e row + f
 
 _TILE = 256
 _CACHE_BYTES = 256 << 20
-_EARTH_M = 6.371e6
 # NASA's Blue Marble tiles carry their place in their name: columns A to D from 180 W, rows 1 and 2 from 90 N.
 _BLUE_MARBLE_TILE = re.compile(r"world\..*21600x21600\.([A-D])([12])\b", re.IGNORECASE)
 
@@ -70,7 +70,7 @@ class Raster:
         x, y = _applied(self._transform, np.array([0.0, 1.0, 0.0]) + width / 2, np.array([0.0, 0.0, 1.0]) + height / 2)
         lon, lat = (np.radians(v) for v in self._to_map.transform(x, y, direction="INVERSE"))
         east, north = _turned(lon[1:] - lon[0], np.pi) * np.cos(lat[0]), lat[1:] - lat[0]
-        return float(_EARTH_M * np.sqrt(np.abs(east[0] * north[1] - east[1] * north[0])))
+        return float(EARTH_RADIUS_M * np.sqrt(np.abs(east[0] * north[1] - east[1] * north[0])))
 
     def outline(self) -> tuple[FloatArray, FloatArray]:
         """Latitude and longitude (degrees) along the image's border."""

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.scene.grid import Grid
+from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.procedural_cirrus import cirrus_field
 from openswim.scene.procedural_cumulus import cumulus_field
 from openswim.scene.procedural_noise import blur, smoothstep
@@ -15,7 +15,6 @@ from openswim.scene.procedural_terrain import WAVELENGTH_NM, land_albedo, terrai
 from openswim.scene.scene import Scene
 from openswim.scene.times import parse_time
 
-EARTH_RADIUS_M = 6_371_000.0
 CLOUD_BASE_M = 2150.0  # condensation level, 1500 m above the mean ground
 CLOUD_TOP_M = 3900.0
 CIRRUS_M = (9500.0, 10_800.0)
