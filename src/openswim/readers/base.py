@@ -166,6 +166,19 @@ def times_text(times: NDArray[Any]) -> str:
     return ", ".join(listed) or "no valid time"
 
 
+def shape_text(grid: Grid | None) -> str:
+    """How many nodes there are along each axis."""
+    return "none (clear sky)" if grid is None else "{2} x {1} x {0} (x, y, z)".format(*grid.shape)
+
+
+def projection_text(grid: Grid | None) -> str:
+    """The map projection in words, with the centre of the domain."""
+    if grid is None or grid.crs is None:
+        return "none" if grid is None else "none (flat)"
+    operation = grid.crs.coordinate_operation
+    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)
+
+
 def place_text(grid: Grid | None) -> str:
     """ ", centre 23.753 N 89.540 W", or nothing for a flat grid."""
     if grid is None or not grid.curved:

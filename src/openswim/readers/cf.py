@@ -19,7 +19,8 @@ from openswim.readers.base import (
     levels_text,
     naming,
     pick_time,
-    place_text,
+    projection_text,
+    shape_text,
     spacing_text,
 )
 from openswim.readers.cf_fields import atmosphere_of, fields_of, optics_of
@@ -110,8 +111,8 @@ class CFReader:
             return SceneInfo(
                 path=str(path),
                 model=str(data.attrs.get("source", "scene layout")),
-                grid="none (clear sky)" if grid is None else "{2} x {1} x {0} (x, y, z)".format(*grid.shape),
-                projection=_projection_text(grid),
+                grid=shape_text(grid),
+                projection=projection_text(grid),
                 spacing=spacing_text(grid),
                 levels=levels_text(grid),
                 times=[iso(moment) for moment in times[~np.isnat(times)]],
@@ -171,10 +172,3 @@ def _absences(data: xr.Dataset) -> list[str]:
         if name not in data:
             notes.append(f"no {name} in the file: {instead}")
     return notes
-
-
-def _projection_text(grid: Grid | None) -> str:
-    if grid is None or grid.crs is None:
-        return "none (flat)" if grid is not None else "none"
-    operation = grid.crs.coordinate_operation
-    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)

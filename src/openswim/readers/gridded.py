@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers import air
 from openswim.readers.aerosol_species import AerosolSpecies, added_up, extinction_per_m, species_of_name
-from openswim.readers.base import SceneInfo, Time, iso, levels_text, naming, place_text, spacing_text
+from openswim.readers.base import (
+    SceneInfo,
+    Time,
+    iso,
+    levels_text,
+    naming,
+    projection_text,
+    shape_text,
+    spacing_text,
+)
 from openswim.readers.clock import start_of_undated, undated
 from openswim.readers.columns import PER_VOLUME, Columns
 from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
@@ -91,7 +100,7 @@ class GriddedReader:
         return SceneInfo(
             path=", ".join(map(str, paths)),
             model=scene.source,
-            grid="{2} x {1} x {0} (x, y, z)".format(*grid.shape),
+            grid=shape_text(grid),
             projection=projection_text(grid),
             spacing=spacing_text(grid),
             levels=levels_text(grid),
@@ -101,14 +110,6 @@ class GriddedReader:
             missing=missing,
             assumed=scene.notes,
         )
-
-
-def projection_text(grid: Grid) -> str:
-    """The map projection in words, with the centre of the domain."""
-    if grid.crs is None:
-        return "none (flat)"
-    operation = grid.crs.coordinate_operation
-    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)
 
 
 def _is_model(files: FileSet) -> bool:

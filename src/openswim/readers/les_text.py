@@ -11,9 +11,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.base import PLAUSIBLE_ELEMENTS, SceneInfo, Time, check_size, levels_text, naming, spacing_text
+from openswim.readers.base import (
+    PLAUSIBLE_ELEMENTS,
+    SceneInfo,
+    Time,
+    check_size,
+    levels_text,
+    naming,
+    projection_text,
+    shape_text,
+    spacing_text,
+)
 from openswim.readers.clock import undated
-from openswim.readers.gridded import projection_text
 from openswim.readers.neighbourhood import Neighbourhood
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
@@ -86,7 +95,7 @@ class LESTextReader:
         return SceneInfo(
             path=str(path),
             model="large-eddy cloud field in text",
-            grid="{2} x {1} x {0} (x, y, z)".format(*grid.shape),
+            grid=shape_text(grid),
             projection=projection_text(grid),
             spacing=spacing_text(grid),
             levels=levels_text(grid),
