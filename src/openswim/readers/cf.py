@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import no_ground, no_species
 from openswim.readers.base import (
     SceneInfo,
     Time,
@@ -77,7 +78,7 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += _absences(fields)
+                notes += no_species(fields) + no_ground(fields)
             unused = [
                 str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
             ]
@@ -107,7 +108,7 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += _absences(data)
+                notes += no_species(data) + no_ground(data)
             return SceneInfo(
                 path=str(path),
                 model=str(data.attrs.get("source", "scene layout")),
@@ -156,19 +157,3 @@ def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.d
     if "time" in data.dims:
         data = data.isel(time=chosen)
     return data, times[chosen] if times.size else parse_time(time)
-
-
-def _absences(data: xr.Dataset) -> list[str]:
-    absent = [species for species in HYDROMETEORS if f"{species}_content" not in data]
-    notes = [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
-    for name, instead in (
-        ("surface_altitude", "terrain height from the ground map"),
-        ("land_area_fraction", "land and water from the ground map"),
-        ("surface_albedo", "surface albedo from the ground map"),
-        ("snow_area_fraction", "no snow on the ground assumed"),
-        ("sea_ice_area_fraction", "no sea ice assumed"),
-        ("wind_east_10m", "default wind over water"),
-    ):
-        if name not in data:
-            notes.append(f"no {name} in the file: {instead}")
-    return notes

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import no_species
 from openswim.readers.base import (
     PLAUSIBLE_ELEMENTS,
     SceneInfo,
@@ -75,9 +76,9 @@ class LESTextReader:
                 notes.append(f"no place in the file: its centre is laid at {around.lat:g}, {around.lon:g}")
             else:
                 notes.append("no place in the file: flat Earth, open sides")
-            notes.append("no ice, rain, snow, graupel in the file: none assumed")
             dims = ("z", "y", "x")
             fields = {"liquid_content": (dims, content), "liquid_effective_radius": (dims, radius)}
+            notes += no_species(fields)
             if crs is None:
                 fields["surface_albedo"] = (("y", "x"), np.full((ny, nx), _ALBEDO, np.float32))  # type: ignore[assignment]
                 notes.append(f"no ground in the file: sea level, albedo {_ALBEDO}")
