@@ -14,11 +14,12 @@ from openswim.errors import UserError
 from openswim.readers.air import (
     DRY_GAS_CONSTANT,
     GRAVITY,
-    VAPOUR_RATIO,
     density_kg_m3,
     filled_from_above,
     geometric_height_m,
     hydrostatic_heights_m,
+    saturation_pa,
+    specific_humidity_of,
     standard_air,
     standard_height_m,
     virtual_temperature_k,
@@ -215,19 +216,11 @@ def _humidity(columns: Columns, levels: list[float], pressure: F32 | None, tempe
         if name == "humidity_mixing_ratio":
             found = found / (1 + found)
         elif name == "relative_humidity":
-            found = _specific(found, pressure, temperature)
+            found = specific_humidity_of(found * saturation_pa(temperature - np.float32(273.15)), pressure)
         without_gaps(found)
         return np.asarray(np.clip(found, 0.0, 0.1, out=found), np.float32)
     columns.notes.append("no humidity in the file: dry air assumed for density")
     return None
-
-
-def _specific(relative: F32, pressure: F32, temperature: F32) -> F32:
-    """Specific humidity of a relative humidity over water (Bolton 1980, Eq. 10)."""
-    celsius = temperature - np.float32(273.15)
-    vapour = relative * 611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0))
-    vapour = np.minimum(vapour, 0.2 * pressure)
-    return np.asarray(VAPOUR_RATIO * vapour / (pressure - (1 - VAPOUR_RATIO) * vapour), np.float32)
 
 
 def _heights(
