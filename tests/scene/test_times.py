@@ -40,6 +40,7 @@ def test_days_and_no_time():
 def test_what_is_no_time_is_said_in_a_line(time):
     with pytest.raises(UserError, match="is not understood: write it as 2005-08-28T18:00") as caught:
         parse_time(time)
+    assert repr(time) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

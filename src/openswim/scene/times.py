@@ -17,11 +17,10 @@ def parse_time(time: Time) -> np.datetime64 | None:
     if time is None:
         return None
     try:
-        if isinstance(time, str):
-            time = datetime.fromisoformat(time.strip().replace("_", "T"))
-        if isinstance(time, datetime) and time.tzinfo is not None:
-            time = time.astimezone(UTC).replace(tzinfo=None)
-        return np.datetime64(time).astype("datetime64[ms]")
+        stamp = datetime.fromisoformat(time.strip().replace("_", "T")) if isinstance(time, str) else time
+        if isinstance(stamp, datetime) and stamp.tzinfo is not None:
+            stamp = stamp.astimezone(UTC).replace(tzinfo=None)
+        return np.datetime64(stamp).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
         raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
 
