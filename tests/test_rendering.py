@@ -47,6 +47,13 @@ def separation_deg(image: xr.Dataset, azimuth: float, altitude: float) -> np.nda
     return np.degrees(np.arccos(np.clip(cosine, -1, 1))).values
 
 
+def test_one_time_in_two_spellings(clear):
+    for spelling in ("20240504T0930", "2024-05-04T09:30Z"):
+        again = light(clear.scene, time=spelling)
+        assert again.time == clear.time
+        assert again.daylight.direction == pytest.approx(clear.daylight.direction)
+
+
 def test_the_brightest_pixel_is_the_sun_of_the_ephemeris(allsky: xr.Dataset) -> None:
     sun = sun_position(TIME, LAT, LON)
     brightest = np.unravel_index(np.nanargmax(allsky.radiance.sum("wavelength").values), allsky.azimuth.shape)

@@ -19,7 +19,8 @@ from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun
 from openswim.outlines import soften
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector, scene_frame
-from openswim.scene.grid import EDGE
+from openswim.scene.grid import EDGE, extent_text
+from openswim.scene.times import parse_time
 from openswim.transport import Field, ReferenceField, Solver
 from openswim.transport.montecarlo import ReferenceView
 from openswim.transport.planes import bilinear
@@ -115,7 +116,7 @@ def light(
     wavelengths = _checked_wavelengths(wavelengths_nm)
     day = daylight(scene, time, sun)
     chosen = solver if isinstance(solver, Solver) else Solver(solver)
-    when = scene.time if time is None else np.datetime64(time, "ms")
+    when = scene.time if time is None else parse_time(time)
     return LitScene(scene, chosen.solve(scene, day.direction, wavelengths), day, None if sun is not None else when)
 
 
@@ -274,12 +275,7 @@ def _extent(scene: Scene) -> str:
     assert grid is not None
     if not grid.curved:
         return f"choose x in {grid.x[0]:g} to {grid.x[-1]:g} m and y in {grid.y[0]:g} to {grid.y[-1]:g} m"
-    _, ny, nx = grid.shape
-    edge = np.arange(max(nx, ny))
-    i = np.concatenate([np.clip(edge, 0, nx - 1), np.clip(edge, 0, nx - 1), 0 * edge, 0 * edge + nx - 1])
-    j = np.concatenate([0 * edge, 0 * edge + ny - 1, np.clip(edge, 0, ny - 1), np.clip(edge, 0, ny - 1)])
-    lon, lat = grid.lonlat(i, j)
-    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+    return extent_text(grid)
 
 
 def _sun_at(lit: LitScene, camera: Camera) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from openswim.colour import auto_exposure, to_linear_rgb, to_rgb, to_xyz
-from openswim.colour.cie import chromaticity, standard_observer, xyz_weights
+from openswim.colour.cie import standard_observer, xyz_weights
 from openswim.colour.rgb import PAPER_MATRIX, encode, into_gamut, quantise, rgb_matrix, shoulder
 from openswim.errors import UserError
 
@@ -17,6 +17,11 @@ def picture_of(values, wavelengths=THREE):
     return xr.DataArray(
         np.asarray(values, dtype=float), dims=("y", "x", "wavelength"), coords={"wavelength": wavelengths}
     )
+
+
+def chromaticity(xyz):
+    """x, y (..., 2) of X, Y, Z (..., 3)."""
+    return xyz[..., :2] / xyz.sum(axis=-1, keepdims=True)
 
 
 def rayleigh(wavelength_nm):

@@ -3,10 +3,16 @@ import pytest
 
 from openswim.colour.cie import xyz_weights
 from openswim.colour.rgb import rgb_matrix
-from openswim.colour.spectrum import extension_matrix, full_spectrum
+from openswim.colour.spectrum import Extension, extension_matrix
 
 VISIBLE = np.arange(380.0, 781.0, 10.0)
 THREE = np.array([615.0, 546.0, 450.0])
+
+
+def full_spectrum(radiance, wavelengths_nm, target_nm):
+    """L' (..., nwl) to (..., n_target)."""
+    flat = Extension(wavelengths_nm, target_nm)(radiance.reshape(-1, radiance.shape[-1]))
+    return flat.reshape((*radiance.shape[:-1], flat.shape[-1]))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9])

@@ -205,6 +205,25 @@ def test_height_in_metres(tmp_path):
     np.testing.assert_array_equal(known, [1, 0])
 
 
+@pytest.mark.parametrize(("west", "lon"), [(239.0, -120.0), (179.0, -179.5), (-181.0, 179.5), (7.0, 8.0)])
+def test_longitudes_are_the_same_a_turn_on(tmp_path, west, lon):
+    """Of the file (0 to 360 degrees, or beyond the date line) and of the places."""
+    path = write(tmp_path / "dem.tif", 4000 * ramp(200, 200), bounds=(west, 45.0, west + 2.0, 47.0))
+    dem = HeightMap(path)
+    height, known = dem.height([46.0, 46.0, 46.0], [lon, lon + 360.0, lon + 180.0])
+    east = (lon - west) % 360.0
+    assert height[:2] == pytest.approx(4000 * (0.25 * east / 2 + 0.125), abs=2.0)
+    np.testing.assert_array_equal(known, [1, 1, 0])
+    assert dem.pixel_m == pytest.approx(0.01 * 111e3 * np.sqrt(np.cos(np.radians(46.0))), rel=0.01)
+
+
+def test_opposite_the_map_its_columns_have_no_way_through_it(tmp_path):
+    """Columns between places may be interpolated."""
+    raster = Raster(write(tmp_path / "dem.tif", ramp(20, 20)))
+    _, column = raster.pixel(np.full(2, 46.0), [-172.1, -171.9])
+    assert not np.isfinite(column.mean())
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [

@@ -86,6 +86,18 @@ def test_conversions(found, expected, value, converted):
     assert factor * value + offset == pytest.approx(converted, rel=1e-4)
 
 
+def test_whole_numbers_become_fractions(tmp_path):
+    data = _dataset(
+        cloud_area_fraction=(("z", "y", "x"), np.full(CONTENT.shape, 50, "i1"), {"units": "%"}),
+        liquid_effective_radius=(("z", "y", "x"), np.full(CONTENT.shape, 10, "i2"), {"units": "um"}),
+        surface_altitude=(("y", "x"), np.full((2, 4), 1, "i1"), {"units": "km"}),
+    )
+    scene = _read(tmp_path, data)
+    np.testing.assert_allclose(scene.data.cloud_area_fraction, 0.5)
+    np.testing.assert_allclose(scene.data.liquid_effective_radius, 1e-5)
+    np.testing.assert_allclose(scene.data.surface_altitude, 1000.0)
+
+
 def test_units_that_do_not_convert():
     assert conversion("inHg", "Pa") is None
     assert conversion("kg kg-1", "kg m-3") is None
@@ -164,6 +176,16 @@ def test_several_times(tmp_path):
         open_scene(tmp_path / "model.nc", "2024-06-21T13:00")
 
 
+@pytest.mark.parametrize("position", [0, 1])
+def test_a_time_that_is_missing_among_others(tmp_path, position):
+    times = np.insert(np.array(["2024-06-21T12:00", "2024-06-21T18:00"], "datetime64[ns]"), position, "NaT")
+    data = _dataset(liquid_content=(("time", "z", "y", "x"), np.stack(3 * [CONTENT]), {"units": "kg m-3"}))
+    data = data.assign_coords(time=times)
+    assert _read(tmp_path, data).time == np.datetime64("2024-06-21T12:00")
+    assert open_scene(tmp_path / "model.nc", "2024-06-21T18:00").time == np.datetime64("2024-06-21T18:00")
+    assert describe(tmp_path / "model.nc").times == ["2024-06-21T12:00:00", "2024-06-21T18:00:00"]
+
+
 def test_a_scene_without_time_has_the_one_asked_for(tmp_path):
     data = _dataset(liquid_content=(("z", "y", "x"), CONTENT))
     assert _read(tmp_path, data).time is None
@@ -205,6 +227,11 @@ def _with_smoke(**attributes):
     )
 
 
+def _with_background(**attributes):
+    return lambda data: data.assign(aerosol_background=((), 0, attributes))
+
+
+HG = '{"type": "henyey_greenstein", "g": 0.7}'
 WRONG = {
     "units": (
         _set("liquid_content", units="furlong"),
@@ -230,7 +257,32 @@ WRONG = {
     ),
     "no phase function": (_with_smoke(), "extinction_smoke lacks the attribute phase_function"),
     "phase function": (_with_smoke(phase_function="{g = 0.7}"), "not JSON"),
-    "phase function of no kind": (_with_smoke(phase_function="0.7"), "cannot be read"),
+    "phase function of no kind": (_with_smoke(phase_function="0.7"), "extinction_smoke: cannot be read"),
+    "no albedo": (
+        _with_smoke(phase_function=HG, single_scattering_albedo="{}"),
+        "extinction_smoke: optics: single_scattering_albedo must have wavelengths",
+    ),
+    "no phase functions": (_with_smoke(phase_function='{"spectral": {}}'), "extinction_smoke: optics: phase"),
+    "Angstrom exponent": (
+        _with_smoke(phase_function=HG, angstrom_exponent=np.nan),
+        "extinction_smoke: optics: angstrom_exponent must be a number",
+    ),
+    "background's albedo": (
+        _with_background(single_scattering_albedo=3.0),
+        "aerosol_background: aerosol single_scattering_albedo must be a number within 0 to 1",
+    ),
+    "background's exponent": (
+        _with_background(angstrom_exponent="null"),
+        "aerosol_background: aerosol angstrom_exponent must be a number",
+    ),
+    "background's phase": (
+        _with_background(phase='{"spectral": {}}'),
+        "aerosol_background: aerosol phase must have wavelengths",
+    ),
+    "background's spectrum": (
+        _with_background(phase='{"spectral": 3}'),
+        "aerosol_background: cannot be read",
+    ),
     "half a profile": (
         lambda data: data.assign(profile_height=("profile", [0.0, 1e5])),
         "lacks profile_pressure",

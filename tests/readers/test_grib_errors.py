@@ -149,6 +149,26 @@ def test_repeated_messages_count_once(tmp_path):
     assert any("come twice" in note for note in twice.notes)
 
 
+def test_one_level_that_comes_twice_is_one_level(tmp_path):
+    product = gf.hrrr()
+    warm = next(one for one in product.messages if one.parameter == (0, 0, 0))
+    product.messages = [one for one in product.messages if one.level[0] != warm.level[0]] + [warm, warm]
+    scene = open_scene(gf.write(tmp_path / "file", product))
+    assert any("no temperature on levels" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("look", [open_scene, describe])
+def test_faults_of_parsing_are_one_line(tmp_path, monkeypatch, look):
+    path = gf.write(tmp_path / "file", gf.hrrr(levels=3))
+
+    def fails(columns):
+        raise IndexError("list index out of range")
+
+    monkeypatch.setattr("openswim.readers.grib.air_of", fails)
+    with pytest.raises(UserError, match=r"file: cannot be read \(list index out of range\): damaged"):
+        look(path)
+
+
 def test_hybrid_levels_without_a_surface(tmp_path):
     product = gf.ifs(gf.AROME, levels=4)
     product.messages = [one for one in product.messages if one.parameter != (0, 3, 25)]

@@ -220,6 +220,13 @@ def test_rows_of_text(tmp_path, change, word):
     _refused(path, "a.txt", word)
 
 
+def test_text_that_claims_gigabytes(tmp_path):
+    path = tmp_path / "a.txt"
+    levels = " ".join(f"{0.01 * k:.2f}" for k in range(100))
+    path.write_text(f"4000 4000 100\n0.05 0.05 {levels}\n1 1 1 0.1 8.0\n")
+    _refused(path, "a.txt", "4000 x 4000 x 100 nodes")
+
+
 def test_rams_without_what_it_needs(tmp_path):
     path = rams(tmp_path / "x-A-2024-06-21-120000-g1.h5").paths[0]
     with netCDF4.Dataset(path, "a") as file:

@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.optics.hydrometeors import extinction_per_m
 from openswim.readers import describe, open_scene
 from openswim.readers.aerosol_species import SPECIES
+from openswim.readers.fileset import dates_of
 from openswim.readers.particles import Category, together
 
 LEVELS = ("bottom_top", "south_north", "west_east")
@@ -122,6 +123,16 @@ def test_cosp_radii_and_flux(tmp_path):
     # four fifths of the water in drops of 10 um, one fifth in drops of 20 um
     cloudy = data.liquid_content.values > 1e-6
     np.testing.assert_allclose(data.liquid_effective_radius.values[cloudy], 1 / (0.8 / 10e-6 + 0.2 / 20e-6), rtol=1e-3)
+
+
+def test_rams_over_the_date_line_has_the_hour_there(tmp_path):
+    path = rams(tmp_path / "x-A-2024-06-21-g1.h5", header=False).paths[0]
+    with netCDF4.Dataset(path, "a") as file:
+        east = file["GLON"][:] + 169.0  # from 11 E
+        file["GLON"][:] = (east + 180.0) % 360.0 - 180.0
+        assert np.ptp(file["GLON"][:]) > 300
+    ten_local = np.datetime64("2024-06-21T22:00")
+    assert abs(open_scene(path).time - ten_local) < np.timedelta64(2, "m")
 
 
 def test_radii_and_numbers_reach_the_scene(tmp_path):
@@ -302,14 +313,31 @@ def test_undated_scenes_take_the_time_asked_for(tmp_path):
     assert open_scene(path, around=(18.0, -60.0)).time == np.datetime64("2000-03-20T14:00")
 
 
-def test_elapsed_times_count_from_the_default_start(tmp_path):
+@pytest.mark.parametrize(
+    ("units", "value"), [("seconds", 600), ("s", 600), ("min", 10), ("Hours of run", 1 / 6), ("ms", 6e5), ("", 600)]
+)
+def test_elapsed_times_count_from_the_default_start(tmp_path, units, value):
     path = les(tmp_path / "a.nc", "cm1").paths[0]
     with netCDF4.Dataset(path, "a") as file:
-        file["time"].units = "seconds"
-        file["time"][:] = 600.0
+        file["time"].units = units
+        file["time"][:] = value
     scene = open_scene(path)
-    assert scene.time == np.datetime64("2000-03-20T10:10")
+    assert abs(scene.time - np.datetime64("2000-03-20T10:10")) < np.timedelta64(1, "s")
     assert any("unknown start" in note for note in scene.notes)
+
+
+def test_elapsed_times_in_units_that_are_none(tmp_path):
+    path = les(tmp_path / "a.nc", "cm1").paths[0]
+    with netCDF4.Dataset(path, "a") as file:
+        file["time"].units = "months"
+    with pytest.raises(UserError, match=r"a.nc: elapsed times in 'months': give seconds"):
+        open_scene(path)
+
+
+def test_fractions_of_seconds_are_not_cut_off(tmp_path):
+    """0.7 days in single precision are 1 ms short of 16:48."""
+    found = dates_of(tmp_path, np.array([0.7], "f4"), "days since 2024-06-21", "standard")
+    assert found == np.datetime64("2024-06-21T16:47:59.999")
 
 
 def test_nothing_floats_beyond_a_domain_that_ends_in_the_neighbourhood(nwp):

@@ -303,6 +303,17 @@ def test_albedo_by_wavelength():
     np.testing.assert_allclose(scene.levels[-1].data.surface_albedo[0, 0], 0.3, rtol=1e-4)
 
 
+def test_albedo_at_other_wavelengths_holds_its_ends():
+    outer = domain(3000.0, 81, smooth, wavelength_nm=[500, 600],
+                   surface_albedo=np.broadcast_to([0.4, 0.2], (81, 81, 2)))  # fmt: skip
+    inner = domain(500.0, 61, smooth, surface_albedo=np.broadcast_to([0.1, 0.2, 0.1], (61, 61, 3)))
+    scene = merged([outer, inner], NEAR)
+    by_wavelength = dict(zip((615.0, 546.0, 450.0), (0.2, 0.4 - 0.2 * 0.46, 0.4), strict=True))
+    wider = scene.levels[-1].data.surface_albedo
+    for wavelength, albedo in by_wavelength.items():
+        np.testing.assert_allclose(wider.sel(wavelength=wavelength)[0, 0], albedo, rtol=1e-4)
+
+
 def test_files_of_the_scene_layout(tmp_path):
     for step, nodes in ((3000.0, 81), (500.0, 61)):
         domain(step, nodes, smooth, time=np.datetime64("2024-06-21T12:00")).to_netcdf(tmp_path / f"{step:.0f}.nc")

@@ -95,10 +95,16 @@ def test_saves_as_json():
 
 @pytest.mark.parametrize(
     "bad",
-    [{"optical_depth": -0.1}, {"optical_depth": np.nan}, {"scale_height_m": 0.0}, {"base_height_m": 4e4}],
+    [
+        {"optical_depth": -0.1}, {"optical_depth": np.nan}, {"scale_height_m": 0.0}, {"scale_height_m": np.inf},
+        {"base_height_m": 4e4}, {"base_height_m": -np.inf}, {"angstrom_exponent": None}, {"angstrom_exponent": np.nan},
+        {"single_scattering_albedo": {}}, {"single_scattering_albedo": 3.0}, {"single_scattering_albedo": {550.0: 3.0}},
+        {"single_scattering_albedo": {0.55: 0.9}}, {"phase": {}}, {"phase": {550.0: 0.7}}, {"phase": 0.7},
+        {"reference_nm": -550.0}, {"reference_nm": 0.55},
+    ],
 )
 def test_refuses_nonsense_aerosol(bad):
-    with pytest.raises(UserError, match="aerosol"):
+    with pytest.raises(UserError, match=f"aerosol {next(iter(bad))}"):
         AerosolProfile(**bad)
 
 

@@ -10,6 +10,7 @@ from pyproj import CRS
 
 from openswim.errors import UserError
 from openswim.scene import Grid
+from openswim.scene.grid import extent_text
 
 RADIUS_M = 6_370_000.0
 LEVELS = np.array([0.0, 1000.0])
@@ -87,6 +88,22 @@ def test_axes_turn_once_around_the_pole():
     lon, _ = grid.lonlat(np.arange(30), np.arange(20)[:, None])
     away = grid.axis_angle(np.arange(30), np.arange(20)[:, None]) + np.radians(lon + 45.0)
     np.testing.assert_allclose((away + np.pi) % (2 * np.pi) - np.pi, 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        (np.arange(175.0, 186.0), "latitude 10.00 to 20.00, longitude 175.00 to 185.00"),
+        (np.arange(-185.0, -174.0), "longitude 175.00 to 185.00"),
+        (np.arange(-10.0, 11.0), "longitude -10.00 to 10.00"),
+        (np.arange(230.0, 241.0), "longitude -130.00 to -120.00"),
+        (np.arange(0.0, 360.0), "longitude 0.00 to 359.00"),
+        (np.arange(-180.0, 180.0), "longitude -180.00 to 179.00"),
+    ],
+)
+def test_extent_over_the_date_line(x, said):
+    grid = Grid(x, np.arange(10.0, 21.0), LEVELS, LONLAT, RADIUS_M)
+    assert extent_text(grid).endswith(said)
 
 
 def test_flat_grids_have_no_latitude():

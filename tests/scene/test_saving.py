@@ -191,6 +191,23 @@ def test_nothing_half_written(tmp_path, save, monkeypatch):
 
 
 @pytest.mark.parametrize("save", ["to_netcdf", "to_zarr"])
+def test_a_full_disk(tmp_path, save):
+    """Files of 20 kB are the largest that there may be."""
+    resource = pytest.importorskip("resource")
+    noise = np.random.default_rng(0).random((20, 20, 20))
+    scene = Scene.from_arrays(noise, *(np.arange(20.0) for _ in range(3)))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        with pytest.raises(UserError, match=r"scene: cannot be written .*free some space") as caught:
+            getattr(scene, save)(tmp_path / "scene")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("save", ["to_netcdf", "to_zarr"])
 def test_overwriting_replaces_the_old_scene(tmp_path, save):
     getattr(_small(), save)(tmp_path / "scene")
     other = Scene.clear(10.0, 20.0)

@@ -131,6 +131,14 @@ def test_refused_shapes_and_optics():
         Scene(_scene().grid, xr.Dataset(), optics={"dust": Optics(1.0, HenyeyGreenstein(0.7))})
     with pytest.raises(UserError, match="within 0 to 1"):
         Optics(1.2, HenyeyGreenstein(0.7))
+    for albedo in ({}, {550.0: 1.2}, {0.55: 0.9}, [], None):
+        with pytest.raises(UserError, match="optics: single_scattering_albedo"):
+            Optics(albedo, HenyeyGreenstein(0.7))
+    for phase in ({}, None, {550.0: 0.7}):
+        with pytest.raises(UserError, match="optics: phase"):
+            Optics(1.0, phase)
+    with pytest.raises(UserError, match="optics: angstrom_exponent"):
+        Optics(1.0, HenyeyGreenstein(0.7), angstrom_exponent=np.nan)
     with pytest.raises(UserError, match="nothing is given for species cloud"):
         Scene.from_arrays(np.zeros(SHAPE), **AXES, phase={"ice": HenyeyGreenstein(0.7)})
     with pytest.raises(UserError, match="no grid"):

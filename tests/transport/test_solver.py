@@ -301,6 +301,19 @@ def test_unknown_solvers_are_refused() -> None:
         Solver("fats")
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"step": 0.0}, {"step": -1.0}, {"step": np.nan}, {"step": np.inf}, {"tolerance": np.nan}, {"tolerance": 0.0},
+        {"most_sweeps": 0}, {"name": "reference", "seconds": np.nan}, {"name": "reference", "seconds": 0.0},
+    ],
+)  # fmt: skip
+def test_options_that_lead_nowhere_are_refused(options: dict) -> None:
+    with pytest.raises(UserError, match=f"^{list(options)[-1]} = .*give") as caught:
+        Solver(**options)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("wavelengths", [[], [0.55], [np.nan], [5000.0]])
 def test_wavelengths_out_of_range_are_refused(wavelengths: list[float]) -> None:
     with pytest.raises(UserError, match="nm"):

@@ -48,6 +48,16 @@ def test_a_failing_solver_is_told_and_does_not_end_the_walk(tmp_path: Path) -> N
     assert "ZeroDivisionError: by nought" in skipped[0]
 
 
+@pytest.mark.parametrize("rows", ["a,0,x\na,180,1", "a,10,1\na,180,1"])
+def test_a_bad_phase_table_is_told_and_does_not_end_the_walk(tmp_path: Path, rows: str) -> None:
+    (tmp_path / "phases.csv").write_text(f"case,scat_angle_deg,P\n{rows}\n")
+    (tmp_path / "sky.csv").write_text(TABLE)
+    found, skipped = validate(tmp_path, FakeSolver(_radiance))
+    assert {row.case for row in found} == {"sky"}
+    assert [line.split(":")[0] for line in skipped] == ["phases.csv"]
+    assert "\n" not in skipped[0]
+
+
 def test_a_folder_that_is_none() -> None:
     with pytest.raises(UserError, match="no such folder"):
         validate(Path("/nowhere/at/all"), FakeSolver(single_scattering))

@@ -13,7 +13,7 @@ from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 
 Size = int | Sequence[int]  # columns, or (rows, columns)
-EARTH_RADIUS_M = 6_371_000.0
+EARTH_RADIUS_M = 6_371_000.0  # of scene.grid, which needs xarray
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"

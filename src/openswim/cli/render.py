@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from openswim.scene import Scene
     from openswim.transport import Solver
 
-SATELLITE_HEIGHT_M = 35_786_000.0
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
 
@@ -105,7 +104,7 @@ def run(request: RenderRequest) -> None:
 
 def sun_of(text: str | None) -> dict[str, Any]:
     """What `openswim.render` is told of the sun: a time, or its azimuth and altitude."""
-    from openswim.readers.base import parse_time
+    from openswim.scene.times import parse_time
 
     if text is None:
         return {}
@@ -167,7 +166,7 @@ def solver_of(request: RenderRequest) -> "Solver":
 
 def camera_of(request: RenderRequest) -> "Camera":
     """The camera that the options describe; options that its view does not have are refused."""
-    from openswim.cameras import Camera
+    from openswim.cameras.camera import GEOSTATIONARY_HEIGHT_M, Camera
 
     place = _place(request)
     allowed = {
@@ -190,7 +189,7 @@ def camera_of(request: RenderRequest) -> "Camera":
     if request.height_m is not None:
         options["height_m"] = request.height_m
     elif request.view == "satellite":
-        options["height_m"] = SATELLITE_HEIGHT_M
+        options["height_m"] = GEOSTATIONARY_HEIGHT_M
     if request.view == "allsky":
         options["centre"] = _centre(options.pop("altitude_deg", 90.0))
     return getattr(Camera, request.view)(**place, **options)

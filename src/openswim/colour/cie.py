@@ -29,8 +29,3 @@ def xyz_weights(step_nm: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
     nodes = np.linspace(fine[0], fine[-1], round((fine[-1] - fine[0]) / step_nm) + 1)
     share = np.maximum(1 - np.abs(nodes[:, None] - fine) / (nodes[1] - nodes[0]), 0)
     return nodes, share @ weights / weights[:, 1].sum()
-
-
-def chromaticity(xyz: np.ndarray) -> np.ndarray:
-    """x, y (..., 2) of X, Y, Z (..., 3)."""
-    return xyz[..., :2] / xyz.sum(axis=-1, keepdims=True)

@@ -135,10 +135,3 @@ def _green_of(nodes: np.ndarray, target: np.ndarray, matrix: np.ndarray) -> _Gre
     """None where these wavelengths do not tell leaves."""
     green = _Green(nodes, target, matrix) if len(nodes) == 3 else None
     return green if green is not None and green.typical > LEAST_GREEN else None
-
-
-def full_spectrum(radiance: np.ndarray, wavelengths_nm: np.ndarray, target_nm: np.ndarray) -> np.ndarray:
-    """L' (..., nwl) at `wavelengths_nm` to (..., n_target) at `target_nm`; see `Extension`."""
-    values = np.asarray(radiance)
-    flat = Extension(wavelengths_nm, target_nm)(values.reshape(-1, values.shape[-1]))
-    return flat.reshape((*values.shape[:-1], flat.shape[-1]))

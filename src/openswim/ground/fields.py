@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground.spectra import at_wavelengths
+from openswim.scene.spectra import at_wavelengths
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.scene.grid import EARTH_RADIUS_M
+
 FloatArray = NDArray[np.float64]
 
-_EARTH_M = 6_371_000.0
 _LUMPS, _FINER = 32, 3  # of the random numbers that noise is smooth between; its nodes between two of them
 _STEP = 0.2  # of a lump, to either side, over which its slope is taken
 _EDGE = 0.2  # softness of the edges of shares
@@ -63,7 +64,7 @@ def _fractal(
     longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
     # three coordinates of the sphere: no seam at the date line, none at the poles
     la, lo = np.radians(lat), np.radians(lon)
-    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * _EARTH_M
+    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * EARTH_RADIUS_M
     total, value, seen_variance = np.zeros((3, lat.size))
     top = np.log2(np.maximum(longest, 1e-3))
     if lat.size == 0:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.scene.grid import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -23,7 +24,6 @@ Affine = tuple[float, ...]  # x = a column + b row + c, y = d column + e row + f
 
 _TILE = 256
 _CACHE_BYTES = 256 << 20
-_EARTH_M = 6.371e6
 # NASA's Blue Marble tiles carry their place in their name: columns A to D from 180 W, rows 1 and 2 from 90 N.
 _BLUE_MARBLE_TILE = re.compile(r"world\..*21600x21600\.([A-D])([12])\b", re.IGNORECASE)
 
@@ -69,8 +69,8 @@ class Raster:
         height, width = self.shape
         x, y = _applied(self._transform, np.array([0.0, 1.0, 0.0]) + width / 2, np.array([0.0, 0.0, 1.0]) + height / 2)
         lon, lat = (np.radians(v) for v in self._to_map.transform(x, y, direction="INVERSE"))
-        east, north = (lon[1:] - lon[0]) * np.cos(lat[0]), lat[1:] - lat[0]
-        return float(_EARTH_M * np.sqrt(np.abs(east[0] * north[1] - east[1] * north[0])))
+        east, north = _turned(lon[1:] - lon[0], np.pi) * np.cos(lat[0]), lat[1:] - lat[0]
+        return float(EARTH_RADIUS_M * np.sqrt(np.abs(east[0] * north[1] - east[1] * north[0])))
 
     def outline(self) -> tuple[FloatArray, FloatArray]:
         """Latitude and longitude (degrees) along the image's border."""
@@ -83,16 +83,28 @@ class Raster:
         return np.asarray(lat, float)[finite], np.asarray(lon, float)[finite]
 
     def pixel(self, lat: ArrayLike, lon: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Fractional row and column of places (n,), degrees; pixel centres are whole numbers; inf where there is
-        none. Columns of an image around the Earth go on beyond its seam."""
+        """Fractional row and column of places (n,), degrees; pixel centres are whole numbers; not finite where there
+        is none. Columns of an image around the Earth go on beyond its seam."""
         x, y = self._to_map.transform(np.asarray(lon, float), np.asarray(lat, float))
         x, y = np.asarray(x, float), np.asarray(y, float)
         if self._around_the_earth:
             first = x[np.isfinite(x)][:1]
-            x = np.where(np.isfinite(x), (x - first + 180.0) % 360.0 - 180.0 + first, x) if first.size else x
+            x = np.where(np.isfinite(x), first + _turned(x - first), x) if first.size else x
+        elif self.crs.is_geographic:
+            middle, half = self._longitudes
+            away = _turned(np.where(np.isfinite(x), x, np.nan) - middle)
+            # nothing where longitudes jump, between which columns may be interpolated
+            x = np.where(np.abs(away) < 0.5 * (half + 180.0), middle + away, np.nan)
         with np.errstate(invalid="ignore"):
             column, row = _applied(_inverse(self._transform), x, y)
         return row - 0.5, column - 0.5
+
+    @cached_property
+    def _longitudes(self) -> tuple[float, float]:
+        """Longitude of the image's middle, and from there to its sides."""
+        height, width = self.shape
+        x, _ = _applied(self._transform, np.array([0.0, width]), np.full(2, 0.5 * height))
+        return float(x.mean()), 0.5 * float(np.ptp(x))
 
     @cached_property
     def _around_the_earth(self) -> bool:
@@ -244,6 +256,11 @@ def _georeference(path: Path, file: Any) -> tuple[Any, Affine]:
 
 def _applied(t: Affine, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return t[0] * x + t[1] * y + t[2], t[3] * x + t[4] * y + t[5]
+
+
+def _turned(angle: FloatArray, half: float = 180.0) -> FloatArray:
+    """The same angles within half a turn of 0."""
+    return (angle + half) % (2 * half) - half
 
 
 def _inverse(t: Affine) -> Affine:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.scene.spectra import at_wavelengths
+
 FloatArray = NDArray[np.float64]
 
 # MODIS bands 1, 4 and 3, from which Blue Marble's red, green and blue are made.
@@ -22,17 +24,6 @@ def from_bands(red_green_blue: FloatArray, wavelengths_nm: ArrayLike) -> FloatAr
     knots_nm = np.array([400.0, *_BAND_NM[::-1], 700.0])
     knots = np.stack([0.85 * blue, blue, green, red, 1.1 * red], axis=-1)
     return np.clip(at_wavelengths(knots_nm, knots, wavelengths), 0.0, 0.99)
-
-
-def at_wavelengths(known_nm: FloatArray, known: FloatArray, wavelengths_nm: FloatArray) -> FloatArray:
-    """Spectra (..., nknown) interpolated linearly to (..., nwl); the ends hold beyond."""
-    if known_nm.size == 1:
-        return np.repeat(known, wavelengths_nm.size, axis=-1)
-    order = np.argsort(known_nm)
-    position = np.interp(wavelengths_nm, known_nm[order], np.arange(known_nm.size))
-    lower = np.minimum(position.astype(int), known_nm.size - 2)
-    share = position - lower
-    return known[..., order[lower]] * (1 - share) + known[..., order[lower + 1]] * share
 
 
 def generic_land(wavelengths_nm: ArrayLike) -> FloatArray:

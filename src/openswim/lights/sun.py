@@ -2,18 +2,17 @@
 
 import functools
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from importlib import resources
 from typing import Any
 
 import numpy as np
 
 from openswim.errors import UserError
+from openswim.scene.times import Time, parse_time
 
 SUN_RADIUS_KM = 695_700.0  # IAU 2015 nominal
 FIRST_TIME, LAST_TIME = np.datetime64("1900-01-01"), np.datetime64("2050-01-01")
-
-Time = np.datetime64 | datetime | str
 
 
 @dataclass(frozen=True)
@@ -37,15 +36,8 @@ def _ephemeris() -> tuple[Any, Any]:
 
 def _skyfield_time(time: Time) -> Any:
     """`time`: ISO text, a datetime or a numpy datetime64; UTC unless it names its zone."""
-    try:
-        if isinstance(time, str):
-            time = datetime.fromisoformat(time)
-        if isinstance(time, datetime) and time.tzinfo is not None:
-            time = time.astimezone(UTC).replace(tzinfo=None)
-        stamp: np.datetime64 = np.datetime64(time).astype("datetime64[us]")
-    except ValueError:
-        raise UserError(f"time {time!r} is not a date; give UTC as in 2005-08-28T18:00") from None
-    if np.isnat(stamp) or not FIRST_TIME <= stamp < LAST_TIME:
+    stamp = parse_time(time)
+    if stamp is None or np.isnat(stamp) or not FIRST_TIME <= stamp < LAST_TIME:
         raise UserError(f"time {stamp} lies outside the ephemeris; give a time from 1900 to 2049")
     t: datetime = stamp.astype(datetime)
     timescale, _ = _ephemeris()

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics.phase import TablePhase
+from openswim.scene.spectra import at_wavelengths
 
 FloatArray = NDArray[np.float64]
 
@@ -63,11 +64,8 @@ def _between(kind: str, table: FloatArray, wavelengths_nm: FloatArray, radius_m:
 
 def _at_wavelengths(table: FloatArray, wavelengths_nm: FloatArray) -> FloatArray:
     """Table (nwl, ...) interpolated linearly to wavelengths (n,), the nearest end beyond."""
-    known = _tables()["wavelength_nm"]
-    position = np.interp(wavelengths_nm, known, np.arange(known.size))
-    lower = np.minimum(position.astype(int), known.size - 2)
-    share = (position - lower).reshape(-1, *(1,) * (table.ndim - 1))
-    return np.asarray((1 - share) * table[lower] + share * table[lower + 1], float)
+    found = at_wavelengths(_tables()["wavelength_nm"], np.moveaxis(table, 0, -1), wavelengths_nm)
+    return np.moveaxis(found, -1, 0)
 
 
 def _checked(kind: str) -> str:

@@ -39,12 +39,21 @@ def density_kg_m3(pressure_pa: F32, temperature_k: F32, specific_humidity: F32 |
     return (pressure_pa / (np.float32(DRY_GAS_CONSTANT) * virtual)).astype(np.float32)
 
 
+def saturation_pa(celsius: F32) -> F32:
+    """Pressure of vapour over water (Bolton 1980, Eq. 10; within .3 % from -35 to 35 degC)."""
+    return np.asarray(611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0)))
+
+
 def relative_humidity(pressure_pa: F32, temperature_k: F32, specific_humidity: F32) -> F32:
-    """Over water (Bolton 1980, Eq. 10; within .3 % from -35 to 35 degC), 0 to 1; not clipped above."""
-    celsius = temperature_k - np.float32(273.15)
-    saturation = 611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0))
+    """Over water, 0 to 1; not clipped above."""
     vapour = specific_humidity * pressure_pa / (VAPOUR_RATIO + (1 - VAPOUR_RATIO) * specific_humidity)
-    return np.asarray(vapour / saturation, np.float32)
+    return np.asarray(vapour / saturation_pa(temperature_k - np.float32(273.15)), np.float32)
+
+
+def specific_humidity_of(vapour_pa: F32, pressure_pa: F32) -> F32:
+    """Of air in which vapour has a fifth of the pressure at most."""
+    vapour = np.minimum(vapour_pa, 0.2 * pressure_pa)
+    return np.asarray(VAPOUR_RATIO * vapour / (pressure_pa - (1 - VAPOUR_RATIO) * vapour), np.float32)
 
 
 def hydrostatic_heights_m(pressure_pa: F32, virtual_k: F32, lowest_m: F32) -> F32:

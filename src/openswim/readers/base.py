@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.classic import classic_length
+from openswim.scene.times import Time, parse_time
 
 if TYPE_CHECKING:
     import netCDF4
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from openswim.scene import Grid, Scene
 
-Time = str | np.datetime64 | datetime | None
 MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
 PLAUSIBLE_ELEMENTS = 20_000_000  # up to here no file is doubted
 _VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
@@ -140,32 +139,17 @@ def _packed_bytes(path: Path) -> float:
         return np.inf
 
 
-def parse_time(time: Time) -> np.datetime64 | None:
-    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
-    if time is None:
-        return None
-    if isinstance(time, np.datetime64):
-        return time.astype("datetime64[ms]")
-    try:
-        stamp = time if isinstance(time, datetime) else datetime.fromisoformat(time.strip().replace("_", "T"))
-    except ValueError as error:
-        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
-    if stamp.tzinfo is not None:
-        stamp = stamp.astimezone(UTC).replace(tzinfo=None)
-    return np.datetime64(stamp, "ms")
-
-
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
-    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named."""
+    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named. NaT is no time."""
     stamp = parse_time(wanted)
+    known = np.flatnonzero(~np.isnat(times))
     if stamp is None:
-        return 0
-    if times.size:
-        apart = np.abs(times.astype("datetime64[ms]") - stamp)
-        nearest = int(np.argmin(apart))
-        if apart[nearest] <= np.timedelta64(1, "s"):
-            return nearest
-    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {times_text(times)}: choose one of these (--time)")
+        return int(known[0]) if known.size else 0
+    apart = np.abs(times[known].astype("datetime64[ms]") - stamp)
+    if (apart <= np.timedelta64(1, "s")).any():
+        return int(known[np.argmin(apart)])
+    listed = times_text(times[known])
+    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {listed}: choose one of these (--time)")
 
 
 def iso(time: np.datetime64) -> str:
@@ -180,6 +164,19 @@ def times_text(times: NDArray[Any]) -> str:
     if len(listed) > 12:
         return f"{', '.join(listed[:4])}, ... {listed[-1]} ({len(listed)} times)"
     return ", ".join(listed) or "no valid time"
+
+
+def shape_text(grid: Grid | None) -> str:
+    """How many nodes there are along each axis."""
+    return "none (clear sky)" if grid is None else "{2} x {1} x {0} (x, y, z)".format(*grid.shape)
+
+
+def projection_text(grid: Grid | None) -> str:
+    """The map projection in words, with the centre of the domain."""
+    if grid is None or grid.crs is None:
+        return "none" if grid is None else "none (flat)"
+    operation = grid.crs.coordinate_operation
+    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)
 
 
 def place_text(grid: Grid | None) -> str:
@@ -206,8 +203,8 @@ def levels_text(grid: Grid | None) -> str:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put the file's name before the messages of checks that do not know it."""
+def naming(path: Path | str) -> Iterator[None]:
+    """Put the name of a file, or of what is in it, before the messages of checks that do not know it."""
     try:
         yield
     except UserError as error:

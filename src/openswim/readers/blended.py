@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from openswim.ground.fields import spectral
 from openswim.optics.hydrometeors import effective_radius_m
 from openswim.readers.neighbourhood import Mesh, Selection, onto
 from openswim.scene import Grid, Scene
@@ -216,15 +217,11 @@ def _radius(laid: Sequence[_Laid], kind: str, content: F32) -> F32:
 
 def _spectral_albedo(laid: Sequence[_Laid], wavelengths_nm: F64) -> F32:
     """Albedo (ny, nx, nw) where a domain has it by wavelength; of one that has it not so, the same at each."""
+    fields = [one.scene.data.get("surface_albedo") for one in laid]
+    spectra = [None if field is None else spectral(field, wavelengths_nm) for field in fields]
     found = []
-    for w, wavelength in enumerate(wavelengths_nm):
-        each = []
-        for one in laid:
-            own = one.scene.data.get("surface_albedo")
-            if own is not None and WAVELENGTH_DIM in own.dims:
-                alike = np.array_equal(own[WAVELENGTH_DIM].values, wavelengths_nm)
-                own = own.isel({WAVELENGTH_DIM: w}) if alike else own.interp({WAVELENGTH_DIM: wavelength})
-            each.append(None if own is None else one.on_grid("", own.values))
+    for w in range(wavelengths_nm.size):
+        each = [None if own is None else one.on_grid("", own[..., w]) for one, own in zip(laid, spectra, strict=True)]
         found.append(_blend(laid, each))
     return np.stack([one for one in found if one is not None], axis=-1)
 

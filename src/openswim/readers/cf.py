@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import no_ground, no_species
 from openswim.readers.base import (
     SceneInfo,
     Time,
@@ -18,9 +19,9 @@ from openswim.readers.base import (
     iso,
     levels_text,
     naming,
-    parse_time,
     pick_time,
-    place_text,
+    projection_text,
+    shape_text,
     spacing_text,
 )
 from openswim.readers.cf_fields import atmosphere_of, fields_of, optics_of
@@ -28,6 +29,7 @@ from openswim.readers.cf_grid import grid_of, upright
 from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
 from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
 _HELPERS = {
@@ -76,7 +78,7 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += _absences(fields)
+                notes += no_species(fields) + no_ground(fields)
             unused = [
                 str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
             ]
@@ -106,15 +108,15 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += _absences(data)
+                notes += no_species(data) + no_ground(data)
             return SceneInfo(
                 path=str(path),
                 model=str(data.attrs.get("source", "scene layout")),
-                grid="none (clear sky)" if grid is None else "{2} x {1} x {0} (x, y, z)".format(*grid.shape),
-                projection=_projection_text(grid),
+                grid=shape_text(grid),
+                projection=projection_text(grid),
                 spacing=spacing_text(grid),
                 levels=levels_text(grid),
-                times=[iso(moment) for moment in times],
+                times=[iso(moment) for moment in times[~np.isnat(times)]],
                 species=species_of(names),
                 surface=[name for name in names if "z" not in data[name].dims],
                 missing=[name for name in expected if name not in names],
@@ -146,8 +148,7 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
         raise UserError(
             'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
         )
-    # files keep times as floating-point numbers: round to the millisecond
-    return (values.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
+    return rounded(values)
 
 
 def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:
@@ -156,26 +157,3 @@ def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.d
     if "time" in data.dims:
         data = data.isel(time=chosen)
     return data, times[chosen] if times.size else parse_time(time)
-
-
-def _absences(data: xr.Dataset) -> list[str]:
-    absent = [species for species in HYDROMETEORS if f"{species}_content" not in data]
-    notes = [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
-    for name, instead in (
-        ("surface_altitude", "terrain height from the ground map"),
-        ("land_area_fraction", "land and water from the ground map"),
-        ("surface_albedo", "surface albedo from the ground map"),
-        ("snow_area_fraction", "no snow on the ground assumed"),
-        ("sea_ice_area_fraction", "no sea ice assumed"),
-        ("wind_east_10m", "default wind over water"),
-    ):
-        if name not in data:
-            notes.append(f"no {name} in the file: {instead}")
-    return notes
-
-
-def _projection_text(grid: Grid | None) -> str:
-    if grid is None or grid.crs is None:
-        return "none (flat)" if grid is not None else "none"
-    operation = grid.crs.coordinate_operation
-    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.base import naming
+from openswim.readers.opening import reading
 from openswim.readers.units import canonical, conversion
 from openswim.scene import Grid, Optics
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
@@ -19,6 +22,7 @@ from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
 _PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
+_NO_OPTICS = "attributes not as docs/scene-format.md describes"
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -43,42 +47,41 @@ def fields_of(data: xr.Dataset, grid: Grid | None, notes: list[str]) -> xr.Datas
 
 def optics_of(data: xr.Dataset) -> dict[str, Optics]:
     """Optical properties kept as attributes of extinction_<name> (and of aerosol_extinction)."""
-    from openswim.optics.aerosol import aerosol_optics
-    from openswim.optics.phase import phase_from_dict
-
     found = {}
     for name, field in data.data_vars.items():
         if str(name) != "aerosol_extinction" and not str(name).startswith(DIRECT_PREFIX):
             continue
         species = "aerosol" if str(name) == "aerosol_extinction" else str(name).removeprefix(DIRECT_PREFIX)
-        if "aerosol_type" in field.attrs:
-            found[species] = aerosol_optics(str(field.attrs["aerosol_type"]))
+        if species == "aerosol" and not {"aerosol_type", "phase_function"} & set(field.attrs):
             continue
-        if "phase_function" not in field.attrs:
-            if str(name) == "aerosol_extinction":
-                continue
-            raise UserError(
-                f"{name} lacks the attribute phase_function, for example "
-                '\'{"type": "henyey_greenstein", "g": 0.85}\', or aerosol_type, for example "dust"'
-            )
-        albedo = _maybe_json(str(name), "single_scattering_albedo", field.attrs.get("single_scattering_albedo", 1.0))
-        if isinstance(albedo, dict):
-            albedo = {float(wavelength): float(value) for wavelength, value in albedo.items()}
-        phase: Any = _json(str(name), "phase_function", field.attrs["phase_function"])
-        if "spectral" in phase:
-            phase = {
-                float(wavelength): phase_from_dict(each) for wavelength, each in phase["spectral"].items()
-            }
-        else:
-            phase = phase_from_dict(phase)
-        exponent = field.attrs.get("angstrom_exponent")
-        found[species] = Optics(
-            albedo if isinstance(albedo, dict) or np.ndim(albedo) == 0 else np.asarray(albedo, float),
-            phase,
-            str(field.attrs.get("kind", "other")),
-            None if exponent is None else float(exponent),
-        )
+        with naming(str(name)), reading(str(name), _NO_OPTICS):
+            found[species] = _optics(str(name), field.attrs)
     return found
+
+
+def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
+    from openswim.optics.aerosol import aerosol_optics
+    from openswim.optics.phase import phase_from_dict
+
+    if "aerosol_type" in attributes:
+        return aerosol_optics(str(attributes["aerosol_type"]))
+    if "phase_function" not in attributes:
+        raise UserError(
+            f"{name} lacks the attribute phase_function, for example "
+            '\'{"type": "henyey_greenstein", "g": 0.85}\', or aerosol_type, for example "dust"'
+        )
+    albedo = _maybe_json(name, "single_scattering_albedo", attributes.get("single_scattering_albedo", 1.0))
+    if isinstance(albedo, dict):
+        albedo = {float(wavelength): float(value) for wavelength, value in albedo.items()}
+    phase: Any = _json(name, "phase_function", attributes["phase_function"])
+    if "spectral" in phase:
+        phase = {float(wavelength): phase_from_dict(each) for wavelength, each in phase["spectral"].items()}
+    else:
+        phase = phase_from_dict(phase)
+    exponent = attributes.get("angstrom_exponent")
+    return Optics(
+        albedo, phase, str(attributes.get("kind", "other")), None if exponent is None else float(exponent)
+    )
 
 
 def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
@@ -88,12 +91,13 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     aerosol: AerosolProfile | None = None
     if AEROSOL in data.variables:
         known = AerosolProfile.__dataclass_fields__
-        described = {
-            key: value if key == "aerosol_type" else _maybe_json(AEROSOL, key, value)
-            for key, value in data[AEROSOL].attrs.items()
-            if key in known or key == "aerosol_type"
-        }
-        aerosol = AerosolProfile.from_dict(described)
+        with naming(AEROSOL), reading(AEROSOL, _NO_OPTICS):
+            described = {
+                key: value if key == "aerosol_type" else _maybe_json(AEROSOL, key, value)
+                for key, value in data[AEROSOL].attrs.items()
+                if key in known or key == "aerosol_type"
+            }
+            aerosol = AerosolProfile.from_dict(described)
     if not any(name in data.variables for name in PROFILES):
         given = "the file's" if aerosol is not None else "the default"
         notes.append(f"gas and aerosol background: US standard atmosphere with {given} aerosol")
@@ -136,7 +140,8 @@ def _converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
         raise UserError(f"{name} is in {found!r}; it must be in {expected!r}: convert it")
     if factor == (1.0, 0.0):
         return field.values
-    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(field.dtype)
+    precise = np.result_type(field.dtype, np.float32)  # whole numbers become fractions
+    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(precise)
 
 
 def _wavelengths(axis: xr.DataArray) -> NDArray[np.float64]:

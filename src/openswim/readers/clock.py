@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from openswim.readers.base import Time, iso, parse_time
+from openswim.readers.base import iso
+from openswim.scene.times import Time, parse_time
 
 DEFAULT_DATE = np.datetime64("2000-03-20T10:00:00", "ms")  # local mean solar time: the sun is up nearly everywhere
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.readers.air import GRAVITY, VAPOUR_RATIO
+from openswim.readers.air import GRAVITY, saturation_pa, specific_humidity_of
 
 F32 = NDArray[np.float32]
 _SURFACE_LIQUID_KG_M3 = 0.21e-3
@@ -42,11 +42,9 @@ def liquid_from_cover(
 def _saturated(temperature_k: F32, pressure_pa: F32) -> F32:
     """Specific humidity at saturation: over water above 0 degC, over ice below -20 degC, in between by share."""
     celsius = temperature_k - np.float32(273.16)
-    water = 611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0))
     ice = 611.2 * np.exp(22.46 * np.minimum(celsius, 0) / np.maximum(celsius + 272.6, 30.0))
     share = np.clip(-celsius / 20.0, 0.0, 1.0)
-    vapour = np.minimum(water * (1 - share) + ice * share, 0.2 * pressure_pa)
-    return np.asarray(VAPOUR_RATIO * vapour / (pressure_pa - (1 - VAPOUR_RATIO) * vapour), np.float32)
+    return specific_humidity_of(saturation_pa(celsius) * (1 - share) + ice * share, pressure_pa)
 
 
 def cover_from_humidity(

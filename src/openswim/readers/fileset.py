@@ -15,11 +15,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.base import Time, check_size, iso, pick_time, times_text
+from openswim.readers.base import check_size, pick_time
 from openswim.readers.opening import opened, reading
 from openswim.readers.units import conversion
+from openswim.scene.times import Time, rounded
 
 _SINGLES = ("number", "member", "ensemble", "realization", "realization_index", "bnds")
+_SECONDS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "m": 60.0, "min": 60.0,
+    "minute": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
+}  # fmt: skip
 Times = NDArray[np.datetime64]
 
 
@@ -136,7 +141,7 @@ def _part(path: Path, data: xr.Dataset) -> Part:
     units = str(clock.attrs.get("units", ""))
     origin = str(data.attrs.get("origin_time", ""))  # PALM dates its start there
     if "since" not in units and not origin[:4].isdigit():
-        seconds = stamps.astype(np.float64) * _seconds_of(units)
+        seconds = stamps.astype(np.float64) * _seconds_of(path, units)
         return Part(path, data, dims, np.datetime64(0, "ms") + _milliseconds(seconds), elapsed=True)
     if "since" not in units:
         units = f"{units or 'seconds'} since {origin[:19]}"
@@ -197,24 +202,22 @@ def dates_of(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Tim
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # of years before any calendar
             dates = cftime.num2date(stamps.astype(np.float64), plain, calendar, True, True)
-        return np.array([np.datetime64(datetime(*each.timetuple()[:6]), "ms") for each in np.atleast_1d(dates)])
+        found = [datetime.fromisoformat(each.isoformat()) for each in np.atleast_1d(dates)]
+        return rounded(np.array(found, "datetime64[us]"))
     except (ValueError, OverflowError, TypeError, Warning) as error:
         raise UserError(
             f"{path}: times in {units!r} ({calendar} calendar) are no dates: use the standard calendar"
         ) from error
 
 
-def _seconds_of(units: str) -> float:
-    return {"d": 86400.0, "h": 3600.0, "m": 60.0}.get(units.strip().lower()[:1], 1.0)
+def _seconds_of(path: Path, units: str) -> float:
+    word = (units.lower().split() or ["s"])[0]
+    found = _SECONDS.get(word, _SECONDS.get(word.removesuffix("s")))
+    if found is None:
+        raise UserError(f"{path}: elapsed times in {units!r}: give seconds, minutes, hours or days")
+    return found
 
 
 def _milliseconds(seconds: NDArray[np.float64]) -> NDArray[np.timedelta64]:
     sane = np.nan_to_num(np.clip(seconds, -1e9, 1e9))
     return np.round(sane * 1e3).astype("timedelta64[ms]")
-
-
-def times_of(files: FileSet) -> list[str]:
-    return [iso(time) for time in files.times]
-
-
-__all__ = ["FileSet", "Part", "dates_of", "opened_set", "times_of", "times_text", "values"]

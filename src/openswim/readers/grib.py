@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import low_top, no_ground, no_species
 from openswim.readers.base import (
     SceneInfo,
     Time,
@@ -39,13 +40,13 @@ from openswim.readers.grib_file import Field, GRIBFile
 from openswim.readers.grib_grid import NAMES, grid_of
 from openswim.readers.grib_sections import is_grib
 from openswim.readers.neighbourhood import Neighbourhood, select
+from openswim.readers.opening import reading
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
 
 MAX_NODES = 2_000_000_000
 _FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
-_LOW_TOP_M = 10_000.0
 _KG_PER_DOBSON = 2.1415e-5
 _MODELS = {  # (centre, generating process): ON388 table A
     (7, 81): "GFS analysis",
@@ -59,14 +60,6 @@ _MODELS = {  # (centre, generating process): ON388 table A
 _CENTRES = {7: "NCEP", 58: "FNMOC (NAVGEM)", 78: "DWD (ICON)", 84: "Meteo-France", 85: "Meteo-France (AROME)",
             98: "ECMWF (IFS)", 34: "JMA", 74: "Met Office"}  # fmt: skip
 _EXPECTED = ("land_area_fraction", "sea_ice_area_fraction", "snow_area_fraction", "surface_albedo", "wind_east_10m")
-_INSTEAD = {
-    "surface_altitude": "terrain height from the ground map",
-    "land_area_fraction": "land and water from the ground map",
-    "snow_area_fraction": "no snow on the ground assumed",
-    "sea_ice_area_fraction": "no sea ice assumed",
-    "surface_albedo": "surface albedo from the ground map",
-    "wind_east_10m": "default wind over water",
-}
 
 
 class GRIBReader:
@@ -83,7 +76,7 @@ class GRIBReader:
 
         around : the part of the domain that is wanted.
         """
-        with GRIBFile(path) as file, naming(path):
+        with naming(path), reading(path), GRIBFile(path) as file:
             columns, valid = _columns(file, time, around)
             if columns.kind:
                 air = air_of(columns)
@@ -94,10 +87,7 @@ class GRIBReader:
             optics = {"aerosol": smoke_optics()} if _smoky(columns) and "aerosol_extinction" in fields else {}
             data: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in fields.items()}
             data |= {name: (SURFACE_DIMS, values) for name, values in ground(columns, terrain).items()}
-            columns.notes += _absences(set(data))
-            top_m = float(np.max(height[-1]))
-            if top_m < _LOW_TOP_M:
-                columns.notes.append(f"levels end at {top_m / 1e3:.1f} km: no cloud above")
+            columns.notes += no_species(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns)
             return Scene(
                 columns.selection.grid(height),
@@ -112,7 +102,7 @@ class GRIBReader:
 
     def describe(self, path: Path) -> SceneInfo:
         """What a file holds, from its headers and the heights of the first time (of 21 columns across the middle)."""
-        with GRIBFile(path) as file, naming(path):
+        with naming(path), reading(path), GRIBFile(path) as file:
             columns, _ = _columns(file, None, None, only_index=True)
             mesh = columns.layout.mesh
             ny, nx = mesh.shape
@@ -138,7 +128,7 @@ class GRIBReader:
             species += ["aerosol"] if any(one.name == "aerosol_depth" for one in columns.fields) else []
             levels = f", {names['temperature']} {columns.kind} levels" if columns.kind else ", no levels"
             found = set(ground(columns, terrain_of(columns)))
-            columns.notes += _absences({*found, *(f"{s}_content" for s in species)})
+            columns.notes += no_species({f"{s}_content" for s in species}) + no_ground(found)
             _atmosphere(columns)
             whole = mesh.grid()
             unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
@@ -248,13 +238,6 @@ def _on_flat_levels(columns: Columns) -> tuple[dict[str, Any], NDArray[Any], NDA
 
 def _smoky(columns: Columns) -> bool:
     return any(one.name == "smoke_density" for one in columns.fields)
-
-
-def _absences(found: set[str]) -> list[str]:
-    """One line for each thing the file lacks: what is assumed instead."""
-    absent = [species for species in HYDROMETEORS if f"{species}_content" not in found]
-    notes = [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
-    return notes + [f"no {name} in the file: {instead}" for name, instead in _INSTEAD.items() if name not in found]
 
 
 def _atmosphere(columns: Columns) -> Atmosphere:

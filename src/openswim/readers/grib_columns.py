@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,11 +14,12 @@ from openswim.errors import UserError
 from openswim.readers.air import (
     DRY_GAS_CONSTANT,
     GRAVITY,
-    VAPOUR_RATIO,
     density_kg_m3,
     filled_from_above,
     geometric_height_m,
     hydrostatic_heights_m,
+    saturation_pa,
+    specific_humidity_of,
     standard_air,
     standard_height_m,
     virtual_temperature_k,
@@ -93,15 +94,16 @@ class Air:
 def kind_and_grid(fields: list[Field]) -> tuple[str, bytes] | None:
     """The kind of level and the grid with most levels of condensate, else of temperature; None for flat files."""
     cloud: Counter[tuple[str, bytes]] = Counter()
-    warm: Counter[tuple[str, bytes]] = Counter()
+    warm: defaultdict[tuple[str, bytes], set[float]] = defaultdict(set)  # levels, of which some may come twice
     for one in fields:
         if one.kind in LEVEL_KINDS and one.instant:
             cloud[one.kind, one.grid] += one.name.endswith(CONTENT)
-            warm[one.kind, one.grid] += one.name == "temperature"
-    known = [key for key in warm if warm[key] >= 2]
+            if one.name == "temperature":
+                warm[one.kind, one.grid].add(one.level)
+    known = [key for key in warm if len(warm[key]) >= 2]
     if not known:
         return None
-    return max(known, key=lambda key: (cloud[key], warm[key], -LEVEL_KINDS.index(key[0])))
+    return max(known, key=lambda key: (cloud[key], len(warm[key]), -LEVEL_KINDS.index(key[0])))
 
 
 def air_of(columns: Columns) -> Air:
@@ -150,8 +152,6 @@ def _ordered(columns: Columns, levels: list[float]) -> list[float]:
         return levels[::-1]
     if kind.startswith("height"):
         return levels
-    if len(levels) < 2:
-        raise UserError(f"{columns.file.path}: temperature on one level only: keep all levels when cutting the file")
     for name in ("pressure", "height", "geopotential"):
         own = columns.levels_of(name)
         both = [level for level in levels if level in own]
@@ -216,19 +216,11 @@ def _humidity(columns: Columns, levels: list[float], pressure: F32 | None, tempe
         if name == "humidity_mixing_ratio":
             found = found / (1 + found)
         elif name == "relative_humidity":
-            found = _specific(found, pressure, temperature)
+            found = specific_humidity_of(found * saturation_pa(temperature - np.float32(273.15)), pressure)
         without_gaps(found)
         return np.asarray(np.clip(found, 0.0, 0.1, out=found), np.float32)
     columns.notes.append("no humidity in the file: dry air assumed for density")
     return None
-
-
-def _specific(relative: F32, pressure: F32, temperature: F32) -> F32:
-    """Specific humidity of a relative humidity over water (Bolton 1980, Eq. 10)."""
-    celsius = temperature - np.float32(273.15)
-    vapour = relative * 611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0))
-    vapour = np.minimum(vapour, 0.2 * pressure)
-    return np.asarray(VAPOUR_RATIO * vapour / (pressure - (1 - VAPOUR_RATIO) * vapour), np.float32)
 
 
 def _heights(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import SNOW_COVERS_KG_M2
 from openswim.readers.air import without_gaps
 from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.grib_codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
@@ -20,7 +21,6 @@ _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
 SMOKE = "smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)"
 SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
-_SNOW_WATER_COVERS = 15.0  # kg m-2, ECMWF's TESSEL
 _SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
 SMOKE_EXTINCTION_M2_KG = 4500.0  # at 550 nm: scattering and absorption of aged smoke, Reid et al. 2005, Table 3
 _DEPTH_SCALE_M = 2000.0  # of aerosol known only by its optical depth
@@ -195,7 +195,7 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
 
 
 def _snow(columns: Columns) -> F32 | None:
-    for name, full in (("snow_cover", 1.0), ("snow_depth", _SNOW_DEPTH_COVERS), ("snow_water", _SNOW_WATER_COVERS)):
+    for name, full in (("snow_cover", 1.0), ("snow_depth", _SNOW_DEPTH_COVERS), ("snow_water", SNOW_COVERS_KG_M2)):
         values = columns.on_ground(name)
         if values is None:
             continue

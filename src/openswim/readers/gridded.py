@@ -16,8 +16,25 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers import air
+from openswim.readers.absent import (
+    FLAT_INSTEAD,
+    INSTEAD,
+    SNOW_COVERS_KG_M2,
+    low_top,
+    no_ground,
+    no_species,
+)
 from openswim.readers.aerosol_species import AerosolSpecies, added_up, extinction_per_m, species_of_name
-from openswim.readers.base import SceneInfo, Time, iso, levels_text, naming, place_text, spacing_text
+from openswim.readers.base import (
+    SceneInfo,
+    Time,
+    iso,
+    levels_text,
+    naming,
+    projection_text,
+    shape_text,
+    spacing_text,
+)
 from openswim.readers.clock import start_of_undated, undated
 from openswim.readers.columns import PER_VOLUME, Columns
 from openswim.readers.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
@@ -33,7 +50,6 @@ from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS, Var
 
 F32 = NDArray[np.float32]
 _DRY_NAMES = ("qc", "qr", "qi", "qs", "qg", "qh", "qhl")  # mixing ratios: per mass of dry air
-_FULL_COVER_SNOW_M = 0.015  # of water: 15 kg m-2 hide the ground
 
 
 class GriddedReader:
@@ -91,7 +107,7 @@ class GriddedReader:
         return SceneInfo(
             path=", ".join(map(str, paths)),
             model=scene.source,
-            grid="{2} x {1} x {0} (x, y, z)".format(*grid.shape),
+            grid=shape_text(grid),
             projection=projection_text(grid),
             spacing=spacing_text(grid),
             levels=levels_text(grid),
@@ -101,14 +117,6 @@ class GriddedReader:
             missing=missing,
             assumed=scene.notes,
         )
-
-
-def projection_text(grid: Grid) -> str:
-    """The map projection in words, with the centre of the domain."""
-    if grid.crs is None:
-        return "none (flat)"
-    operation = grid.crs.coordinate_operation
-    return (operation.method_name if operation is not None else "latitude-longitude") + place_text(grid)
 
 
 def _is_model(files: FileSet) -> bool:
@@ -304,8 +312,8 @@ def _surface(columns: Columns) -> dict[str, F32]:
     if "snow_area_fraction" not in fields:
         water = columns.ground("snow_water", SURFACE["snow_water"])
         if water is not None:
-            fields["snow_area_fraction"] = np.clip(_over_gaps(water) / _FULL_COVER_SNOW_M, 0.0, 1.0)
-            columns.notes.append("snow cover from its water: 15 kg m-2 hide the ground")
+            fields["snow_area_fraction"] = np.clip(_over_gaps(water) / (1e-3 * SNOW_COVERS_KG_M2), 0.0, 1.0)
+            columns.notes.append(f"snow cover from its water: {SNOW_COVERS_KG_M2:.0f} kg m-2 hide the ground")
     if "surface_albedo" in fields and not fields["surface_albedo"].min() > 0:
         del fields["surface_albedo"]
         columns.notes.append("the surface albedo is not filled in everywhere: that of the ground map")
@@ -334,25 +342,11 @@ def _turn_wind(surface: dict[str, F32], columns: Columns, grid: Grid) -> None:
 
 def _say_absent(columns: Columns, surface: dict[str, F32], fields: dict[str, F32], grid: Grid) -> None:
     """One line for each thing the files lack: what is assumed instead."""
-    absent = [species for species in HYDROMETEORS if f"{species}_content" not in fields]
-    if absent:
-        columns.notes.append(f"no {', '.join(absent)} in the file: none assumed")
     flat = grid.crs is None
-    for name, instead in (
-        ("surface_altitude", "sea level" if flat else "terrain height from the ground map"),
-        ("land_area_fraction", "" if flat else "land and water from the ground map"),
-        ("surface_albedo", "a grey ground of albedo .15" if flat else "surface albedo from the ground map"),
-        ("snow_area_fraction", "" if flat else "no snow on the ground assumed"),
-        ("sea_ice_area_fraction", "" if flat else "no sea ice assumed"),
-        ("wind_east_10m", "" if flat else "default wind over water"),
-    ):
-        if name not in surface and instead:
-            columns.notes.append(f"no {name} in the file: {instead}")
+    columns.notes += no_species(fields) + no_ground(surface, FLAT_INSTEAD if flat else INSTEAD)
+    columns.notes += low_top(grid.height_m)
     if flat and "surface_albedo" not in surface:
         surface["surface_albedo"] = np.full(grid.shape[1:], 0.15, np.float32)
-    top_m = float(np.max(grid.height_m[-1]))
-    if top_m < 10_000.0:
-        columns.notes.append(f"levels end at {top_m / 1e3:.1f} km: no cloud above")
 
 
 def _source(files: FileSet) -> str:

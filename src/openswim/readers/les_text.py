@@ -11,15 +11,26 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.base import SceneInfo, Time, check_size, levels_text, naming, spacing_text
+from openswim.readers.absent import no_species
+from openswim.readers.base import (
+    PLAUSIBLE_ELEMENTS,
+    SceneInfo,
+    Time,
+    check_size,
+    levels_text,
+    naming,
+    projection_text,
+    shape_text,
+    spacing_text,
+)
 from openswim.readers.clock import undated
-from openswim.readers.gridded import projection_text
 from openswim.readers.neighbourhood import Neighbourhood
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
 
 _ALBEDO = 0.06  # of the sea below, where these clouds live
 _HEAD_BYTES = 65_536
+_NODES_PER_BYTE = 30  # of which one in a thousand has a row: cloudy ones alone may be listed
 
 
 @dataclass(frozen=True)
@@ -42,8 +53,10 @@ class LESTextReader:
         """True for text that begins with the sizes, the spacing and the levels of such a grid."""
         try:
             return path.is_file() and _head(path) is not None
-        except (OSError, UserError):
+        except OSError:
             return False
+        except UserError:  # which `read` raises again
+            return True
 
     def read(self, path: Path, time: Time = None, around: Neighbourhood | None = None) -> Scene:
         head = _head(path)
@@ -63,9 +76,9 @@ class LESTextReader:
                 notes.append(f"no place in the file: its centre is laid at {around.lat:g}, {around.lon:g}")
             else:
                 notes.append("no place in the file: flat Earth, open sides")
-            notes.append("no ice, rain, snow, graupel in the file: none assumed")
             dims = ("z", "y", "x")
             fields = {"liquid_content": (dims, content), "liquid_effective_radius": (dims, radius)}
+            notes += no_species(fields)
             if crs is None:
                 fields["surface_albedo"] = (("y", "x"), np.full((ny, nx), _ALBEDO, np.float32))  # type: ignore[assignment]
                 notes.append(f"no ground in the file: sea level, albedo {_ALBEDO}")
@@ -83,7 +96,7 @@ class LESTextReader:
         return SceneInfo(
             path=str(path),
             model="large-eddy cloud field in text",
-            grid="{2} x {1} x {0} (x, y, z)".format(*grid.shape),
+            grid=shape_text(grid),
             projection=projection_text(grid),
             spacing=spacing_text(grid),
             levels=levels_text(grid),
@@ -132,6 +145,12 @@ def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator:
     if not (values[:2] > 0).all():
         raise UserError(f"{path}: the spacing is {rest[0]}, {rest[1]} km; it must be positive")
     check_size(path, "the field", shape)
+    nodes = shape[0] * shape[1] * shape[2]
+    if nodes > max(PLAUSIBLE_ELEMENTS, _NODES_PER_BYTE * path.stat().st_size):
+        raise UserError(
+            f"{path}: its head tells of {shape[0]} x {shape[1]} x {shape[2]} nodes, too many for so small a file: "
+            "damaged or truncated"
+        )
     return _Head(shape, (float(values[0]), float(values[1])), values[2:], lines, separator)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.covering import meeting, within
-from openswim.scene.grid import EARTH_RADIUS_M, EDGE, Grid
+from openswim.scene.grid import EARTH_RADIUS_M, EDGE, Grid, extent_text
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -211,7 +211,7 @@ def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
     if not mesh.covers(ix, iy):
         if around.if_large and around.radius_m > _SEEN_FROM_SPACE_M:
             return _whole(mesh)  # it lies aside, but is seen
-        raise UserError(f"the observer is outside the domain: {extent_text(mesh)}")
+        raise UserError(f"the observer is outside the domain: {extent_text(mesh.grid())}")
     window = _window(mesh, around, ix, iy)
     return window if window is not None else _resampled(mesh, around)
 
@@ -245,15 +245,6 @@ def part_of(scene: Scene, around: Neighbourhood) -> Scene:
         scene, grid=part.grid(height), data=xr.Dataset(fields, coords, data.attrs), notes=[*scene.notes, part.note],
         cut=scene.cut or part.cut,
     )
-
-
-def extent_text(mesh: Mesh) -> str:
-    """ "it covers about latitude ... to ..., longitude ... to ..."."""
-    ny, nx = mesh.shape
-    i = np.concatenate([np.arange(nx), np.arange(nx), np.zeros(ny), np.full(ny, nx - 1.0)])
-    j = np.concatenate([np.zeros(nx), np.full(nx, ny - 1.0), np.arange(ny), np.arange(ny)])
-    lon, lat = mesh.grid().lonlat(i, j)
-    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
 
 
 def _whole(mesh: Mesh) -> Selection:

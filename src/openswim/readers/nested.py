@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.blended import cell_m, indices, levels_of, mesh_of, on_one_grid, size_text, width_m
 from openswim.readers.covering import within
-from openswim.readers.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood, extent_text, part_of
+from openswim.readers.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood, part_of
 from openswim.scene import Grid, Scene
+from openswim.scene.grid import extent_text
 from openswim.scene.rims import CORE_RIM, rim_m
 
 F64 = NDArray[np.float64]
@@ -39,7 +40,7 @@ def merged(scenes: Sequence[Scene], around: Neighbourhood | None) -> Scene:
     if over:
         order = order[: over[-1] + 1]
     elif not around.from_space:
-        raise UserError(f"the observer is outside all the domains: {extent_text(mesh_of(order[-1]))}")
+        raise UserError(f"the observer is outside all the domains: {extent_text(mesh_of(order[-1]).grid())}")
     beyond = [scene.levels[-1] for scene in order]
     reach = min(0.5 * _diagonal_m(beyond[-1]), max(around.radius_m, around.far_m))
     found = [_innermost([scene.alone() for scene in order], around, reach)]

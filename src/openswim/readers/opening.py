@@ -37,7 +37,7 @@ def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
 
 
 @contextmanager
-def reading(path: Path, remedy: str = "damaged, or not as docs/models.md describes") -> Iterator[None]:
+def reading(path: Path | str, remedy: str = "damaged, or not as docs/models.md describes") -> Iterator[None]:
     """Turn what the back ends raise on damaged or unexpected content into one line."""
     try:
         yield

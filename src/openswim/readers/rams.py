@@ -113,7 +113,7 @@ class RAMSReader(GriddedReader):
             name: (name, values, {"standard_name": f"projection_{name}_coordinate", "units": "m"})
             for name, values in zip(("x", "y"), axes, strict=True)
         }
-        when, dated = _time(path, header, float(lon.mean()))
+        when, dated = _time(path, header, _mean_longitude(lon))
         if when is not None:
             seconds = (when - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s")
             coords["time"] = ((), float(seconds), {"units": "seconds since 1970-01-01", "standard_name": "time"})
@@ -202,7 +202,7 @@ def _placed(
 
     pole = [header.get(name, [None])[0] for name in ("polelat", "polelon")]
     if None in pole:
-        pole = [float(lat.mean()), float(np.degrees(np.angle(np.exp(1j * np.radians(lon)).mean())))]
+        pole = [float(lat.mean()), _mean_longitude(lon)]
     crs = CRS.from_proj4(f"+proj=stere +lat_0={pole[0]} +lon_0={pole[1]} +R={EARTH_RADIUS_M} +no_defs")
     probe = Grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.array([0.0, 1.0]), crs)
     x, y = probe.index(lon, lat)
@@ -219,6 +219,11 @@ def _placed(
             "put the header (-head.txt), which holds polelat and polelon, beside the file"
         )
     return (x_axis, y_axis), dict(crs.to_cf())
+
+
+def _mean_longitude(lon: NDArray[Any]) -> float:
+    """Of places that may lie on both sides of the date line."""
+    return float(np.degrees(np.angle(np.exp(1j * np.radians(lon)).mean())))
 
 
 def _time(path: Path, header: dict[str, list[float]], lon: float) -> tuple[np.datetime64 | None, list[str]]:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from openswim.errors import UserError
-from openswim.readers.base import SceneInfo, Time, iso, parse_time, times_text
+from openswim.readers.base import SceneInfo, iso, times_text
 from openswim.readers.neighbourhood import Neighbourhood
+from openswim.scene.times import Time, parse_time
 
 
 def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood | None) -> tuple[list[Path], Time]:

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.absent import SNOW_COVERS_KG_M2, low_top, no_ground
 from openswim.readers.aerosol_species import AerosolSum
 from openswim.readers.air import relative_humidity
 from openswim.readers.base import (
@@ -39,9 +40,15 @@ from openswim.scene import Grid, Optics, Scene
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
+_CALLED = {
+    "surface_altitude": "HGT",
+    "land_area_fraction": "LANDMASK or XLAND",
+    "snow_area_fraction": "SNOWC",
+    "sea_ice_area_fraction": "SEAICE",
+    "surface_albedo": "ALBEDO",
+    "wind_east_10m": "U10, V10",
+}
 SURFACE_FIELDS = ("HGT", "LANDMASK", "XLAND", "SNOWC", "SEAICE", "ALBEDO", "U10", "V10")
-LOW_TOP_M = 10_000.0
-_FULL_COVER_SNOW_KG_M2 = np.float32(15.0)
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1, these four as in WRF share/module_model_constants.F
 VAPOUR_GAS_CONSTANT = 461.6
@@ -82,7 +89,7 @@ class WRFReader:
                 levels["aerosol_extinction"] = haze.extinction_per_m
             surface = _surface(file, grid, notes)
             notes += _absences(file)
-            notes += _low_top(grid)
+            notes += low_top(grid.height_m)
             fields: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in levels.items()}
             fields |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
             return Scene(
@@ -120,7 +127,7 @@ class WRFReader:
                 cloudy = "QVAPOR" in file and ("QCLOUD" in file or "QICE" in file)
                 guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
                 notes += [] if guessed is None else [guessed]
-                notes += _low_top(grid)
+                notes += low_top(grid.height_m)
             notes += _absences(file)
             _atmosphere(notes)
             kind = projection_kind(file)
@@ -147,11 +154,6 @@ def _undated(file: WRFFile, time: Time, grid: Grid, notes: list[str]) -> np.date
     if file.size("Time") > 1:
         notes.append(f"{file.size('Time')} times without dates in the file: the first is taken")
     return undated(time, float(grid.lonlat(*grid.centre_index)[0]) if grid.curved else None, notes)
-
-
-def _low_top(grid: Grid) -> list[str]:
-    top_m = float(np.max(grid.height_m[-1]))
-    return [f"levels end at {top_m / 1e3:.1f} km: no cloud above"] if top_m < LOW_TOP_M else []
 
 
 def _need(file: WRFFile) -> None:
@@ -196,8 +198,8 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
         if name in file:
             fields[target] = file.field(name, SURFACE, units)
     if "SNOWC" not in file and "SNOW" in file:
-        fields["snow_area_fraction"] = np.clip(file.field("SNOW", SURFACE, "kg m-2") / _FULL_COVER_SNOW_KG_M2, 0.0, 1.0)
-        notes.append("snow cover from SNOW: 15 kg m-2 hide the ground")
+        fields["snow_area_fraction"] = np.clip(file.field("SNOW", SURFACE, "kg m-2") / SNOW_COVERS_KG_M2, 0.0, 1.0)
+        notes.append(f"snow cover from SNOW: {SNOW_COVERS_KG_M2:.0f} kg m-2 hide the ground")
     if "LANDMASK" in file:
         fields["land_area_fraction"] = file.field("LANDMASK", SURFACE)
     elif "XLAND" in file:
@@ -224,19 +226,15 @@ def _absences(file: WRFFile) -> list[str]:
     absent = {name: CONTENTS[name] for name in EXPECTED if name not in file}
     if absent:
         notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
-    if "HGT" not in file:
-        notes.append("no HGT in the file: terrain height from the ground map")
-    if "LANDMASK" not in file and "XLAND" not in file:
-        notes.append("no LANDMASK or XLAND in the file: land and water from the ground map")
-    if "SNOWC" not in file and "SNOW" not in file:
-        notes.append("no SNOWC in the file: no snow on the ground assumed")
-    if "SEAICE" not in file:
-        notes.append("no SEAICE in the file: no sea ice assumed")
-    if "ALBEDO" not in file:
-        notes.append("no ALBEDO in the file: surface albedo from the ground map")
-    if "U10" not in file or "V10" not in file:
-        notes.append("no U10, V10 in the file: default wind over water")
-    return notes
+    known = {
+        "surface_altitude": "HGT" in file,
+        "land_area_fraction": "LANDMASK" in file or "XLAND" in file,
+        "snow_area_fraction": "SNOWC" in file or "SNOW" in file,
+        "sea_ice_area_fraction": "SEAICE" in file,
+        "surface_albedo": "ALBEDO" in file,
+        "wind_east_10m": "U10" in file and "V10" in file,
+    }
+    return notes + no_ground([name for name, there in known.items() if there], called=_CALLED)
 
 
 def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Any:

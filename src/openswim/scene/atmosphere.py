@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.scene.particles import ANGSTROM_EXPONENTS, WAVELENGTHS_NM, check_albedo, check_number, check_phase
 
 if TYPE_CHECKING:
     from openswim.optics.phase import PhaseFunction
@@ -17,6 +18,13 @@ if TYPE_CHECKING:
 TOP_M = 100_000.0
 AEROSOL_TOP_M = 30_000.0
 DOBSON_PER_M2 = 2.6868e20
+_RANGES = {  # of an aerosol's properties
+    "optical_depth": (0.0, 1e6),
+    "angstrom_exponent": ANGSTROM_EXPONENTS,
+    "scale_height_m": (1.0, 1e9),
+    "base_height_m": (-1e4, 0.99 * AEROSOL_TOP_M),
+    "reference_nm": WAVELENGTHS_NM,
+}
 
 # US Standard Atmosphere 1976, Table 4: base of each layer in geopotential km and its lapse rate in K/km.
 _LAYER_BASE_KM = np.array([0.0, 11.0, 20.0, 32.0, 47.0, 51.0, 71.0])
@@ -60,14 +68,11 @@ class AerosolProfile:
     reference_nm: float = 550.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.optical_depth) and self.optical_depth >= 0):
-            raise UserError(f"aerosol optical depth must be zero or more, got {self.optical_depth}")
-        if not self.scale_height_m > 0:
-            raise UserError(f"aerosol scale height must be positive metres, got {self.scale_height_m}")
-        if not self.base_height_m < AEROSOL_TOP_M:
-            raise UserError(
-                f"aerosol base height must be below {AEROSOL_TOP_M:.0f} m, got {self.base_height_m}"
-            )
+        for name, (low, high) in _RANGES.items():
+            check_number(f"aerosol {name}", getattr(self, name), low, high)
+        check_albedo("aerosol single_scattering_albedo", self.single_scattering_albedo)
+        if self.phase is not None:
+            check_phase("aerosol phase", self.phase)
 
     def optical_depth_at(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
         """Column optical depth (same shape as `wavelength_nm`) by the Angstrom power law."""
@@ -171,9 +176,6 @@ class Atmosphere:
         pressure = np.where(inside, np.exp(np.interp(z, self.height_m, log_p) + below), 0.0)
         ozone = np.where(inside, np.interp(z, self.height_m, self.ozone_per_m3), 0.0)
         return pressure, np.interp(z, self.height_m, self.temperature_k), ozone
-
-    def with_aerosol(self, aerosol: AerosolProfile | None) -> Atmosphere:
-        return replace(self, aerosol=aerosol)
 
     def ozone_column_du(self, above_m: float = -np.inf) -> float:
         """Ozone (Dobson units) above a height; of the whole profile by default."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
+from openswim.scene.particles import WAVELENGTHS_NM
 from openswim.scene.variables import Variable, variable
 
 WAVELENGTH_DIM = "wavelength"
@@ -52,9 +53,9 @@ def _wavelengths(data: xr.Dataset) -> Any:
         raise UserError(
             "scene: surface_albedo varies with wavelength, but there is no coordinate wavelength [nm]"
         )
-    values = np.asarray(data.coords[WAVELENGTH_DIM].values, dtype=np.float64)
-    if not np.isfinite(values).all() or values.min() < 100.0 or values.max() > 1e5:
-        raise UserError("scene: wavelength is out of range (100 to 100000 nm): give nanometres")
+    values, (low, high) = np.asarray(data.coords[WAVELENGTH_DIM].values, dtype=np.float64), WAVELENGTHS_NM
+    if not np.isfinite(values).all() or values.min() < low or values.max() > high:
+        raise UserError(f"scene: wavelength is out of range ({low:.0f} to {high:.0f} nm): give nanometres")
     return WAVELENGTH_DIM, values, {"standard_name": "radiation_wavelength", "units": "nm"}
 
 

@@ -78,10 +78,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             _replace_folder(partial, target, workshop / "previous")
         else:
             os.replace(partial, target)
-    except OSError as error:
-        raise UserError(
-            f"{target}: cannot be written ({error.strerror or error}): free some space or choose another folder"
-        ) from error
+    except (OSError, RuntimeError) as error:  # the latter is netCDF4's of a full disk
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"{target}: cannot be written ({why}): free some space or choose another folder") from error
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
 

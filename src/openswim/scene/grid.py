@@ -157,6 +157,19 @@ def great_circle_m(lon: ArrayLike, lat: ArrayLike, radius_m: float) -> float:
     return float(2.0 * radius_m * np.arcsin(np.sqrt(haversine)))
 
 
+def extent_text(grid: Grid) -> str:
+    """ "it covers about latitude ... to ..., longitude ... to ...", over the date line up to beyond 180."""
+    _, ny, nx = grid.shape
+    i = np.concatenate([np.arange(nx), np.arange(nx), np.zeros(ny), np.full(ny, nx - 1.0)])
+    j = np.concatenate([np.zeros(nx), np.full(nx, ny - 1.0), np.arange(ny), np.arange(ny)])
+    lon, lat = grid.lonlat(i, j)
+    middle = float(grid.lonlat(*grid.centre_index)[0])
+    lon = middle + (lon - middle + 180.0) % 360.0 - 180.0
+    if lon.min() < -180.0:
+        lon = lon + 360.0
+    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+
+
 def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:
     axis = np.array(values, dtype=np.float64)
     if axis.ndim != 1 or axis.size < 2:

@@ -7,14 +7,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.scene.grid import Grid
+from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.procedural_cirrus import cirrus_field
 from openswim.scene.procedural_cumulus import cumulus_field
 from openswim.scene.procedural_noise import blur, smoothstep
 from openswim.scene.procedural_terrain import WAVELENGTH_NM, land_albedo, terrain_field
 from openswim.scene.scene import Scene
+from openswim.scene.times import parse_time
 
-EARTH_RADIUS_M = 6_371_000.0
 CLOUD_BASE_M = 2150.0  # condensation level, 1500 m above the mean ground
 CLOUD_TOP_M = 3900.0
 CIRRUS_M = (9500.0, 10_800.0)
@@ -142,7 +142,7 @@ def _scene(
         grid=Grid(x_m, y_m, height_m, crs, EARTH_RADIUS_M),
         data=data,
         atmosphere=Atmosphere.us_standard(),
-        time=np.datetime64(time),
+        time=parse_time(time),
         source="procedural demo scene: summer cumulus and cirrus over foothills and a lake",
         ground=Ground(mountains=False),  # real ones have no place around made-up hills
         notes=["all fields are invented (openswim.scene.procedural), none is measured or forecast"],

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
+from openswim.scene.particles import ANGSTROM_EXPONENTS, check_albedo, check_number, check_phase
+from openswim.scene.times import parse_time
 from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 
 if TYPE_CHECKING:
@@ -48,12 +50,16 @@ class Optics:
 
     def __post_init__(self) -> None:
         given = self.single_scattering_albedo
-        albedo = np.asarray(list(given.values()) if isinstance(given, Mapping) else given, dtype=np.float64)
-        if albedo.ndim > 1 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
-            raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
         if isinstance(given, Mapping):
-            return
-        object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
+            check_albedo("optics: single_scattering_albedo", given)
+        else:
+            albedo = np.asarray(given, dtype=np.float64)
+            if albedo.ndim > 1 or albedo.size == 0 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
+                raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
+            object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
+        check_phase("optics: phase", self.phase)
+        if self.angstrom_exponent is not None:
+            check_number("optics: angstrom_exponent", self.angstrom_exponent, *ANGSTROM_EXPONENTS)
 
 
 @dataclass
@@ -88,8 +94,7 @@ class Scene:
         self.data, repairs = checked_dataset(self.data, self.grid)
         self.notes = [" ".join(note.split()) for note in [*self.notes, *repairs]]
         self.source = " ".join(self.source.split())
-        if self.time is not None:
-            self.time = np.datetime64(self.time).astype("datetime64[ms]")
+        self.time = parse_time(self.time)
         direct = [
             str(name).removeprefix(DIRECT_PREFIX)
             for name in self.data.data_vars

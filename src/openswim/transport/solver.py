@@ -91,6 +91,14 @@ class Solver:
             raise UserError(f"unknown quality {self.quality!r}: choose one of {', '.join(SETTINGS)}")
         if self.quality != "standard" and self.name != "fast":
             raise UserError(f"quality belongs to solver 'fast'; leave it out with {self.name!r}")
+        if not 0 < self.step < np.inf:
+            raise UserError(f"step = {self.step:g}: give a positive number of cells, such as 1")
+        if self.tolerance is not None and not 0 < self.tolerance < np.inf:
+            raise UserError(f"tolerance = {self.tolerance:g}: give a positive share of the light, such as 0.02")
+        if self.most_sweeps < 1:
+            raise UserError(f"most_sweeps = {self.most_sweeps}: give at least 1")
+        if self.seconds is not None and not self.seconds > 0:
+            raise UserError(f"seconds = {self.seconds:g}: give a positive time")
         if self.paths is not None and self.paths < 2:
             raise UserError(f"paths = {self.paths}: give at least 2 per pixel, or there is no error to tell")
         if self.target_error is not None and not 0 < self.target_error < 1:

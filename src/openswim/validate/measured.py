@@ -13,6 +13,7 @@ from openswim.lights import Sun, sun_position
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
+from openswim.scene.times import parse_time
 from openswim.validate.metrics import score
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch
@@ -86,7 +87,7 @@ def _mean(reference: Reference, *prefixes: str) -> Array | None:
 
 def _day(reference: Reference) -> Day:
     """At most 300 times of the day, those with the sun high enough."""
-    time = np.array([np.datetime64(str(t).removesuffix("Z"), "s") for t in reference.column("utc")])
+    time = np.array([parse_time(str(t)) for t in reference.column("utc")])
     rows = np.arange(0, time.size, max(1, time.size // _MOST_TIMES))
     lat, lon, height = (float(reference.about[key]) for key in ("lat", "lon", "elev_m"))
     suns = {int(i): sun_position(time[i], lat, lon, height) for i in rows}

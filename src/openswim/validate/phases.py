@@ -70,9 +70,10 @@ class PhaseTables:
         self._tables: dict[str, PhaseFunction] = {}
         for reference in references:
             if is_phase_table(reference):
-                self._add(reference)
+                self.add(reference)
 
-    def _add(self, reference: Reference) -> None:
+    def add(self, reference: Reference) -> None:
+        """Take the tables of a file in."""
         case = reference.column("case")
         for name in dict.fromkeys(case.tolist()):
             own = case == name

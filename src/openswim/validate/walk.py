@@ -2,7 +2,7 @@
 
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,7 +48,10 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
     if not directory.is_dir():
         raise UserError(f"{directory}: no such folder; name one with reference files ({', '.join(SUFFIXES)})")
     references, skipped = _read_all(directory)
-    tables = PhaseTables(references)
+    tables = PhaseTables([])
+    for reference in filter(is_phase_table, references):
+        with _telling(reference, skipped):
+            tables.add(reference)
     rows: list[Row] = []
     _warm_up(solver)
     with job("validate", len(references)) as meter:
@@ -84,16 +87,24 @@ def _warm_up(solver: Solver) -> None:
 
 
 def _compare(reference: Reference, solver: Solver, tables: PhaseTables, skipped: list[str]) -> list[Row]:
-    """The rows of one file; what goes wrong with it is told and does not end the walk."""
+    """The rows of one file."""
     if is_phase_table(reference):
         return []
     rows: list[Row] = []
-    try:
+    with _telling(reference, skipped):
         family = next((family for family in FAMILIES if family.matches(reference)), None)
         if family is None:
             skipped.append(f"{reference.path.name}: no kind of reference that is compared here")
         else:
             rows.extend(family.compare(reference, solver, tables))
+    return rows
+
+
+@contextmanager
+def _telling(reference: Reference, skipped: list[str]) -> Iterator[None]:
+    """What goes wrong with a file is told and does not end the walk."""
+    try:
+        yield
     except UserError as error:
         skipped.append(f"{reference.path.name}: {error}")
     except Exception as error:
@@ -102,7 +113,6 @@ def _compare(reference: Reference, solver: Solver, tables: PhaseTables, skipped:
             f"{reference.path.name}: failed in {Path(where.filename).name} line {where.lineno}: "
             f"{type(error).__name__}: {error}"
         )
-    return rows
 
 
 def _badness(row: Row) -> float:

@@ -1,0 +1,30 @@
+"""Times as users and files write them."""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+
+Time = str | np.datetime64 | date | None
+
+
+def parse_time(time: Time) -> np.datetime64 | None:
+    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
+    if time is None:
+        return None
+    try:
+        stamp = datetime.fromisoformat(time.strip().replace("_", "T")) if isinstance(time, str) else time
+        if isinstance(stamp, datetime) and stamp.tzinfo is not None:
+            stamp = stamp.astimezone(UTC).replace(tzinfo=None)
+        return np.datetime64(stamp).astype("datetime64[ms]")
+    except (ValueError, OverflowError, TypeError) as error:
+        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+
+
+def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
+    """To the millisecond: files keep times as floating-point numbers."""
+    return (times.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
