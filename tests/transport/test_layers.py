@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.optics.phase import HenyeyGreenstein, Mixture
 from openswim.scene import Scene
 from openswim.transport import Solver
 from openswim.transport.layers import LAYERS_DEGREE, Layers, layer_levels, solve_layers
@@ -146,3 +146,20 @@ def test_a_cloud_between_clear_levels_is_one_on_the_ground(depth: float, asymmet
     assert alone["up_top"][0] + alone["down_bottom"][0] == pytest.approx(taken, rel=2e-3)
     for name, flux in layer.items():
         np.testing.assert_allclose(alone[name], flux, rtol=3e-3, err_msg=name)
+
+
+def test_narrow_peaks_broaden_on_both_ways() -> None:
+    """Thin cloud of large droplets, five degrees above a low sun and below it, where the ways to sun and eye differ in
+    length: as if all narrow scatterings were on the sun's, 1.3 % too little and 1.8 % too much."""
+    droplets = Mixture((0.5, 0.5), (HenyeyGreenstein(0.995), HenyeyGreenstein(0.73)))
+    across = 31.25 * np.arange(4)
+    scene = Scene.from_arrays(
+        np.full((33, 4, 4), 3e-4, np.float32), across, across, 31.25 * np.arange(33), phase=droplets, periodic=True
+    )
+    up = Rays(np.zeros(3), np.stack([toward(np.cos(np.radians(zenith)), 0.0) for zenith in (70, 80)]))
+    fast, truth = (
+        Solver(name, **more).solve(scene, toward(np.cos(np.radians(75)), 0.0), LAMBDA_NM).view(up)
+        for name, more in (("fast", {}), ("reference", {"paths": 200_000}))
+    )
+    assert (truth.sigma < 0.005 * truth.radiance).all()
+    np.testing.assert_allclose(fast.radiance, truth.radiance, rtol=0.009)

@@ -1,8 +1,10 @@
 """The forward peak that delta scaling takes out of the phase function, broadened by repeated scattering.
 
-docs/fast.md, F17: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that has met the forward depth
-phi between the sun and a point is scattered there by what truncation leaves of the phase function,
-R(Theta, phi) = sum_l (2l+1) r_l exp(-phi (1 - p_l)) P_l(cos Theta), p_l = min(r_l/f, 1).
+docs/fast.md, F17: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that meets the forward depth phi on
+its way from the sun to a point and on to the eye is scattered there by what truncation leaves of the phase function,
+R(Theta, phi) = sum_l (2l+1) r_l (exp(-phi (1 - p_l)) - exp(-phi))/(p_l phi) P_l(cos Theta), p_l = min(r_l/f, 1).
+Of n narrow scatterings each is as likely the one at the point: that is the 1/(p phi). See
+docs/decisions/0029-peaks-on-both-ways.md.
 """
 
 from __future__ import annotations
@@ -60,7 +62,7 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     left[:degree] = f
     p = np.minimum(left / f, 1.0)  # the beam holds no more of a moment than of all its light
     u = np.arange(1, _DEPTHS) / (_DEPTHS - 1)
-    phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e3)[:, None]
+    phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e6)[:, None]
     # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
     met = phi * p
     growth = np.exp(-phi) * met / 2
