@@ -226,6 +226,16 @@ def test_observers_outside_the_domain_learn_its_extent(cloudy) -> None:
         openswim.render(cloudy, Camera.allsky(LAT + 2.0, LON, size=8))
 
 
+def test_the_sun_over_a_flat_scene_is_that_of_its_place() -> None:
+    scene = grid_scene({}, (4, 5, 6), place=(LAT, LON), time=TIME)
+    image = openswim.render(scene, Camera.allsky(x_m=0.0, y_m=0.0, size=8))
+    sun = sun_position(TIME, LAT, LON)
+    assert image.attrs["sun_azimuth_deg"] == pytest.approx(sun.azimuth_deg, abs=0.01)
+    assert image.attrs["sun_altitude_deg"] == pytest.approx(sun.refracted_altitude_deg, abs=0.01)
+    with pytest.raises(UserError, match="flat scene without a place: give sun="):
+        openswim.render(grid_scene({}, (4, 5, 6), time=TIME), Camera.allsky(x_m=0.0, y_m=0.0, size=8))
+
+
 def test_observers_outside_a_flat_domain_learn_its_extent() -> None:
     scene = grid_scene({}, (4, 5, 6))
     with pytest.raises(UserError, match=r"x in -250 to 250 m and y in -200 to 200 m"):

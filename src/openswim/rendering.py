@@ -66,9 +66,10 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     when = scene.time if time is None else time
     if when is None:
         raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
+    place = sun_position(when, *((frame.lat, frame.lon) if frame.curved else scene.place))
     if not frame.curved:
-        raise UserError("a flat scene has no latitude: give sun=(azimuth, altitude) in degrees (--sun)")
-    place = sun_position(when, frame.lat, frame.lon)
+        direction = frame.direction(place.azimuth_deg, place.refracted_altitude_deg, 0.0, 0.0)
+        return Daylight(direction, place.distance_au, place.angular_radius_deg)
     direction = frame.enu(*subsolar_point(when))[2]
     lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
     if lift > 0:

@@ -275,6 +275,8 @@ def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str],
     assert "--seconds belongs to --solver reference" in capsys.readouterr().err
     assert run(["validate", str(tmp_path), "--solver", "swim", "--quality", "high"]) == 2
     assert "--quality belongs to --solver fast" in capsys.readouterr().err
+    assert run(["validate", str(tmp_path), "--json", str(tmp_path / "rows.json")]) == 2
+    assert not (tmp_path / "rows.json").exists()
     assert run(["validate", str(tmp_path), "--json", str(tmp_path / "no" / "rows.json")]) == 2
     assert "--json" in capsys.readouterr().err
 

@@ -54,6 +54,12 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert run(["info", str(tmp_path / "a.nc"), "--map", str(tmp_path / "a.jpg")]) == 2
 
 
+def test_a_time_is_that_of_the_maps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene().to_netcdf(tmp_path / "a.nc")
+    assert run(["info", str(tmp_path / "a.nc"), "--time", "2005-08-28T12:00"]) == 2
+    assert "--map" in capsys.readouterr().err
+
+
 def test_nothing_to_map_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     clear = scene()
     for name in ("liquid_content", "ice_content"):

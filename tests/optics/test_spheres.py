@@ -65,6 +65,11 @@ def test_effective_radius_of_a_lognormal(by):
     assert lognormal_sizes([Mode(0.3, 1.8, 2.0, by)]).effective_radius_um == pytest.approx(expected, rel=0.01)
 
 
+def test_sizes_that_would_take_hours_are_refused():
+    with pytest.raises(UserError, match="radii up to"):
+        lognormal_sizes([Mode(1000.0, 3.0)])
+
+
 def test_only_the_ratio_of_amounts_counts():
     one = lognormal_sizes([Mode(0.1, 1.5, 1.0), Mode(1.0, 2.0, 0.01)], 50)
     ten = lognormal_sizes([Mode(0.1, 1.5, 10.0), Mode(1.0, 2.0, 0.1)], 50)

@@ -211,6 +211,9 @@ def test_background_aerosol_by_hand(tmp_path):
     assert scene.atmosphere.aerosol.single_scattering_albedo == 0.9
     data.attrs["atmosphere"] = "none"
     assert _read(tmp_path, data).atmosphere is None
+    data.attrs["atmosphere"] = "mars"
+    with pytest.raises(UserError, match="attribute atmosphere is 'mars'"):
+        _read(tmp_path, data)
 
 
 def _set(name, **attributes):

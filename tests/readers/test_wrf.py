@@ -50,6 +50,12 @@ def test_wind_points_along_the_earth(wrf_file, wrf_lonlat, spec):
     np.testing.assert_allclose(data.wind_north_10m, 4 * np.cos(to_x) + 3 * np.sin(to_x), atol=2e-3)
 
 
+def test_terrain_without_hgt_is_the_lowest_level(wrf_file):
+    scene = open_scene(wrf_file(drop=("HGT",)))
+    np.testing.assert_allclose(scene.data.surface_altitude, open_scene(wrf_file()).data.surface_altitude, atol=0.01)
+    assert any("geopotential of the lowest level" in note for note in scene.notes)
+
+
 def test_state_and_water_by_hand(wrf_file):
     scene = open_scene(wrf_file())
     full = 100.0 + np.linspace(0.0, 12_000.0, 6)

@@ -80,6 +80,21 @@ def test_clear_sky_has_a_place_and_a_ground():
         Scene.clear(95.0, 0.0)
 
 
+def test_a_flat_scene_may_have_a_place():
+    scene = Scene.from_arrays(np.zeros(SHAPE), **AXES, place=(40, -105))
+    assert scene.place == (40.0, -105.0)
+    for nowhere in ((100, 0), (40,), 5):
+        with pytest.raises(UserError, match="no place on Earth"):
+            Scene.from_arrays(np.zeros(SHAPE), **AXES, place=nowhere)
+
+
+def test_a_projection_may_be_text():
+    degrees = AXES | {"x_m": np.arange(4.0), "y_m": np.arange(3.0)}
+    assert Scene.from_arrays(np.zeros(SHAPE), **degrees, crs="EPSG:4326").grid.crs.is_geographic
+    with pytest.raises(UserError, match="no projection"):
+        Scene.from_arrays(np.zeros(SHAPE), **AXES, crs="lambert, or so")
+
+
 def test_order_of_dimensions_does_not_matter():
     content = np.arange(24.0).reshape(SHAPE) * 1e-5
     grid = Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"])

@@ -33,6 +33,8 @@ def run(files: Sequence[Path], picture: Path | None, time: str | None) -> None:
 
     if picture is not None and picture.suffix.lower() != ".png":
         raise UserError(f"{picture}: maps are written as .png: choose such a name")
+    if time is not None and picture is None:
+        raise UserError("--time is the time of the maps: give --map FILE.png, or leave it out")
     click.echo(str(describe(files)))
     if picture is not None:
         draw(files, picture, time)

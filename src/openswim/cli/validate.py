@@ -34,9 +34,9 @@ def run(
     rows, skipped = validate(directory, chosen)
     for line in skipped:
         click.echo(f"skipped: {line}", err=True)
-    if json_path is not None:
-        write_json(rows, json_path)
     if not rows:
         raise UserError(f"{directory}: nothing in it could be compared; name a folder with reference files")
+    if json_path is not None:
+        write_json(rows, json_path)
     console = Console(width=None if os.isatty(1) else 140, soft_wrap=False)
     console.print(as_table(rows))

@@ -18,6 +18,9 @@ from openswim.optics.phase import TablePhase
 FloatArray = NDArray[np.float64]
 
 
+_LARGEST_UM = 1000.0  # of aerosol; Mie series are as long as particles are large
+
+
 @dataclass(frozen=True)
 class Mode:
     """A lognormal mode: median radius (um) and geometric standard deviation of its number or of its volume.
@@ -91,6 +94,11 @@ def lognormal_sizes(modes: Sequence[Mode], count: int = 400) -> Sizes:
     if not modes:
         raise UserError("size distribution: give at least one mode")
     ranges = [_extent(mode) for mode in modes]
+    if (largest := max(high for _, high in ranges)) > _LARGEST_UM:
+        raise UserError(
+            f"size distribution: its particles have radii up to {largest:.3g} um, more than {_LARGEST_UM:g} um: "
+            "give a smaller median or standard deviation"
+        )
     radius, step = _log_steps(min(low for low, _ in ranges), max(high for _, high in ranges), count)
     number = np.zeros_like(radius)
     for mode in modes:

@@ -86,7 +86,9 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
 
 def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     """The gas profile and background aerosol of the file; US standard unless it gives some or says "none"."""
-    if data.attrs.get("atmosphere") == "none":
+    if "atmosphere" in data.attrs:
+        if data.attrs["atmosphere"] != "none":
+            raise UserError(f'attribute atmosphere is {data.attrs["atmosphere"]!r}: "none", or leave it out')
         return None
     aerosol: AerosolProfile | None = None
     if AEROSOL in data.variables:

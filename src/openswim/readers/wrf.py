@@ -25,7 +25,7 @@ from openswim.readers.base import (
 from openswim.readers.clock import undated
 from openswim.readers.opening import reading
 from openswim.readers.wrf_file import MASS_LEVELS, SURFACE, WRFFile
-from openswim.readers.wrf_grid import PROJECTIONS, projection_kind, wrf_grid
+from openswim.readers.wrf_grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf_particles import (
     AEROSOL,
     CONTENTS,
@@ -197,6 +197,9 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
     ):
         if name in file:
             fields[target] = file.field(name, SURFACE, units)
+    if "HGT" not in file:
+        fields["surface_altitude"] = lowest_height_m(file)
+        notes.append("no HGT in the file: terrain height from the geopotential of the lowest level")
     if "SNOWC" not in file and "SNOW" in file:
         fields["snow_area_fraction"] = np.clip(file.field("SNOW", SURFACE, "kg m-2") / SNOW_COVERS_KG_M2, 0.0, 1.0)
         notes.append(f"snow cover from SNOW: {SNOW_COVERS_KG_M2:.0f} kg m-2 hide the ground")
@@ -227,7 +230,7 @@ def _absences(file: WRFFile) -> list[str]:
     if absent:
         notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
     known = {
-        "surface_altitude": "HGT" in file,
+        "surface_altitude": True,  # if need be from the geopotential
         "land_area_fraction": "LANDMASK" in file or "XLAND" in file,
         "snow_area_fraction": "SNOWC" in file or "SNOW" in file,
         "sea_ice_area_fraction": "SEAICE" in file,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +54,17 @@ def wrf_grid(file: WRFFile, notes: list[str]) -> Grid:
 
 def mass_heights_m(file: WRFFile) -> NDArray[np.float32]:
     """(nz, ny, nx) heights of mass levels above sea level [m]: (PH + PHB)/9.81 between full levels."""
-    full = (file.field("PH", FULL_LEVELS, "m2 s-2") + file.field("PHB", FULL_LEVELS, "m2 s-2")) / WRF_GRAVITY
+    full = _full_heights_m(file)
     return (0.5 * (full[1:] + full[:-1])).astype(np.float32)
+
+
+def lowest_height_m(file: WRFFile) -> NDArray[np.float32]:
+    """(ny, nx) height of the lowest full level, which lies on the terrain [m]."""
+    return _full_heights_m(file)[0].astype(np.float32)
+
+
+def _full_heights_m(file: WRFFile) -> NDArray[Any]:
+    return (file.field("PH", FULL_LEVELS, "m2 s-2") + file.field("PHB", FULL_LEVELS, "m2 s-2")) / WRF_GRAVITY
 
 
 def projection_kind(file: WRFFile) -> int:

@@ -146,7 +146,8 @@ class Scene:
         if "latitude" in self.data.coords and "longitude" in self.data.coords:
             return float(self.data.coords["latitude"]), float(self.data.coords["longitude"])
         raise UserError(
-            "scene: a flat scene without a place: give place=(latitude, longitude), or the sun's direction"
+            "a flat scene without a place: give sun=(azimuth, altitude) in degrees (--sun), or the scene its "
+            "place=(latitude, longitude)"
         )
 
     @property
@@ -170,7 +171,7 @@ class Scene:
         surface_albedo: ArrayLike = 0.0,
         wavelength_nm: ArrayLike | None = None,
         terrain_m: ArrayLike | None = None,
-        crs: CRS | None = None,
+        crs: CRS | str | None = None,
         earth_radius_m: float = EARTH_RADIUS_M,
         place: tuple[float, float] | None = None,
         time: np.datetime64 | None = None,
@@ -189,7 +190,7 @@ class Scene:
         place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
         fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
         """
-        grid = Grid(np.asarray(x_m), np.asarray(y_m), np.asarray(z_m), crs, earth_radius_m, periodic)
+        grid = Grid(np.asarray(x_m), np.asarray(y_m), np.asarray(z_m), _projection(crs), earth_radius_m, periodic)
         extinctions = (
             extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         )
@@ -210,7 +211,7 @@ class Scene:
         data["surface_albedo"] = _albedo(surface_albedo, grid)
         data = _with_wavelengths(data, wavelength_nm)
         if place is not None:
-            data = data.assign_coords(latitude=float(place[0]), longitude=float(place[1]))
+            data = data.assign_coords(dict(zip(("latitude", "longitude"), _checked_place(place), strict=True)))
         return cls(grid, data, atmosphere, optics, time, source)
 
     @classmethod
@@ -229,8 +230,7 @@ class Scene:
         surface_albedo : scalar, or (nwl,) at wavelength_nm (default 615, 546, 450 nm).
         terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
         """
-        if not (-90.0 <= lat <= 90.0 and -360.0 <= lon <= 360.0):
-            raise UserError(f"scene: latitude {lat}, longitude {lon} is no place on Earth: give degrees")
+        lat, lon = _checked_place((lat, lon))
         albedo = np.asarray(surface_albedo, dtype=np.float32)
         data = xr.Dataset(
             {
@@ -264,6 +264,26 @@ def _check_wider(grid: Grid | None, wider: Grid | None) -> None:
             f"scene: its Earth has a radius of {grid.earth_radius_m:.0f} m, that of the wider scene "
             f"{wider.earth_radius_m:.0f} m: give both the same"
         )
+
+
+def _projection(crs: CRS | str | None) -> CRS | None:
+    from pyproj import CRS as Projection
+    from pyproj.exceptions import CRSError
+
+    try:
+        return None if crs is None else Projection.from_user_input(crs)
+    except CRSError as error:
+        raise UserError(f"crs = {crs!r} is no projection: give a pyproj.CRS, or text such as EPSG:4326") from error
+
+
+def _checked_place(place: tuple[float, float]) -> tuple[float, float]:
+    try:
+        lat, lon = (float(angle) for angle in place)
+    except (TypeError, ValueError):
+        lat = lon = np.nan
+    if not (-90.0 <= lat <= 90.0 and -360.0 <= lon <= 360.0):
+        raise UserError(f"scene: {place!r} is no place on Earth: give latitude and longitude in degrees")
+    return lat, lon
 
 
 def _for_species(value: Any, name: str) -> Any:
