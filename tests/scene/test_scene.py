@@ -102,6 +102,12 @@ def test_order_of_dimensions_does_not_matter():
     np.testing.assert_allclose(Scene(grid, turned).data.ice_content, content, rtol=1e-6)
 
 
+def test_noise_in_clear_air_is_noise():
+    assert not _scene(liquid_content=np.full(SHAPE, -1e-9)).data.liquid_content.any()
+    with pytest.raises(UserError, match=r"from -1e-06 to 0 kg m-3; it must lie within 0 to 0.1"):
+        _scene(liquid_content=np.append(np.full(23, -1e-6), 0.0).reshape(SHAPE))
+
+
 def test_noise_is_clipped_and_told():
     content = np.full(SHAPE, 1e-3)
     content[0, 0, 0] = -1e-9

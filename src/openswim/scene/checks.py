@@ -14,6 +14,7 @@ from openswim.scene.particles import WAVELENGTHS_NM
 from openswim.scene.variables import Variable, variable
 
 WAVELENGTH_DIM = "wavelength"
+_LITTLE = 1e-7  # of its range, that any value may be beyond it
 _CLIPPED_SHARE = 0.1  # clipping may change a field's sum by no more than this share
 
 
@@ -103,7 +104,9 @@ def checked_values(
     changed = float(np.abs(values - clipped).sum(dtype=np.float64))
     kept = float(np.abs(clipped).sum(dtype=np.float64))
     noise = highest <= spec.high * 1.01 and (lowest >= spec.low or changed <= _CLIPPED_SHARE * kept)
-    if not (spec.clip and (noise or changed < 1e-12)):
+    little = _LITTLE * (spec.high - spec.low)  # where there is nothing else, noise has no sum to be compared with
+    noise = noise or (lowest >= spec.low - little and highest <= spec.high + little)
+    if not (spec.clip and noise):
         hint = f" ({spec.hint})" if spec.hint else ""
         raise UserError(
             f"{what} runs from {lowest:.4g} to {highest:.4g} {spec.units}; it must lie within "
