@@ -11,9 +11,9 @@ from openswim.cameras.checks import check_place, check_shape, check_view, requir
 from openswim.cameras.pixels import Pixels
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
+from openswim.scene.grid import EARTH_RADIUS_M
 
 Size = int | Sequence[int]  # columns, or (rows, columns)
-EARTH_RADIUS_M = 6_371_000.0  # of scene.grid, which needs xarray
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
