@@ -23,6 +23,7 @@ from openswim.transport.detail import (
 )
 from openswim.transport.detail_step import widest_m
 from openswim.transport.march import march_rays
+from openswim.transport.pack import PACK
 
 CELL_M = 100.0
 SUN = toward(240.0, 45.0)
@@ -175,6 +176,27 @@ def test_rays_know_how_wide_they_have_become(cumulus: Field) -> None:
     clear = march_rays(o - 400.0 * d, d, *world, ends=np.full(n, -400.0)).scaled
     bright = whole.full[:, 0] < 0.98
     np.testing.assert_allclose((later.scaled / clear)[bright], whole.scaled[bright], atol=0.05)
+
+
+def test_forward_peaks_have_the_detail_that_their_cloud_has(cumulus: Field) -> None:
+    """What a ray meets more, or less, of cloud liquid fades its forward peaks as liquid does, 1 : 1 - f."""
+    pack = cumulus.packs[0]
+    rays = looking(2e-3)
+    cumulus.view(rays)
+    world = pack.sun, pack.table, pack.shells, pack.volume, 1.0
+    seen, plain = (
+        march_rays(rays.origins(), rays.directions(), *world, cone=np.tile([0.0, width], (len(rays), 1)),
+                   detail=pack.detail)
+        for width in (2e-3, 1.0)
+    )  # fmt: skip
+    scaled, full = (
+        -np.log(np.maximum([getattr(m, name)[:, 0] for m in (seen, plain)], 1e-30)) for name in ("scaled", "full")
+    )
+    moved = (np.abs(scaled[0] - scaled[1]) > 0.1) & (scaled.max(axis=0) < 3)
+    assert moved.sum() > 50
+    liquid = int(np.argmax(pack.detail.refined))
+    share = 1.0 + np.ravel(pack.volume.forward)[liquid * PACK] / np.ravel(pack.volume.scaled)[liquid * PACK]
+    np.testing.assert_allclose((full[0] - full[1])[moved], share * (scaled[0] - scaled[1])[moved], rtol=0.05)
 
 
 def test_rays_do_not_know_of_each_other_nor_of_threads(cumulus: Field) -> None:

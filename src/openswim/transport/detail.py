@@ -38,7 +38,7 @@ _QUANTILES = 256
 _SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
 # Scratch: the octaves' weights, what `noise_at` finds; extinction and source where a detailed step ended, and whether
 # the next begins there
-NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 7 * PACK, 8 * PACK
+NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 6 * PACK, 7 * PACK
 
 
 class Detail(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.detail import FRESH, HERE, NOISE, lerp, noise_at, scalar_at, seen_octaves, sunward, thickened
-from openswim.transport.pack import PACK, flat, join, largest, low, put, read_double, write
+from openswim.transport.pack import PACK, flat, largest, put, read, write
 from openswim.transport.scalar import height_of_square_m, step_emission, transmission
 from openswim.transport.walk import PLACE_LEVEL, PLACE_S, PLACE_X, PLACE_Y, RISE, SQUARE
 
@@ -42,14 +42,14 @@ def _next_part(a, least, left):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def detailed_step(
-    radiance, through, ds, width_m, extinction, extinction_far, diffuse, diffuse_far, single, single_far, beam,
-    beam_far, air, cloud, cloud_far, refined, refined_far, w, places, last, place, scratch, radius_m, cell_x, cell_y,
-    detail,
+    radiance, through, ahead, ds, width_m, extinction, extinction_far, forward, forward_far, diffuse, diffuse_far,
+    single, single_far, beam, beam_far, air, cloud, cloud_far, refined, refined_far, w, places, last, place, scratch,
+    radius_m, cell_x, cell_y, detail,
 ):  # fmt: skip
-    """Radiance and transmission after a step of ``ds`` from place ``last`` to ``place``, in parts that are short while
-    much is seen.
+    """Radiance, transmission and depth of the forward peaks to the eye after a step of ``ds`` from place ``last`` to
+    ``place``, in parts that are short while much is seen.
 
-    ``w``: the walk. All is linear along the step but for `Detail`: extinction and all sources change alike, by the
+    ``w``: the walk. All is linear along the step but for `Detail`: extinction, peaks and sources change alike, by the
     extinction that is there over the mean (``cloud``, of which ``refined``, and air); the beam by the noise's slope.
     """
     s, t = flat(places, place + PLACE_S), flat(places, place + PLACE_S) - ds
@@ -64,10 +64,12 @@ def detailed_step(
     count, edge = seen_octaves(detail, _BLUR * finest, scratch)
     least, lump_m = np.float32(min(finest / ds, 1.0)), np.float32(0.25 * first_m)
     clear = largest(air) + _NOTHING
-    near, near_source = read_double(scratch, HERE), read_double(scratch, HERE + 2 * PACK)
+    near, near_forward, near_source = (
+        read(scratch, HERE), read(scratch, HERE + PACK), read(scratch, HERE + 2 * PACK)
+    )  # fmt: skip
     a, part = _ZERO, _ZERO
     if flat(scratch, FRESH) > _ZERO:
-        a, part = _next_part(a, least, largest(low(through)))
+        a, part = _next_part(a, least, largest(through))
     while True:
         noise_at(detail, count, x + a * dx, y + a * dy, z + a * dz, scratch)
         mean, all_cloud, most = lerp(refined, refined_far, a), lerp(cloud, cloud_far, a), lerp(dense, dense_far, a)
@@ -79,20 +81,21 @@ def detailed_step(
         lit = bright * sunlight
         # where the sun shines most of what is scattered again was sunlight just before
         follows = (bright - _ONE) * _FOLLOWS * sunlight + _ONE
-        here = ratio * lerp(extinction, extinction_far, a)
-        source = lerp(diffuse, diffuse_far, a) * join(follows, follows) + lerp(single, single_far, a) * join(lit, lit)
-        source *= ratio
+        here, forward_here = ratio * lerp(extinction, extinction_far, a), ratio * lerp(forward, forward_far, a)
+        source = ratio * (lerp(diffuse, diffuse_far, a) * follows + lerp(single, single_far, a) * lit)
         if part > _ZERO:
             step = part * ds
             depth = (near + here) * (_HALF * step)
+            ahead += (near_forward + forward_here) * (_HALF * step)
             trans = transmission(depth)
             radiance += through * step_emission(depth, trans, step, near_source, source, near, here)
             through *= trans
         if a >= _ONE:
             break
-        near, near_source = here, source
-        a, part = _next_part(a, least, largest(low(through)))
+        near, near_forward, near_source = here, forward_here, source
+        a, part = _next_part(a, least, largest(through))
     write(scratch, HERE, here)
+    write(scratch, HERE + PACK, forward_here)
     write(scratch, HERE + 2 * PACK, source)
     put(scratch, FRESH, _ONE)
-    return radiance, through
+    return radiance, through, ahead

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.detail import FRESH, NO_DETAIL, SCRATCH, Detail
 from openswim.transport.detail_step import FAINT, WIDEST, detailed_step
-from openswim.transport.pack import PACK, flat, high, join, largest, low, put, read, read_double, write
+from openswim.transport.pack import PACK, flat, largest, put, read, write
 from openswim.transport.sample import RAY, prepare_ray, sample_air, sample_grid, turn_ray
 from openswim.transport.scalar import share_of_step, step_emission, table_index, transmission
 from openswim.transport.threads import in_threads
@@ -56,15 +56,14 @@ TILE = 256  # rays that follow each other
 _PARTS = 16  # of a view's rays for each thread, taken one by one
 _ZERO, _SIXTH, _HALF, _ONE = np.float32(0.0), np.float32(1 / 6), np.float32(0.5), np.float32(1.0)
 
-# What a ray has gathered, a row of packs and numbers: radiance and transmission (double packs: through the delta-scaled
-# and through the whole extinction); where it stands extinction, diffuse source and what is scattered of the beam, the
-# beam, the air's extinction; depth in front of unit cloud depth; then depth of cloud, cloud's extinction where it
-# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; depth of the forward
-# peaks to the eye; scratch of detail
-RADIANCE, THROUGH, EXTINCTION, SOURCE, SINGLE = 0, 2 * PACK, 4 * PACK, 6 * PACK, 8 * PACK
-BEAM, AIR, FRONT = 10 * PACK, 11 * PACK, 12 * PACK
-CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 13 * PACK, 13 * PACK + 1, 13 * PACK + 2, 13 * PACK + 3
-AHEAD, DETAIL, GATHERED = 14 * PACK, 15 * PACK, 15 * PACK + SCRATCH
+# What a ray has gathered, a row of packs and numbers: radiance and transmission; where it stands extinction, what the
+# forward peaks scatter besides, diffuse source, what is scattered of the beam, the beam, the air's extinction; depth in
+# front of unit cloud depth; depth of the forward peaks to the eye; then depth of cloud, cloud's extinction where it
+# stands, mean distance of unit cloud depth (sum), extinction of what is refined where it stands; scratch of detail
+RADIANCE, THROUGH, EXTINCTION, FORWARD, SOURCE, SINGLE = 0, PACK, 2 * PACK, 3 * PACK, 4 * PACK, 5 * PACK
+BEAM, AIR, FRONT, AHEAD = 6 * PACK, 7 * PACK, 8 * PACK, 9 * PACK
+CLOUD_DEPTH, NEAR_CLOUD, DISTANCE, REFINED = 10 * PACK, 10 * PACK + 1, 10 * PACK + 2, 10 * PACK + 3
+DETAIL, GATHERED = 11 * PACK, 11 * PACK + SCRATCH
 LAST = BATCH * PLACE  # where among the places the last one of the batch before is kept
 LANES = 4  # rays that walk in turn
 WHICH, ANGLE, SHARE, LANE = 0, 1, 2, 8  # of a lane: its ray or -1, cosine of the angle to the sun, share of the peak
@@ -87,7 +86,7 @@ class Marched(NamedTuple):
 def _start(got, species_depth):
     """A ray that has seen nothing."""
     for n in range(GATHERED):
-        put(got, n, _ONE if THROUGH <= n < EXTINCTION else _ZERO)
+        put(got, n, _ONE if THROUGH <= n < THROUGH + PACK else _ZERO)
     for n in range(species_depth.shape[0]):
         species_depth[n] = _ZERO
 
@@ -103,9 +102,9 @@ def _gather(
     radius = shells.radius_m
     # r mu_sun = sunward + s cos_angle
     sunward = w[OX] * sun[0] + w[OY] * sun[1] + (radius + w[OZ]) * sun[2]
-    radiance, through = read_double(got, RADIANCE), read_double(got, THROUGH)
-    extinction, diffuse = read_double(got, EXTINCTION), read_double(got, SOURCE)
-    single, beam = read_double(got, SINGLE), read(got, BEAM)
+    radiance, through = read(got, RADIANCE), read(got, THROUGH)
+    extinction, forward, diffuse = read(got, EXTINCTION), read(got, FORWARD), read(got, SOURCE)
+    single, beam = read(got, SINGLE), read(got, BEAM)
     air, front, ahead = read(got, AIR), read(got, FRONT), read(got, AHEAD)
     cloud_depth, near_cloud, distance = flat(got, CLOUD_DEPTH), flat(got, NEAR_CLOUD), flat(got, DISTANCE)
     count = int(w[COUNT])
@@ -119,19 +118,19 @@ def _gather(
         ds = np.float32(flat(places, place + PLACE_STEP))
         a, b = flat(places, place + PLACE_X), flat(places, place + PLACE_Y)
         half_step = _HALF * ds
-        ahead += half_step * (high(extinction) - low(extinction))
+        behind = ahead + half_step * forward
         if near_cloud > _ZERO:
             for m in range(ns):
                 species_depth[m] += half_step * flat(nodes, 2 * PACK + m)
         cloud = _ZERO
         if level >= 0.0:
-            extinction_far, diffuse_far, single_far, beam_far, air_far, cloud = sample_grid(
-                a, b, level, ray, peak, share, ahead, half_step, volume, nodes
+            extinction_far, forward_far, diffuse_far, single_far, beam_far, air_far, cloud = sample_grid(
+                a, b, level, ray, peak, share, behind, half_step, volume, nodes
             )
         else:
             mu_sun = (sunward + s * cos_angle) / (radius + a)
-            extinction_far, diffuse_far, single_far, beam_far, air_far = sample_air(
-                b, mu_sun, cos_angle, a, ray, peak, share, ahead, half_step, shells, ns
+            extinction_far, forward_far, diffuse_far, single_far, beam_far, air_far = sample_air(
+                b, mu_sun, cos_angle, a, ray, peak, share, behind, half_step, shells, ns
             )
         if cloud > _ZERO:
             for m in range(ns):
@@ -147,10 +146,10 @@ def _gather(
             distance += middle * min(added, max(_ONE - cloud_depth, _ZERO))
         elif cloud_depth >= _ONE:
             fronting = _ZERO
-        source, source_far = diffuse + single * join(beam, beam), diffuse_far + single_far * join(beam_far, beam_far)
+        source, source_far = diffuse + single * beam, diffuse_far + single_far * beam_far
         if added > _ZERO:
             # a cloud's scattering and the beam change together: their product's mean is not that of its ends
-            bend = _SIXTH * (single_far - single) * join(beam_far - beam, beam_far - beam)
+            bend = _SIXTH * (single_far - single) * (beam_far - beam)
             source -= bend
             source_far -= bend
         depth = (extinction + extinction_far) * half_step
@@ -161,12 +160,13 @@ def _gather(
                 refined_far += flat(detail.refined, m) * flat(nodes, 2 * PACK + m)
         if (
             refined + refined_far > _ZERO and ds > _ZERO and level >= 0.0 and flat(places, before + PLACE_LEVEL) >= 0.0
-            and largest(low(through)) > np.float32(FAINT)
+            and largest(through) > np.float32(FAINT)
         ):  # fmt: skip
-            radiance, through = detailed_step(
-                radiance, through, ds, width_m, extinction, extinction_far, diffuse, diffuse_far, single, single_far,
-                beam, beam_far, air, near_cloud, cloud, refined, refined_far, w, places, before, place, got[DETAIL:],
-                radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1), detail,
+            radiance, through, ahead = detailed_step(
+                radiance, through, ahead, ds, width_m, extinction, extinction_far, forward, forward_far, diffuse,
+                diffuse_far, single, single_far, beam, beam_far, air, near_cloud, cloud, refined, refined_far, w,
+                places, before, place, got[DETAIL:], radius, 1.0 * flat(volume.cell_m, 0), 1.0 * flat(volume.cell_m, 1),
+                detail,
             )  # fmt: skip
         else:
             put(got, DETAIL + FRESH, _ZERO)
@@ -183,17 +183,18 @@ def _gather(
                     ended, transmission(ended), part * ds, source, source_end, extinction, last
                 )
             through *= trans
+            ahead = behind + half_step * forward_far
         cloud_depth += added
         front += (fronting * half_step) * (air + air_far)
-        ahead += half_step * (high(extinction_far) - low(extinction_far))
-        extinction, diffuse, single, beam = extinction_far, diffuse_far, single_far, beam_far
+        extinction, forward, diffuse, single, beam = extinction_far, forward_far, diffuse_far, single_far, beam_far
         air, near_cloud, refined, before = air_far, cloud, refined_far, place
-        if largest(low(through)) < dark:
+        if largest(through) < dark:
             looked = n + 1
             break
     write(got, RADIANCE, radiance)
     write(got, THROUGH, through)
     write(got, EXTINCTION, extinction)
+    write(got, FORWARD, forward)
     write(got, SOURCE, diffuse)
     write(got, SINGLE, single)
     write(got, BEAM, beam)
@@ -214,9 +215,9 @@ def _gather(
 def _finish(n, w, got, out):
     """What ray ``n`` brings back."""
     for c in range(PACK):
-        out.radiance[n, c] = got[RADIANCE + c] + got[RADIANCE + PACK + c]
+        out.radiance[n, c] = got[RADIANCE + c]
         out.scaled[n, c] = got[THROUGH + c]
-        out.full[n, c] = got[THROUGH + PACK + c]
+        out.full[n, c] = got[THROUGH + c] * math.exp(-got[AHEAD + c])
         out.front[n, c] = got[FRONT + c]
     out.cloud_m[n] = w[START] + got[DISTANCE] / max(min(got[CLOUD_DEPTH], _ONE), np.float32(1e-12))
     out.distance_m[n] = w[START] + w[S] if w[STATE] == HIT else -1.0

@@ -140,16 +140,13 @@ def air_of(scene: Scene, wavelengths_nm: F64, ground_m: float) -> Background | N
 
 
 def build_medium(
-    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, tall: bool = False,
+    scene: Scene, wavelengths_nm: F64, mu_sun: float, refine: bool = True, divide: bool = True,
     frame: Frame | None = None,
 ) -> Medium:  # fmt: skip
     """Resample a scene's species to height levels; ``refine`` divides levels that are too thick for sweeps.
 
-    It divides columns too, up to `MOST_RESOLVED_NODES`, unless each is to be lit by itself or its clouds are broken by
-    their cover.
-
-    tall: layers may be as tall as two columns are wide, and columns are not divided. frame: another scene's, around
-    which this one lies.
+    It divides columns too if it may (``divide``), up to `MOST_RESOLVED_NODES`, unless each is to be lit by itself or
+    its clouds are broken by their cover. frame: another scene's, around which this one lies.
     """
     grid = scene.grid
     if grid is None:
@@ -181,16 +178,14 @@ def build_medium(
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif refine:
-        if not sideless and not tall and cover is None and cell_m < WIDE_CELL_M:
+        if divide and not sideless and cover is None and cell_m < WIDE_CELL_M:
             halvings = halvings_for(levels, heights, total, cell_m, ny * nx)
         share = 1.0  # on the Earth, where levels do not follow the hour
         if sideless:
             share = 0.35 * max(mu_sun, 0.12)  # of one column, levels cost little
         elif not frame.curved:
             share = float(np.clip(2 * mu_sun, 0.2, 1.0))  # a low sun's beam fades within less height
-        levels = refined_levels(
-            levels, heights, total, (2 if tall else 1) * min(dx, dy) / 2**halvings, ny * nx * 4**halvings, share
-        )
+        levels = refined_levels(levels, heights, total, min(dx, dy) / 2**halvings, ny * nx * 4**halvings, share)
     fineness = 1
     if frame.curved and (refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, refine)

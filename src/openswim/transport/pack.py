@@ -1,4 +1,4 @@
-"""Packs: several float32 at once in a vector register, and how Numba's kernels read, join and reckon with them.
+"""Packs: several float32 at once in a vector register, and how Numba's kernels read, split and reckon with them.
 
 PACK of them are one number per wavelength; 2 PACK and 4 PACK lie together where a place has several such numbers.
 Arithmetic among packs of a width, and of packs with scalars, is lane by lane. Without this LLVM must prove that arrays
@@ -276,16 +276,6 @@ def each(typingctx, a, b, c, d):
         return builder.shuffle_vector(out, _undefined(_NARROW), _indices([n // PACK for n in range(4 * PACK)]))
 
     return _QUADRUPLE(types.float32, types.float32, types.float32, types.float32), lower
-
-
-@intrinsic
-def join(typingctx, a, b):
-    """Two packs of PACK as one."""
-
-    def lower(context, builder, sig, args):
-        return builder.shuffle_vector(args[0], args[1], _indices(range(2 * PACK)))
-
-    return _DOUBLE(_NARROW, _NARROW), lower
 
 
 def _finer(factor: int):

@@ -8,17 +8,17 @@ from typing import NamedTuple
 class Quality(NamedTuple):
     """ordinates: of Lebedev's rule, or about as many of another; tolerance: see `Solver`.
 
-    tall: layers as tall as two columns are wide. halved: sweep and see half columns (`halved_medium`).
+    divide: columns that are thick across (`build_medium`). halved: sweep and see half columns (`halved_medium`).
     """
 
     ordinates: int
     tolerance: float
-    tall: bool = False
+    divide: bool = True
     halved: bool = False
 
 
 SETTINGS = {
-    "preview": Quality(50, 0.1, tall=True),
+    "preview": Quality(50, 0.1, divide=False),
     "standard": Quality(50, 0.02),
     "high": Quality(110, 0.01, halved=True),
 }

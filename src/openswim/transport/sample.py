@@ -1,7 +1,7 @@
 """Sample: what a point of the grid, or of the shells, does to light on its way to the eye.
 
-Two numbers per wavelength lie in a double pack: what the delta-scaled beam of eye rays sees, and what the forward peak
-does, which is dimmed by the whole extinction.
+Eye rays are dimmed by the delta-scaled extinction; what the forward peaks scatter besides is gathered by itself, for by
+it they broaden (docs/fast.md, F17) and the sun's disc fades.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from openswim.transport.pack import (
     choose_above,
     flat,
     high,
-    join,
     low,
     pack_of,
     read,
@@ -147,9 +146,9 @@ def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
 def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes):
     """A point of the grid, at fractional indices; its channels are left in ``nodes``.
 
-    ahead: forward depth to the eye, but for this point's ``half_step``. Returns double packs of extinction, of the
-    diffuse source and of what is scattered of the beam, then the beam, the air's own extinction, and the species'
-    reference extinction.
+    ahead: forward depth to the eye, but for this point's ``half_step``. Returns packs of extinction, of what the
+    forward peaks scatter besides, of the diffuse source, of what is scattered of the beam, of the beam, and of the
+    air's own extinction; then the species' reference extinction.
     """
     nz, ny, nx, nc = volume.fields.shape
     k = min(int(level), nz - 2)
@@ -222,10 +221,7 @@ def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes
         source = _turned(at, right // nc, up // nc, ny * nx, v00, v01, v10, v11, g, ray, volume)
     if volume.per_extinction:
         source *= extinction
-    nothing = spread(_ZERO)
-    return (
-        join(extinction, extinction + forward), join(source, nothing), join(single, nothing), beam, air, cloud
-    )  # fmt: skip
+    return extinction, forward, source, single, beam, air, cloud
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -293,7 +289,4 @@ def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, ahead, half_step, she
     if share > _ZERO:
         q, part = _peak_place(high(slant) + ahead + half_step * forward, peak.shape[1])
         single += share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
-    nothing = spread(_ZERO)
-    return (
-        join(extinction, extinction + forward), join(smooth, nothing), join(single, nothing), beam, extinction
-    )  # fmt: skip
+    return extinction, forward, smooth, single, beam, extinction

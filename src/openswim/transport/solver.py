@@ -179,7 +179,7 @@ def _grid_field(
     started = time.perf_counter()
     fast = solver.name == "fast"
     setting = solver.setting
-    medium = build_medium(scene, wl, float(sun[2]), refine=fast, tall=setting.tall, frame=frame)
+    medium = build_medium(scene, wl, float(sun[2]), refine=fast, divide=setting.divide, frame=frame)
     if fast and setting.halved and not medium.divided:
         medium = halved_medium(scene, medium)
     if fast:
