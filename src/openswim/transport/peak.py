@@ -63,13 +63,11 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     p = np.minimum(left / f, 1.0)  # the beam holds no more of a moment than of all its light
     u = np.arange(1, _DEPTHS) / (_DEPTHS - 1)
     phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e6)[:, None]
-    # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
     met = phi * p
-    growth = np.exp(-phi) * met / 2
-    some = np.abs(met) > 1e-4
-    np.divide(np.exp(met - phi) - np.exp(-phi), met, out=growth, where=some)
-    growth[some] -= np.broadcast_to(np.exp(-phi), some.shape)[some]
-    growth *= _TAPER
+    size = np.maximum(np.abs(met), 1e-12)
+    growth = np.exp(np.maximum(met, 0) - phi) * -np.expm1(-size) / size
+    # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
+    growth = (growth - np.exp(-phi)) * _TAPER
     table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
     return table.astype(np.float32)
 
