@@ -115,6 +115,17 @@ def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytes
     assert halved_medium(scene, medium) is medium
 
 
+def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:
+    """Cells of a weather model: halving them would cost four times as much and tell nothing."""
+    field = np.zeros((6, 20, 20))
+    field[2:4, 5:12, 5:12] = 1e-3
+    scene = grid_scene(field, field.shape, (3000.0, 3000.0, 500.0))
+    standard, high = (
+        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).packs[0].volume for quality in ("standard", "high")
+    )
+    assert high.fields.shape == standard.fields.shape
+
+
 def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:
     """Albedo 0 in the west, 1 in the east of a flat scene: seen from above, each half keeps its own."""
     albedo = np.where(np.arange(24) < 12, 0.0, 1.0) * np.ones((24, 1))

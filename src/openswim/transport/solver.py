@@ -180,7 +180,7 @@ def _grid_field(
     fast = solver.name == "fast"
     setting = solver.setting
     medium = build_medium(scene, wl, float(sun[2]), refine=fast, divide=setting.divide, frame=frame)
-    if fast and setting.halved and not medium.divided:
+    if fast and setting.halved and not medium.divided and not stand_alone(medium):
         medium = halved_medium(scene, medium)
     if fast:
         medium = with_air_above(with_soft_top(medium))
