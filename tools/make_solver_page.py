@@ -215,8 +215,8 @@ def plot(numbers: dict[str, Any], _: Path) -> None:
         colour = _COLOURS[kind]
         axes.plot(seconds, means, "o-", color=colour, label=f"{kind}, 4x4-pixel means")
         axes.plot(seconds, pixels, "o--", color=colour, mfc="white", lw=0.8, label=f"{kind}, single pixels")
-        for x, y, label in zip(seconds, means, labels, strict=True):
-            axes.annotate(label, (x, y), (4, -10), textcoords="offset points", fontsize=8, color=colour)
+        for n, (x, y, label) in enumerate(zip(seconds, means, labels, strict=True)):
+            axes.annotate(label, (x, y), (4, 5 if n % 2 else -10), textcoords="offset points", fontsize=8, color=colour)
     for name, (error, cost) in QUOTED.items():
         axes.plot(cost, error, "k^", mfc="white")
         axes.annotate(name, (cost, error), (6, 3), textcoords="offset points", fontsize=8)
