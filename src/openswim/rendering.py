@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import openswim
+from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
 from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
@@ -100,9 +101,8 @@ def _checked_wavelengths(wavelengths_nm: Any) -> F64:
     return wavelengths
 
 
-def _check_scene(scene: Any) -> None:
-    if not isinstance(scene, Scene):
-        raise UserError(f"{scene!r:.80} is no scene: open_scene(path) first")
+def _solver(solver: str | Solver) -> Solver:
+    return solver if isinstance(solver, Solver) else Solver(solver)
 
 
 def light(
@@ -113,12 +113,12 @@ def light(
     sun: tuple[float, float] | None = None,
 ) -> LitScene:
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
-    _check_scene(scene)
+    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = _checked_wavelengths(wavelengths_nm)
     day = daylight(scene, time, sun)
-    chosen = solver if isinstance(solver, Solver) else Solver(solver)
     when = scene.time if time is None else parse_time(time)
-    return LitScene(scene, chosen.solve(scene, day.direction, wavelengths), day, None if sun is not None else when)
+    field = _solver(solver).solve(scene, day.direction, wavelengths)
+    return LitScene(scene, field, day, None if sun is not None else when)
 
 
 def render(
@@ -140,15 +140,16 @@ def render(
     the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
     ``radiance_standard_error``, the paths per pixel and the mean error.
     """
+    check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     if isinstance(scene, LitScene):
         lit = scene
         _check_observer(lit.scene, camera, lit.field.solver.name)
     else:
-        _check_scene(scene)
-        name = solver if isinstance(solver, str) else solver.name
-        part = _needed(scene, camera, name)
-        _check_observer(part, camera, name)
-        lit = light(part, solver, wavelengths_nm, time, sun)
+        check_kind("scene", scene, Scene, "give one: open_scene(path) first")
+        chosen = _solver(solver)
+        part = _needed(scene, camera, chosen.name)
+        _check_observer(part, camera, chosen.name)
+        lit = light(part, chosen, wavelengths_nm, time, sun)
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
