@@ -235,6 +235,7 @@ def _with_background(**attributes):
 
 
 HG = '{"type": "henyey_greenstein", "g": 0.7}'
+PYTHONS_WORDS = "could not convert|object (has no|is not)|not supported between|argument of type|invalid literal|^'"
 WRONG = {
     "units": (
         _set("liquid_content", units="furlong"),
@@ -260,7 +261,15 @@ WRONG = {
     ),
     "no phase function": (_with_smoke(), "extinction_smoke lacks the attribute phase_function"),
     "phase function": (_with_smoke(phase_function="{g = 0.7}"), "not JSON"),
-    "phase function of no kind": (_with_smoke(phase_function="0.7"), "extinction_smoke: cannot be read"),
+    "phase function of no kind": (_with_smoke(phase_function="0.7"), "phase function 0.7 is not understood"),
+    "asymmetry": (_with_smoke(phase_function=HG.replace("0.7", '"a"')), "extinction_smoke: phase function"),
+    "kind": (_with_smoke(phase_function=HG, kind="liqiud"), "extinction_smoke: optics: kind 'liqiud' is unknown"),
+    "albedo's wavelengths": (
+        _with_smoke(phase_function=HG, single_scattering_albedo='{"blue": 1}'),
+        "single_scattering_albedo must have wavelengths in nanometres, got blue",
+    ),
+    "radius": (lambda data: data.assign_attrs(earth_radius_m="large"), "earth_radius_m must be a number"),
+    "periodic sides": (lambda data: data.assign_attrs(periodic_sides="ture"), "periodic_sides is 'ture'"),
     "no albedo": (
         _with_smoke(phase_function=HG, single_scattering_albedo="{}"),
         "extinction_smoke: optics: single_scattering_albedo must have wavelengths",
@@ -284,7 +293,7 @@ WRONG = {
     ),
     "background's spectrum": (
         _with_background(phase='{"spectral": 3}'),
-        "aerosol_background: cannot be read",
+        "aerosol_background: unknown phase function type None: choose one of",
     ),
     "half a profile": (
         lambda data: data.assign(profile_height=("profile", [0.0, 1e5])),
@@ -306,6 +315,14 @@ def test_wrong_files(tmp_path, engine, change, said):
         open_scene(path)
     assert str(caught.value).count(str(path)) == 1
     assert "\n" not in str(caught.value)
+    assert not re.search(PYTHONS_WORDS, str(caught.value))
+
+
+def test_misspelt_attributes_are_told(tmp_path):
+    data = _with_smoke(phase_function=HG, knid="liquid")(_dataset()).assign_attrs(periodic_side=1)
+    notes = _read(tmp_path, data).notes
+    assert "attribute periodic_side is not used: is periodic_sides meant?" in notes
+    assert "extinction_smoke: attribute knid is not used: is kind meant?" in notes
 
 
 def test_not_scenes_at_all(tmp_path):
