@@ -67,18 +67,20 @@ def open_scene(
 
 def describe(path: Paths) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
-    paths = files_of(path)
-    reader: Any = _reader_of_all(paths)
     with np.errstate(all="ignore"):
-        if len(paths) == 1:
-            info: SceneInfo = reader.describe(paths[0])
-        elif hasattr(reader, "describe_parts"):
-            info = reader.describe_parts(paths)
-        else:
-            from openswim.readers.series import describe_series
+        first, *others = [each for group in _by_reader(files_of(path)).items() for each in _described(*group)]
+    return replace(first, others=others)
 
-            info = describe_series(reader, paths)
-    return info
+
+def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
+    """What one model's files hold, one description for all that are of one grid."""
+    if len(paths) == 1:
+        return [reader.describe(paths[0])]
+    if hasattr(reader, "describe_parts"):
+        return [reader.describe_parts(paths)]
+    from openswim.readers.series import describe_series
+
+    return describe_series(reader, paths)
 
 
 def files_of(path: Paths) -> list[Path]:
@@ -187,16 +189,6 @@ def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km
     if radius_km is None:
         return Neighbourhood(lat, lon)
     return Neighbourhood(lat, lon, radius_m=1e3 * number("radius_km", radius_km))
-
-
-def _reader_of_all(paths: Sequence[Path]) -> Reader:
-    """The reader that knows the files, all of one model."""
-    groups = _by_reader(paths)
-    first, *others = groups
-    if others:
-        path = groups[others[0]][0]
-        raise UserError(f"{path}: not of the same model as the other files ({first.name}): look at them one by one")
-    return first
 
 
 def _by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
