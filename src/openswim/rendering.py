@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -136,9 +137,9 @@ def render(
     sun = (azimuth, altitude) in degrees instead of a time.
 
     Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
-    al. 2020, Eq. 2); on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the ray ends on
-    the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
-    ``radiance_standard_error``, the paths per pixel and the mean error.
+    al. 2020, Eq. 2); coordinates on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the
+    ray ends on the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference"
+    adds ``radiance_standard_error``, the paths per pixel and the mean error.
     """
     check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     if isinstance(scene, LitScene):
@@ -328,9 +329,9 @@ def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, alti
 def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
     attrs: dict[str, Any] = {
         "Conventions": "CF-1.11",
-        "title": f"OpenSWIm {camera.view} image",
-        "history": f"openswim {openswim.__version__}",
-        "view": camera.view,
+        "title": f"OpenSWIm {camera.name} image",
+        "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
+        "view": camera.name,
         "source": lit.scene.source,
         "assumptions": "\n".join(lit.scene.notes),
         "solver": lit.field.solver.name,
@@ -374,6 +375,13 @@ def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: di
             "solar_relative_radiance": (
                 dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
             ),
+            "solar_irradiance": (
+                ("wavelength",), toa,
+                {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},
+            ),
+        },
+        coords={
+            "wavelength": ("wavelength", wl, {"standard_name": "radiation_wavelength", "units": "nm"}),
             "azimuth": (
                 ("y", "x"), pixels.azimuth_deg.astype(np.float32),
                 {"long_name": "viewing azimuth, clockwise from north", "units": "degree"},
@@ -382,18 +390,13 @@ def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: di
                 ("y", "x"), pixels.altitude_deg.astype(np.float32),
                 {"long_name": "viewing altitude above the horizon", "units": "degree"},
             ),
-            "solar_irradiance": (
-                ("wavelength",), toa,
-                {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},
-            ),
         },
-        coords={"wavelength": ("wavelength", wl, {"standard_name": "radiation_wavelength", "units": "nm"})},
         attrs=attrs,
     )  # fmt: skip
     if lit.field.frame.curved:
         lat, lon, _ = lit.field.frame.latlon(view.position)
         for name, value in (("latitude", lat), ("longitude", lon)):
-            image[name] = (
+            image.coords[name] = (
                 ("y", "x"), pixels.image(value.astype(np.float32)),
                 {"standard_name": name, "units": f"degrees_{'north' if name == 'latitude' else 'east'}",
                  "long_name": f"{name} of the ground that the pixel shows"},

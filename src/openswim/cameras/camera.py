@@ -182,6 +182,13 @@ class Camera:
         """A satellite over the equator at 35,786 km."""
         return cls.satellite(lat, lon, GEOSTATIONARY_HEIGHT_M, fov_deg, size)
 
+    @property
+    def name(self) -> str:
+        """The view by the constructor that makes it: a panorama may be a sphere, a perspective a satellite's."""
+        if self.view == "panorama" and tuple(self.altitude_range_deg) == (-90.0, 90.0):
+            return "sphere"
+        return "satellite" if self.view == "perspective" and self.above == "sea level" else self.view
+
     def pixels(self) -> Pixels:
         """Direction and solid angle of every pixel in the horizon frame at the camera's place."""
         if self.view == "allsky":
