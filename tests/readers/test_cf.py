@@ -142,6 +142,17 @@ def test_longitudes_and_latitudes(tmp_path):
     assert any("sphere of 6371 km" in note for note in scene.notes)
 
 
+@pytest.mark.parametrize("turn", [slice(None), slice(None, None, -1)])
+def test_longitudes_over_the_date_line(tmp_path, turn):
+    degrees = [179.25, 179.75, -179.75, -179.25]
+    data = _dataset(
+        x=("x", degrees, {"units": "degrees_east"}), y=("y", [46.0, 45.5], {"units": "degrees_north"})
+    ).set_coords(["x", "y"])
+    scene = _read(tmp_path, data.isel(x=turn))
+    np.testing.assert_allclose(scene.grid.lonlat(np.arange(4), 0)[0], degrees)
+    np.testing.assert_allclose(scene.data.liquid_content, CONTENT[:, ::-1])
+
+
 def test_gaps_below_the_terrain_are_filled(tmp_path):
     terrain = np.array([[0.0, 0.0, 700.0, 700.0]] * 2)
     buried = np.broadcast_to(LEVELS[:, None, None] < terrain, CONTENT.shape)
@@ -316,6 +327,13 @@ def test_wrong_files(tmp_path, engine, change, said):
     assert str(caught.value).count(str(path)) == 1
     assert "\n" not in str(caught.value)
     assert not re.search(PYTHONS_WORDS, str(caught.value))
+
+
+def test_ground_far_below_the_lowest_level_is_told(tmp_path):
+    data = _dataset(surface_altitude=(("y", "x"), np.full((2, 4), -0.9), {"units": "km"}))
+    said = f"the lowest level is {LEVELS[0] + 900:.0f} m above the ground: nothing is known of what is between"
+    assert said in _read(tmp_path, data).notes
+    assert said in describe(tmp_path / "model.nc").assumed
 
 
 def test_misspelt_attributes_are_told(tmp_path):

@@ -24,7 +24,7 @@ from openswim.readers.base import (
     shape_text,
     spacing_text,
 )
-from openswim.readers.cf_fields import atmosphere_of, fields_of, misspelt, optics_of
+from openswim.readers.cf_fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
 from openswim.readers.cf_grid import grid_of, upright
 from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
@@ -78,7 +78,7 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += no_species(fields) + no_ground(fields)
+                notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
             unused = [
                 str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
             ]
@@ -110,7 +110,7 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += no_species(data) + no_ground(data)
+                notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
             notes += misspelt(data)
             return SceneInfo(
                 path=str(path),

@@ -28,6 +28,7 @@ _NO_OPTICS = "attributes not as docs/scene-format.md describes"
 _GLOBAL = ("openswim_layout", "earth_radius_m", "periodic_sides", "atmosphere")
 _OPTICAL = ("phase_function", "single_scattering_albedo", "angstrom_exponent", "aerosol_type", "kind")
 _ALIKE = 0.75
+_GAP_M = 500.0
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -81,6 +82,16 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
     phase = _json(name, "phase_function", attributes["phase_function"])
     exponent = attributes.get("angstrom_exponent")
     return Optics(albedo, phases_from_dict(phase), str(attributes.get("kind", "other")), exponent)
+
+
+def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
+    """A note on ground far below the lowest level."""
+    if grid is None or "surface_altitude" not in data:
+        return []
+    terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
+    gap_m = float(np.median(grid.height_m[0] - terrain))
+    note = f"the lowest level is {gap_m:.0f} m above the ground: nothing is known of what is between"
+    return [note] * (gap_m > _GAP_M)
 
 
 def misspelt(data: xr.Dataset) -> list[str]:

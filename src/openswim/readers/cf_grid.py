@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def upright(data: xr.Dataset) -> xr.Dataset:
-    """The dataset with x, y and height ascending: levels from the top or rows from the north are common."""
+    """The dataset with x, y and height ascending: levels from the top, rows from the north and longitudes over the date
+    line are common."""
+    if "x" in data.variables and data["x"].ndim == 1 and canonical(str(data["x"].attrs.get("units", ""))) == "degrees":
+        data = data.assign_coords(x=data["x"].copy(data=np.unwrap(data["x"].values, period=360.0)))
     for name in ("x", "y"):
         if name in data.variables and data[name].ndim == 1 and data[name].size > 1:
             values = np.asarray(data[name].values)

@@ -26,6 +26,13 @@ def checked_dataset(data: xr.Dataset, grid: Grid | None) -> tuple[xr.Dataset, li
     sizes = {} if grid is None else dict(zip(("z", "y", "x"), grid.shape, strict=True))
     notes: list[str] = []
     fields = {str(name): _checked(str(name), data[name], sizes, notes) for name in data.data_vars}
+    if grid is not None and "surface_altitude" in fields:
+        above_m = float(np.median(fields["surface_altitude"].values - grid.height_m[-1]))
+        if above_m > 0:  # through some levels it may rise
+            raise UserError(
+                f"scene: surface_altitude is {above_m:.0f} m above the highest level in most columns: give both in "
+                "metres above sea level"
+            )
     return xr.Dataset(fields, coords=_coordinates(data, grid), attrs=dict(data.attrs)), notes
 
 
