@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,8 @@ def test_dimensions_names_and_units(allsky: xr.Dataset) -> None:
         "longitude": "degrees_east",
         "wavelength": "nm",
     }
+    assert {"azimuth", "altitude", "latitude", "longitude"} <= set(allsky.radiance.coords)  # CF's `coordinates`
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ: openswim .*", allsky.attrs["history"])
     assert allsky.attrs["solver"] == "fast"
     assert allsky.attrs["time"] == "2024-05-04T09:30:00Z"
     assert (allsky.attrs["latitude"], allsky.attrs["longitude"]) == (LAT, LON)
@@ -288,7 +291,7 @@ def test_wavelengths_are_numbers_each_once(monkeypatch, wavelengths) -> None:
 @pytest.mark.parametrize("scene", ["foo.nc", Path("foo.nc"), None])
 def test_files_are_to_be_opened_first(scene) -> None:
     for wrong in (lambda: openswim.render(scene, Camera.allsky(LAT, LON)), lambda: light(scene)):
-        with pytest.raises(UserError, match=r"no scene: open_scene\(path\) first"):
+        with pytest.raises(UserError, match=r"scene is .*: open_scene\(path\) first"):
             wrong()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import openswim
+from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
 from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
@@ -100,9 +102,8 @@ def _checked_wavelengths(wavelengths_nm: Any) -> F64:
     return wavelengths
 
 
-def _check_scene(scene: Any) -> None:
-    if not isinstance(scene, Scene):
-        raise UserError(f"{scene!r:.80} is no scene: open_scene(path) first")
+def _solver(solver: str | Solver) -> Solver:
+    return solver if isinstance(solver, Solver) else Solver(solver)
 
 
 def light(
@@ -113,12 +114,12 @@ def light(
     sun: tuple[float, float] | None = None,
 ) -> LitScene:
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
-    _check_scene(scene)
+    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = _checked_wavelengths(wavelengths_nm)
     day = daylight(scene, time, sun)
-    chosen = solver if isinstance(solver, Solver) else Solver(solver)
     when = scene.time if time is None else parse_time(time)
-    return LitScene(scene, chosen.solve(scene, day.direction, wavelengths), day, None if sun is not None else when)
+    field = _solver(solver).solve(scene, day.direction, wavelengths)
+    return LitScene(scene, field, day, None if sun is not None else when)
 
 
 def render(
@@ -136,19 +137,20 @@ def render(
     sun = (azimuth, altitude) in degrees instead of a time.
 
     Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
-    al. 2020, Eq. 2); on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the ray ends on
-    the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference" adds
-    ``radiance_standard_error``, the paths per pixel and the mean error.
+    al. 2020, Eq. 2); coordinates on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the
+    ray ends on the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference"
+    adds ``radiance_standard_error``, the paths per pixel and the mean error.
     """
+    check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     if isinstance(scene, LitScene):
         lit = scene
         _check_observer(lit.scene, camera, lit.field.solver.name)
     else:
-        _check_scene(scene)
-        name = solver if isinstance(solver, str) else solver.name
-        part = _needed(scene, camera, name)
-        _check_observer(part, camera, name)
-        lit = light(part, solver, wavelengths_nm, time, sun)
+        check_kind("scene", scene, Scene, "give one: open_scene(path) first")
+        chosen = _solver(solver)
+        part = _needed(scene, camera, chosen.name)
+        _check_observer(part, camera, chosen.name)
+        lit = light(part, chosen, wavelengths_nm, time, sun)
     field, frame = lit.field, lit.field.frame
     ground_m = _ground_below(lit, camera)
     pixels = camera.pixels()
@@ -327,9 +329,9 @@ def _irradiance(lit: LitScene, origin: F64, camera: Camera, azimuth: float, alti
 def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
     attrs: dict[str, Any] = {
         "Conventions": "CF-1.11",
-        "title": f"OpenSWIm {camera.view} image",
-        "history": f"openswim {openswim.__version__}",
-        "view": camera.view,
+        "title": f"OpenSWIm {camera.name} image",
+        "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
+        "view": camera.name,
         "source": lit.scene.source,
         "assumptions": "\n".join(lit.scene.notes),
         "solver": lit.field.solver.name,
@@ -373,6 +375,13 @@ def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: di
             "solar_relative_radiance": (
                 dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
             ),
+            "solar_irradiance": (
+                ("wavelength",), toa,
+                {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},
+            ),
+        },
+        coords={
+            "wavelength": ("wavelength", wl, {"standard_name": "radiation_wavelength", "units": "nm"}),
             "azimuth": (
                 ("y", "x"), pixels.azimuth_deg.astype(np.float32),
                 {"long_name": "viewing azimuth, clockwise from north", "units": "degree"},
@@ -381,18 +390,13 @@ def _dataset(lit: LitScene, pixels: Any, relative: NDArray, view: Any, attrs: di
                 ("y", "x"), pixels.altitude_deg.astype(np.float32),
                 {"long_name": "viewing altitude above the horizon", "units": "degree"},
             ),
-            "solar_irradiance": (
-                ("wavelength",), toa,
-                {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},
-            ),
         },
-        coords={"wavelength": ("wavelength", wl, {"standard_name": "radiation_wavelength", "units": "nm"})},
         attrs=attrs,
     )  # fmt: skip
     if lit.field.frame.curved:
         lat, lon, _ = lit.field.frame.latlon(view.position)
         for name, value in (("latitude", lat), ("longitude", lon)):
-            image[name] = (
+            image.coords[name] = (
                 ("y", "x"), pixels.image(value.astype(np.float32)),
                 {"standard_name": name, "units": f"degrees_{'north' if name == 'latitude' else 'east'}",
                  "long_name": f"{name} of the ground that the pixel shows"},

@@ -185,3 +185,8 @@ def test_rays_share_an_origin_or_a_direction():
     assert len(Rays(np.zeros(3), np.array([0, 0, 1.0]))) == 1
     with pytest.raises(ValueError, match="three"):
         Rays(np.zeros(2), np.eye(3))
+
+
+def test_views_are_called_by_their_constructors():
+    views = ("allsky", "panorama", "sphere", "perspective", "satellite")
+    assert [getattr(Camera, view)(lat=1, lon=2).name for view in views] == list(views)

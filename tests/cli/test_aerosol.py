@@ -1,6 +1,7 @@
 """`openswim aerosol`: types listed, fits printed, written and drawn, one line per mistake."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,8 @@ def test_fit_of_a_named_type_gives_the_papers_numbers_back(capsys: pytest.Captur
     ("options", "line"),
     [
         ([], "at least one --mode"),
+        (["--type", "dust", "--irregular"], "either --type, or --mode"),
+        (["--type", "dust", "--plot", "x.bmp"], "--plot x.bmp: suffix '.bmp' is unknown"),
         (["--mode", "0.1"], "at least one --mode"),
         (["--mode", "0.1", "--index", "1.5"], "RADIUS,STD"),
         (["--mode", "0.1,big", "--index", "1.5"], "not a list of numbers"),
@@ -72,3 +75,12 @@ def test_mistakes_are_one_line(options, line, capsys, tmp_path, monkeypatch) -> 
     assert line in said
     assert "\n" not in said
     assert not list(tmp_path.iterdir())
+
+
+def test_the_snippets_of_the_documentation_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("miepython")
+    monkeypatch.chdir(tmp_path)
+    assert run(["aerosol", "fit", "--type", "dust", "--json", "dust.json"]) == 0
+    page = (Path(__file__).resolve().parents[2] / "docs" / "optics.md").read_text()
+    for snippet in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(snippet, {})

@@ -138,6 +138,8 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--solver", "reference", "--paths", "1"], "paths = 1"),
         (["-o", "x.png", "--solver", "reference", "--error", "150"], "target_error"),
         (["-o", "x.png", "--size", "big"], "--size"),
+        (["-o", "x.png", "--size", "0"], "--size 0"),
+        (["-o", "x.png", "--size", "10x99999"], "--size 10x99999"),
         (["-o", "x.png", "--size", "20x30"], "square"),
         (["-o", "x.png", "--sun", "south,3"], "--sun south,3"),
         (["-o", "x.png", "--sun", "180,91"], "altitude of -90 to 90"),

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from PIL import Image
+from PIL import Image, ImageFont
 
 from openswim.colour import check_writable, save
+from openswim.colour.caption import _wrapped
 from openswim.errors import UserError
 
 FACTS = {
@@ -57,6 +58,19 @@ def test_pictures_carry_a_caption_below(image, tmp_path, name):
     assert strip.max() > 150  # ink ...
     assert np.median(strip) < 40  # ... on a dark ground
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f"bare_{name}"])
+
+
+def test_captions_are_whole_or_left_out(image, tmp_path):
+    """Nothing is cut off that has spaces; what is too narrow for them has them in its metadata alone."""
+    parts = ["View: satellite, straight down, 17.3 degrees wide", "Solver: fast", "Irradiance: global 812 W/m2"]
+    lines = _wrapped(parts, ImageFont.load_default(9), 130)
+    assert " ".join(lines).replace("  |  ", " ") == " ".join(parts)
+    assert all(ImageFont.load_default(9).getlength(line) <= 130 for line in lines)
+    narrow = image.isel(x=slice(150))
+    save(narrow, tmp_path / "sky.png")
+    with Image.open(tmp_path / "sky.png") as opened:
+        assert opened.size == (150, 40)
+    assert text_of(tmp_path / "sky.png")["Solver"] == "fast"
 
 
 def test_png_metadata_says_what_was_rendered(image, tmp_path):

@@ -142,6 +142,17 @@ def test_longitudes_and_latitudes(tmp_path):
     assert any("sphere of 6371 km" in note for note in scene.notes)
 
 
+@pytest.mark.parametrize("turn", [slice(None), slice(None, None, -1)])
+def test_longitudes_over_the_date_line(tmp_path, turn):
+    degrees = [179.25, 179.75, -179.75, -179.25]
+    data = _dataset(
+        x=("x", degrees, {"units": "degrees_east"}), y=("y", [46.0, 45.5], {"units": "degrees_north"})
+    ).set_coords(["x", "y"])
+    scene = _read(tmp_path, data.isel(x=turn))
+    np.testing.assert_allclose(scene.grid.lonlat(np.arange(4), 0)[0], degrees)
+    np.testing.assert_allclose(scene.data.liquid_content, CONTENT[:, ::-1])
+
+
 def test_gaps_below_the_terrain_are_filled(tmp_path):
     terrain = np.array([[0.0, 0.0, 700.0, 700.0]] * 2)
     buried = np.broadcast_to(LEVELS[:, None, None] < terrain, CONTENT.shape)
@@ -235,6 +246,7 @@ def _with_background(**attributes):
 
 
 HG = '{"type": "henyey_greenstein", "g": 0.7}'
+PYTHONS_WORDS = "could not convert|object (has no|is not)|not supported between|argument of type|invalid literal|^'"
 WRONG = {
     "units": (
         _set("liquid_content", units="furlong"),
@@ -260,7 +272,15 @@ WRONG = {
     ),
     "no phase function": (_with_smoke(), "extinction_smoke lacks the attribute phase_function"),
     "phase function": (_with_smoke(phase_function="{g = 0.7}"), "not JSON"),
-    "phase function of no kind": (_with_smoke(phase_function="0.7"), "extinction_smoke: cannot be read"),
+    "phase function of no kind": (_with_smoke(phase_function="0.7"), "phase function 0.7 is not understood"),
+    "asymmetry": (_with_smoke(phase_function=HG.replace("0.7", '"a"')), "extinction_smoke: phase function"),
+    "kind": (_with_smoke(phase_function=HG, kind="liqiud"), "extinction_smoke: optics: kind 'liqiud' is unknown"),
+    "albedo's wavelengths": (
+        _with_smoke(phase_function=HG, single_scattering_albedo='{"blue": 1}'),
+        "single_scattering_albedo must have wavelengths in nanometres, got blue",
+    ),
+    "radius": (lambda data: data.assign_attrs(earth_radius_m="large"), "earth_radius_m must be a number"),
+    "periodic sides": (lambda data: data.assign_attrs(periodic_sides="ture"), "periodic_sides is 'ture'"),
     "no albedo": (
         _with_smoke(phase_function=HG, single_scattering_albedo="{}"),
         "extinction_smoke: optics: single_scattering_albedo must have wavelengths",
@@ -284,7 +304,7 @@ WRONG = {
     ),
     "background's spectrum": (
         _with_background(phase='{"spectral": 3}'),
-        "aerosol_background: cannot be read",
+        "aerosol_background: unknown phase function type None: choose one of",
     ),
     "half a profile": (
         lambda data: data.assign(profile_height=("profile", [0.0, 1e5])),
@@ -306,6 +326,21 @@ def test_wrong_files(tmp_path, engine, change, said):
         open_scene(path)
     assert str(caught.value).count(str(path)) == 1
     assert "\n" not in str(caught.value)
+    assert not re.search(PYTHONS_WORDS, str(caught.value))
+
+
+def test_ground_far_below_the_lowest_level_is_told(tmp_path):
+    data = _dataset(surface_altitude=(("y", "x"), np.full((2, 4), -0.9), {"units": "km"}))
+    said = f"the lowest level is {LEVELS[0] + 900:.0f} m above the ground: nothing is known of what is between"
+    assert said in _read(tmp_path, data).notes
+    assert said in describe(tmp_path / "model.nc").assumed
+
+
+def test_misspelt_attributes_are_told(tmp_path):
+    data = _with_smoke(phase_function=HG, knid="liquid")(_dataset()).assign_attrs(periodic_side=1)
+    notes = _read(tmp_path, data).notes
+    assert "attribute periodic_side is not used: is periodic_sides meant?" in notes
+    assert "extinction_smoke: attribute knid is not used: is kind meant?" in notes
 
 
 def test_not_scenes_at_all(tmp_path):

@@ -51,6 +51,12 @@ def test_truncated(tmp_path, name, kept):
     _refused(truth.paths, truth.paths[0].name)
 
 
+@pytest.mark.parametrize("lines", [1, 2, 4])
+def test_les_text_that_ends_in_its_head(tmp_path, lines):
+    (tmp_path / "les.txt").write_text("".join(["4,4,3\n", "0.02,0.02\n", "0.1,0.2,", "0.3\n"][: lines + 1]))
+    _refused(tmp_path / "les.txt", "les.txt: sizes and spacing, but no rows", "truncated")
+
+
 def test_wrong_endianness(analysis):
     """Numbers whose bytes were swapped on the way are absurd, and said to be."""
     _refused(_change(analysis, "t", lambda t: t.byteswap()), "t")
@@ -304,6 +310,8 @@ def test_references_that_lead_nowhere(tmp_path):
         '{"version": 1, "refs": {".zgroup": "{\\"zarr_format\\": 2}", "clwc/.zarray": "{}"}}'
     )
     _refused(tmp_path / "refs.json", "refs.json")
+    (tmp_path / "number.json").write_text('{"version": 1, "refs": 3}')
+    assert "items" not in _refused(tmp_path / "number.json", "number.json: not kerchunk references")
     (tmp_path / "cut.json").write_text('{"version": 1, "refs": {".zgroup": "{')
     _refused(tmp_path / "cut.json", "cut.json")
 

@@ -90,6 +90,16 @@ def test_wrf_series_of_files(wrf_file, tmp_path):
         open_scene(tmp_path / "none*")
 
 
+def test_files_on_grids_of_their_own_are_described_one_by_one(wrf_file, tmp_path):
+    first, second = wrf_file().rename(tmp_path / "a"), wrf_file().rename(tmp_path / "b")
+    elsewhere = wrf_file(map_proj=3).rename(tmp_path / "c")
+    text = str(describe([first, elsewhere, second]))
+    assert f"{first} and 1 more" in text
+    assert str(elsewhere) in text
+    assert text.count("projection") == 2
+    assert "Mercator" in text.split("\n\n")[1]
+
+
 def test_wrf_nests_the_finest_that_covers_the_place(wrf_file, tmp_path):
     coarse = wrf_file().rename(tmp_path / "d01")
     fine = wrf_file(attributes={"DX": 1000.0, "DY": 1000.0}).rename(tmp_path / "d02")

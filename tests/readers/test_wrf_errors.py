@@ -76,6 +76,21 @@ def test_bad_contents(wrf_file, spec, said):
         assert words in message
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("DX", "abc", "DX is missing or not a number"),
+        ("MAP_PROJ", "abc", "MAP_PROJ is missing or not a number"),
+        ("TRUELAT1", 95.0, "TRUELAT2, MOAD_CEN_LAT and STAND_LON make no map"),
+    ],
+)
+def test_attributes_that_make_no_map(wrf_file, name, value, said):
+    path = wrf_file(map_proj=3)
+    with netCDF4.Dataset(path, "a") as file:
+        file.setncattr(name, value)
+    assert said in _error(path)
+
+
 def test_time_not_in_the_file_lists_those_that_are(wrf_file):
     message = _error(wrf_file(), "2005-08-28T13:00")
     assert "2005-08-28T12:00:00, 2005-08-28T15:00:00" in message

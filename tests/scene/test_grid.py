@@ -120,6 +120,7 @@ BAD = {
     "NaN axis": (dict(y=[0, np.nan]), "not finite"),
     "heights descending": (dict(height_m=[1000.0, 0.0]), "ascend"),
     "heights equal": (dict(height_m=[5.0, 5.0]), "ascend"),
+    "levels a millimetre apart": (dict(height_m=[0.0, 500.0, 500.001]), "0.001 m apart"),
     "NaN height": (dict(height_m=[0.0, np.nan]), "missing"),
     "fill height": (dict(height_m=[0.0, 1e20]), "absurd"),
     "height shape": (dict(height_m=np.zeros((2, 5, 5))), "must be"),

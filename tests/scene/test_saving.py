@@ -80,7 +80,8 @@ def scenes(draw) -> Scene:
         spec = variable(name)
         shape = (nz, ny, nx)[3 - len(spec.dims) :]
         unit = draw(arrays("f4", shape, elements=st.floats(0, 1, width=32)))
-        values = np.float32(spec.low) + unit * np.float32(spec.high - spec.low)
+        high = min(spec.high, heights[-1].min()) if name == "surface_altitude" else spec.high
+        values = np.float32(spec.low) + unit * np.float32(high - spec.low)
         fields[name] = (
             spec.dims,
             np.clip(values, np.float32(spec.low), np.nextafter(np.float32(spec.high), 0)),

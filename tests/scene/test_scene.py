@@ -126,7 +126,7 @@ REFUSED = {
     "grams": (dict(ice_content=np.full(SHAPE, 0.5)), "g m-3"),
     "micrometres": (dict(ice_effective_radius=np.full(SHAPE, 30.0)), "micrometres"),
     "Celsius": (dict(air_temperature=np.full(SHAPE, 15.0)), "Celsius"),
-    "percent": (dict(snow_area_fraction=np.full((3, 4), 60.0)), "percent"),
+    "percent": (dict(snow_area_fraction=np.full((3, 4), 60.0)), r"within 0 to 1 \(is it in percent"),
     "misspelt": (dict(liquid_contents=np.zeros(SHAPE)), "did you mean liquid_content"),
     "wrong dimensions": (dict(ice_content=np.zeros((3, 4))), r"must have \(z, y, x\)"),
     "without optics": (dict(extinction_dust=np.zeros(SHAPE)), "needs optics"),
@@ -166,3 +166,13 @@ def test_refused_shapes_and_optics():
         Scene(None, xr.Dataset({"ice_content": (("z", "y", "x"), np.zeros(SHAPE))}))
     with pytest.raises(UserError, match="without a place"):
         _ = _scene().place
+
+
+def test_terrain_and_levels_belong_together():
+    """Ground may rise through levels, not above them all."""
+    axis, levels = np.arange(4.0) * 1e3, np.array([2000.0, 3000.0])
+    terrain = np.full((4, 4), 2500.0)
+    terrain[0] = 3500.0
+    Scene.from_arrays({}, axis, axis, levels, terrain_m=terrain)
+    with pytest.raises(UserError, match="500 m above the highest level in most columns"):
+        Scene.from_arrays({}, axis, axis, levels, terrain_m=np.full((4, 4), 3500.0))

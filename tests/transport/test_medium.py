@@ -13,6 +13,7 @@ from openswim.scene.frame import scene_frame
 from openswim.transport import Solver
 from openswim.transport.finer import finer_cloud, subdivided
 from openswim.transport.medium import build_medium, drawn_shape, with_air_above
+from openswim.transport.medium_levels import own_levels
 from openswim.transport.shells import no_volume
 from openswim.transport.volume import grid_index
 
@@ -247,3 +248,8 @@ def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, ha
     assert np.prod(medium.shape) <= np.prod(reckoned) < 1.4 * np.prod(medium.shape)
     even = grid_scene(np.full(shape, extinction_per_m), shape, (200.0, 200.0, 100.0), curved=True)
     assert build_medium(even, np.array([550.0]), 0.7).halvings == 0
+
+
+def test_a_thin_lowest_layer_does_not_fill_the_air_below_with_its_like():
+    """It did, down to the ground: half a minute at ten centimetres."""
+    assert len(own_levels(np.array([500.0, 500.1, 1000.0]), np.zeros((1, 1), np.float32), True)) < 200

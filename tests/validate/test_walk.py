@@ -26,12 +26,14 @@ def test_files_are_known_by_content_and_rubbish_is_skipped(tmp_path: Path) -> No
     (tmp_path / "ragged.csv").write_text("a,b\n1\n")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01")
     (tmp_path / "truncated.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40))
+    (tmp_path / "junk.nc").write_text("junk")
     (tmp_path / "readme.md").write_text("not looked at")
     rows, skipped = validate(tmp_path, FakeSolver(_radiance))
     assert [row.case for row in rows] == ["no telling name"] * 2
     assert [row.relative_rmse for row in rows] == pytest.approx([0.25, 0.0])  # worst first
-    named = {line.split(":")[0] for line in skipped}
-    assert named == {"notes.csv", "empty.csv", "ragged.csv", "binary.csv", "truncated.nc"}
+    named = {Path(line.split(":")[0]).name for line in skipped}
+    assert all("xarray" not in line for line in skipped)
+    assert named == {"notes.csv", "empty.csv", "ragged.csv", "binary.csv", "truncated.nc", "junk.nc"}
     assert all("\n" not in line for line in skipped)
 
 

@@ -6,8 +6,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from openswim.arguments import number
 from openswim.cameras import projections
-from openswim.cameras.checks import check_place, check_shape, check_view, require
+from openswim.cameras.checks import check_altitude_range, check_place, check_shape, check_view, make_numbers, require
 from openswim.cameras.pixels import Pixels
 from openswim.cameras.rays import Rays
 from openswim.errors import UserError
@@ -45,6 +46,7 @@ class Camera:
     altitude_range_deg: tuple[float, float] = (-90.0, 90.0)
 
     def __post_init__(self) -> None:
+        make_numbers(self)
         check_place(self)
         check_view(self)
 
@@ -180,6 +182,13 @@ class Camera:
         """A satellite over the equator at 35,786 km."""
         return cls.satellite(lat, lon, GEOSTATIONARY_HEIGHT_M, fov_deg, size)
 
+    @property
+    def name(self) -> str:
+        """The view by the constructor that makes it: a panorama may be a sphere, a perspective a satellite's."""
+        if self.view == "panorama" and tuple(self.altitude_range_deg) == (-90.0, 90.0):
+            return "sphere"
+        return "satellite" if self.view == "perspective" and self.above == "sea level" else self.view
+
     def pixels(self) -> Pixels:
         """Direction and solid angle of every pixel in the horizon frame at the camera's place."""
         if self.view == "allsky":
@@ -221,13 +230,14 @@ def _shape(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
 
 
 def _rows(columns: int, altitude_range_deg: tuple[float, float]) -> int:
-    bottom, top = altitude_range_deg
+    bottom, top = check_altitude_range(altitude_range_deg)
     return max(1, round(columns * (top - bottom) / 360))
 
 
 def _whole_disc_fov(height_m: float, earth_radius_m: float, shape: tuple[int, int]) -> float:
     """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
-    require(height_m > 0, f"satellite height {height_m} m is not above sea level")
+    height_m, earth_radius_m = number("satellite height", height_m), number("earth_radius_m", earth_radius_m)
+    require(height_m > 0, f"satellite height {height_m:g} m is not above sea level")
     tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
     widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
     return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

@@ -56,6 +56,8 @@ def fit(request: FitRequest) -> None:
     for path, option in ((request.json_path, "--json"), (request.plot_path, "--plot")):
         if path is not None:
             check_target(path, name=option)
+    if request.plot_path is not None:
+        _check_plot(request.plot_path)
     wavelengths = _numbers("--wavelengths", request.wavelengths)
     if not wavelengths or not all(200 <= wl <= 4000 for wl in wavelengths):
         raise UserError(f"--wavelengths {request.wavelengths}: give nanometres within 200 to 4000, such as 615,546,450")
@@ -72,8 +74,8 @@ def fit(request: FitRequest) -> None:
 def _named(request: FitRequest, wavelengths: list[float]) -> _Particles:
     from openswim.optics.aerosol import aerosol_type, spectral_albedo, spectral_phase
 
-    if request.modes or request.indices:
-        raise UserError("give either --type, or --mode and --index")
+    if request.modes or request.indices or request.irregular:
+        raise UserError("give either --type, or --mode and --index (with --irregular or without)")
     kind = aerosol_type(str(request.type_name))
     albedo = [float(a) for a in spectral_albedo(kind, wavelengths)]
     return _Particles(spectral_phase(kind, wavelengths), albedo, kind.angstrom_exponent, None)
@@ -164,14 +166,21 @@ def _described(wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _
     }
 
 
+def _check_plot(path: Path) -> None:
+    """Raise UserError unless `_draw` could draw this kind of picture."""
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError as error:
+        raise UserError("--plot needs the package matplotlib: pip install 'openswim[mie]'") from error
+    if path.suffix.lower().removeprefix(".") not in FigureCanvasBase.get_supported_filetypes():
+        raise UserError(f"--plot {path}: suffix {path.suffix!r} is unknown; use .png, .pdf or .svg")
+
+
 def _draw(path: Path, wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _Particles) -> None:
     """Phase functions, their fits, and the ratio below."""
     import numpy as np
+    from matplotlib.figure import Figure
 
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError("--plot needs the package matplotlib: pip install 'openswim[mie]'") from error
     angle = np.concatenate([np.geomspace(0.5, 10, 60), np.arange(10.5, 180.1, 0.5)])
     mu = np.cos(np.radians(angle))
     figure = Figure(figsize=(7, 6), layout="constrained")
@@ -187,8 +196,5 @@ def _draw(path: Path, wavelengths: list[float], fits: "list[DoubleHGFit]", parti
     above.legend(title="solid: particles, dashed: fit")
     below.axhline(1.0, color="0.5", linewidth=0.5)
     below.set(xlabel="scattering angle (degrees)", ylabel="fit / particles", xlim=(0, 180))
-    try:
-        with written_whole(path) as partial:
-            figure.savefig(partial, dpi=150)
-    except (ValueError, OSError) as error:
-        raise UserError(f"--plot {path}: cannot be written ({error})") from error
+    with written_whole(path) as partial:
+        figure.savefig(partial, dpi=150)

@@ -212,10 +212,14 @@ def _centre(altitude_deg: float) -> str:
 
 def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
     """ "1440" or "1440x720" (columns x rows) as what cameras take: columns, or (rows, columns)."""
+    from openswim.cameras.checks import MAX_SIZE
+
     match = re.fullmatch(r"(\d{1,6})(?:[xX,](\d{1,6}))?", text.strip())
     if not match:
         raise UserError(f"--size {text!r} is not understood; write COLUMNS or COLUMNSxROWS, such as 1440x720")
     columns = int(match.group(1))
+    if not all(1 <= int(pixels) <= MAX_SIZE for pixels in match.groups() if pixels):
+        raise UserError(f"--size {text}: give 1 to {MAX_SIZE} pixels each way")
     if match.group(2) is None:
         return columns
     rows = int(match.group(2))

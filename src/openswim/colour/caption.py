@@ -7,6 +7,7 @@ import xarray as xr
 from PIL import Image, ImageDraw, ImageFont
 
 BACKGROUND, INK = (16, 16, 18), (205, 205, 200)
+NARROWEST = 160  # pixels
 
 
 def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
@@ -78,8 +79,11 @@ def _irradiance(attrs: dict[Any, Any]) -> str:
 
 
 def with_strip(picture: np.ndarray, entries: dict[str, str]) -> np.ndarray:
-    """The picture (y, x, 3) uint8 with the entries on a strip added below it, wrapped to its width."""
+    """The picture (y, x, 3) uint8 with the entries on a strip added below it, wrapped to its width; without it where
+    nobody could read it."""
     width = picture.shape[1]
+    if width < NARROWEST:
+        return picture
     size = float(np.clip(width / 70, 9, 24))
     font = ImageFont.load_default(size)
     space, step = round(size * 0.6), round(size * 1.4)
@@ -93,14 +97,16 @@ def with_strip(picture: np.ndarray, entries: dict[str, str]) -> np.ndarray:
 
 
 def _wrapped(parts: list[str], font: Any, width: float) -> list[str]:
-    """The parts joined into as few lines as fit; a part too long for a line is cut with dots."""
+    """The parts joined into as few lines as fit, a part too long for a line at its spaces; longer words are cut."""
     lines: list[str] = []
     for part in parts:
-        joined = f"{lines[-1]}  |  {part}" if lines else part
-        if lines and font.getlength(joined) <= width:
-            lines[-1] = joined
-        else:
-            lines.append(_shortened(part, font, width))
+        alone = font.getlength(part) <= width
+        for n, piece in enumerate([part] if alone else part.split()):
+            joined = f"{lines[-1]}{' ' if n else '  |  '}{piece}" if lines else piece
+            if lines and (n or alone) and font.getlength(joined) <= width:
+                lines[-1] = joined
+            else:
+                lines.append(_shortened(piece, font, width))
     return lines
 
 

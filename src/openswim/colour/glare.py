@@ -26,7 +26,7 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
     L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
     """
     known = {"azimuth", "altitude", "solar_relative_radiance"}
-    if not isinstance(image, xr.Dataset) or not known <= set(image):
+    if not isinstance(image, xr.Dataset) or not known <= set(image.variables):
         return None
     if "sun_azimuth_deg" not in image.attrs or min(image["azimuth"].shape) < 3:
         return None

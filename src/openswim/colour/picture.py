@@ -94,7 +94,7 @@ def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> N
 
 def _write_netcdf(image: xr.Dataset, path: Path) -> None:
     storable = _storable(image)
-    numeric = [name for name, field in storable.data_vars.items() if field.ndim and field.dtype.kind in "fiu"]
+    numeric = [name for name, field in storable.variables.items() if field.ndim and field.dtype.kind in "fiu"]
     storable.to_netcdf(
         path, encoding={name: {"zlib": True, "complevel": 4, "shuffle": True} for name in numeric}
     )

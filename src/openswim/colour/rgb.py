@@ -5,6 +5,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
+from openswim.arguments import check_kind, shown
 from openswim.colour.cie import xyz_weights
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
@@ -38,6 +39,7 @@ Matrix = Literal["srgb", "paper"]
 
 def solar_relative(image: xr.Dataset | xr.DataArray) -> xr.DataArray:
     """L' with `wavelength` as its last dimension, from a rendered image or a bare array."""
+    check_kind("image", image, (xr.Dataset, xr.DataArray), "give what openswim.render returns")
     if isinstance(image, xr.Dataset):
         if "solar_relative_radiance" not in image:
             raise UserError("image has no variable solar_relative_radiance; use openswim.render's")
@@ -70,10 +72,10 @@ def rgb_matrix(matrix: Matrix = "srgb") -> np.ndarray:
     "srgb": sRGB primaries, the sun's white carried to D65 by the Bradford transform, so that a white wall in
     sunlight is neutral.  "paper": Albers et al. 2020, Eq. 36, in which it is (1.015, .987, 1.113).
     """
+    if not isinstance(matrix, str) or matrix not in ("srgb", "paper"):
+        raise UserError(f"colour matrix {shown(matrix)} is unknown; use 'srgb' or 'paper'")
     if matrix == "paper":
         return PAPER_MATRIX
-    if matrix != "srgb":
-        raise UserError(f"colour matrix {matrix!r} is unknown; use 'srgb' or 'paper'")
     sun = xyz_weights(step_nm=10)[1].sum(axis=0)
     display = np.linalg.solve(SRGB_MATRIX, np.ones(3))
     gains = (BRADFORD @ display) / (BRADFORD @ sun)
@@ -125,6 +127,9 @@ def to_rgb(
     call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
     """
     check_exposure(exposure)
+    if (dims := solar_relative(image).dims)[:-1] != ("y", "x"):
+        found = ", ".join(map(str, dims))
+        raise UserError(f"image has dimensions ({found}), not (y, x, wavelength): cut rows and columns as isel(x=[0])")
     factor = auto_exposure(image) if exposure == "auto" else exposure
     xyz = np.nan_to_num(to_xyz(image))
     if glare and (sun := glare_of_sun(image)) is not None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import paths
 from openswim.errors import UserError
 from openswim.ground import earth
 from openswim.ground.spectra import from_bands
@@ -55,12 +56,12 @@ class Ground:
     @cached_property
     def albedo_maps(self) -> list[AlbedoMap]:
         """Opened images, the coarsest first."""
-        return sorted((AlbedoMap(path) for path in _listed(self.albedo)), key=lambda m: -m.pixel_m)
+        return sorted((AlbedoMap(path) for path in paths("albedo", self.albedo)), key=lambda m: -m.pixel_m)
 
     @cached_property
     def height_maps(self) -> list[HeightMap]:
         """Opened elevation models, the coarsest first."""
-        return sorted((HeightMap(path) for path in _listed(self.height)), key=lambda m: -m.pixel_m)
+        return sorted((HeightMap(path) for path in paths("height", self.height)), key=lambda m: -m.pixel_m)
 
     def open(self) -> None:
         """Open all files now, so that what is wrong with them is known before any work is done."""
@@ -194,7 +195,3 @@ def _colour_bands(raster: Raster) -> tuple[int, ...]:
         return tuple(colours.index(c) + 1 for c in ("red", "green", "blue"))
     solid = [n + 1 for n, c in enumerate(colours) if c != "alpha"]
     return tuple(solid[:3]) if len(solid) >= 3 else (1,)
-
-
-def _listed(paths: PathLike | Sequence[PathLike]) -> list[PathLike]:
-    return [paths] if isinstance(paths, str | os.PathLike) else list(paths)

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
+from openswim.scene.particles import by_wavelength
 
 FloatArray = NDArray[np.float64]
 
@@ -236,6 +238,16 @@ class TablePhase(PhaseFunction):
 
 def phase_from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
     """The phase function that `to_dict` described."""
+    try:
+        return _from_dict(saved)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UserError(
+            f"phase function {shown(saved)} is not understood: give what to_dict() of one gives, such as "
+            '{"type": "henyey_greenstein", "g": 0.85}'
+        ) from error
+
+
+def _from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
     match saved.get("type"):
         case "henyey_greenstein":
             return HenyeyGreenstein(saved["g"])
@@ -252,7 +264,15 @@ def phase_from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
 
             return AerosolPhase(saved["name"], saved["wavelength_nm"])
         case unknown:
-            raise UserError(f"unknown phase function type {unknown!r}")
+            known = "henyey_greenstein, mixture, albers_dhg, rayleigh, table, aerosol"
+            raise UserError(f"unknown phase function type {unknown!r}: choose one of {known}")
+
+
+def phases_from_dict(saved: Any) -> PhaseFunction | dict[float, PhaseFunction]:
+    """One phase function, or {wavelength_nm: phase function} of {"spectral": {...}}."""
+    if not (isinstance(saved, Mapping) and isinstance(spectral := saved.get("spectral"), Mapping)):
+        return phase_from_dict(saved)
+    return {wavelength: phase_from_dict(each) for wavelength, each in by_wavelength("phase function", spectral).items()}
 
 
 def phases_at(

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from openswim import arguments
+from openswim.arguments import check_kind, number, numbers, shown
 from openswim.errors import UserError
 from openswim.readers.base import Reader, SceneInfo, Time, unreadable
 from openswim.readers.beyond import with_beyond
@@ -46,9 +48,13 @@ def open_scene(
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     """
     if ground is not None:
+        from openswim.ground import Ground
+
+        check_kind("ground", ground, Ground, "give openswim.Ground(albedo=..., height=...)")
         ground.open()
     paths = files_of(path)
-    groups, place = _by_reader(paths), _neighbourhood(around, radius_km)
+    place = _neighbourhood(around, radius_km)
+    groups = _by_reader(paths)
     with np.errstate(all="ignore"):  # what comes of absurd numbers is checked in the end
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if place is not None and scene.cut and scene.wider is None and not place.from_space:
@@ -61,25 +67,26 @@ def open_scene(
 
 def describe(path: Paths) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
-    paths = files_of(path)
-    reader: Any = _reader_of_all(paths)
     with np.errstate(all="ignore"):
-        if len(paths) == 1:
-            info: SceneInfo = reader.describe(paths[0])
-        elif hasattr(reader, "describe_parts"):
-            info = reader.describe_parts(paths)
-        else:
-            from openswim.readers.series import describe_series
+        first, *others = [each for group in _by_reader(files_of(path)).items() for each in _described(*group)]
+    return replace(first, others=others)
 
-            info = describe_series(reader, paths)
-    return info
+
+def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
+    """What one model's files hold, one description for all that are of one grid."""
+    if len(paths) == 1:
+        return [reader.describe(paths[0])]
+    if hasattr(reader, "describe_parts"):
+        return [reader.describe_parts(paths)]
+    from openswim.readers.series import describe_series
+
+    return describe_series(reader, paths)
 
 
 def files_of(path: Paths) -> list[Path]:
     """The files that a name, a pattern with * ? [ ], or a list of these stands for; each once, in order."""
-    given = [path] if isinstance(path, str | os.PathLike) else list(path)
     found: list[Path] = []
-    for each in map(Path, given):
+    for each in map(Path, arguments.paths("path", path)):
         if each.exists() or not any(mark in str(each) for mark in "*?["):
             found.append(each)
             continue
@@ -175,17 +182,13 @@ def _neighbourhood(around: tuple[float, float] | Neighbourhood | None, radius_km
         return None
     if isinstance(around, Neighbourhood):
         return around
-    return Neighbourhood(*around) if radius_km is None else Neighbourhood(*around, radius_m=1e3 * radius_km)
-
-
-def _reader_of_all(paths: Sequence[Path]) -> Reader:
-    """The reader that knows the files, all of one model."""
-    groups = _by_reader(paths)
-    first, *others = groups
-    if others:
-        path = groups[others[0]][0]
-        raise UserError(f"{path}: not of the same model as the other files ({first.name}): look at them one by one")
-    return first
+    place = numbers("around", around)
+    if place.shape != (2,):
+        raise UserError(f"around = {shown(around)}: give (latitude, longitude) in degrees")
+    lat, lon = (float(angle) for angle in place)
+    if radius_km is None:
+        return Neighbourhood(lat, lon)
+    return Neighbourhood(lat, lon, radius_m=1e3 * number("radius_km", radius_km))
 
 
 def _by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:

@@ -58,6 +58,7 @@ class SceneInfo:
     surface: list[str]
     missing: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
+    others: list[SceneInfo] = field(default_factory=list)  # of further files, on grids of their own
 
     def __str__(self) -> str:
         more = f" ... {self.times[-1]} ({len(self.times)} times)" if len(self.times) > 6 else ""
@@ -74,7 +75,8 @@ class SceneInfo:
             ("missing", ", ".join(self.missing) or "nothing"),
         ]
         rows += [("" if line else "assumed", note) for line, note in enumerate(self.assumed)]
-        return "\n".join(f"{label:<11}{text}" for label, text in rows)
+        own = "\n".join(f"{label:<11}{text}" for label, text in rows)
+        return "\n\n".join([own, *map(str, self.others)])
 
 
 def open_netcdf(path: Path) -> netCDF4.Dataset:

@@ -24,7 +24,7 @@ from openswim.readers.base import (
     shape_text,
     spacing_text,
 )
-from openswim.readers.cf_fields import atmosphere_of, fields_of, optics_of
+from openswim.readers.cf_fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
 from openswim.readers.cf_grid import grid_of, upright
 from openswim.readers.opening import opened, reading
 from openswim.scene import Grid, Scene
@@ -78,12 +78,13 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += no_species(fields) + no_ground(fields)
+                notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
             unused = [
                 str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
             ]
             if unused:
                 notes.append(f"variables not used: {', '.join(unused)}")
+            notes += misspelt(data)
             source = str(data.attrs.get("source", path.name))
             return Scene(grid, fields, atmosphere, optics, valid, source, notes)
 
@@ -101,6 +102,7 @@ class CFReader:
             with reading(path, _NOT_THE_LAYOUT):
                 grid = grid_of(data, notes)
                 atmosphere_of(data, notes)
+                optics_of(data)
             names = [str(name) for name in data.data_vars if is_known(str(name))]
             expected = [f"{species}_content" for species in HYDROMETEORS] + [
                 "air_pressure",
@@ -108,7 +110,8 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += no_species(data) + no_ground(data)
+                notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
+            notes += misspelt(data)
             return SceneInfo(
                 path=str(path),
                 model=str(data.attrs.get("source", "scene layout")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,16 @@ from openswim.scene import Grid, Optics
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES
 from openswim.scene.checks import WAVELENGTH_DIM
+from openswim.scene.particles import by_wavelength
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
 _PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
 _NO_OPTICS = "attributes not as docs/scene-format.md describes"
+_GLOBAL = ("openswim_layout", "earth_radius_m", "periodic_sides", "atmosphere")
+_OPTICAL = ("phase_function", "single_scattering_albedo", "angstrom_exponent", "aerosol_type", "kind")
+_ALIKE = 0.75
+_GAP_M = 500.0
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -61,7 +67,7 @@ def optics_of(data: xr.Dataset) -> dict[str, Optics]:
 
 def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
     from openswim.optics.aerosol import aerosol_optics
-    from openswim.optics.phase import phase_from_dict
+    from openswim.optics.phase import phases_from_dict
 
     if "aerosol_type" in attributes:
         return aerosol_optics(str(attributes["aerosol_type"]))
@@ -72,16 +78,36 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
         )
     albedo = _maybe_json(name, "single_scattering_albedo", attributes.get("single_scattering_albedo", 1.0))
     if isinstance(albedo, dict):
-        albedo = {float(wavelength): float(value) for wavelength, value in albedo.items()}
-    phase: Any = _json(name, "phase_function", attributes["phase_function"])
-    if "spectral" in phase:
-        phase = {float(wavelength): phase_from_dict(each) for wavelength, each in phase["spectral"].items()}
-    else:
-        phase = phase_from_dict(phase)
+        albedo = by_wavelength("single_scattering_albedo", albedo)
+    phase = _json(name, "phase_function", attributes["phase_function"])
     exponent = attributes.get("angstrom_exponent")
-    return Optics(
-        albedo, phase, str(attributes.get("kind", "other")), None if exponent is None else float(exponent)
-    )
+    return Optics(albedo, phases_from_dict(phase), str(attributes.get("kind", "other")), exponent)
+
+
+def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
+    """A note on ground far below the lowest level."""
+    if grid is None or "surface_altitude" not in data:
+        return []
+    terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
+    gap_m = float(np.median(grid.height_m[0] - terrain))
+    note = f"the lowest level is {gap_m:.0f} m above the ground: nothing is known of what is between"
+    return [note] * (gap_m > _GAP_M)
+
+
+def misspelt(data: xr.Dataset) -> list[str]:
+    """Notes on attributes that are not used, where one of a similar name would be."""
+    looked_at: list[tuple[str, Mapping[Any, Any], tuple[str, ...]]] = [("", data.attrs, _GLOBAL)]
+    for name, field in data.variables.items():
+        if name == AEROSOL:
+            looked_at.append((f"{name}: ", field.attrs, (*AerosolProfile.__dataclass_fields__, "aerosol_type")))
+        elif name == "aerosol_extinction" or str(name).startswith(DIRECT_PREFIX):
+            looked_at.append((f"{name}: ", field.attrs, _OPTICAL))
+    return [
+        f"{where}attribute {name} is not used: is {meant[0]} meant?"
+        for where, attributes, known in looked_at
+        for name in map(str, attributes)
+        if name not in known and (meant := get_close_matches(name, known, 1, _ALIKE))
+    ]
 
 
 def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:

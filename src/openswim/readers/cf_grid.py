@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import number
 from openswim.errors import UserError
 from openswim.readers.units import canonical, conversion
 from openswim.scene import Grid
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def upright(data: xr.Dataset) -> xr.Dataset:
-    """The dataset with x, y and height ascending: levels from the top or rows from the north are common."""
+    """The dataset with x, y and height ascending: levels from the top, rows from the north and longitudes over the date
+    line are common."""
+    if "x" in data.variables and data["x"].ndim == 1 and canonical(str(data["x"].attrs.get("units", ""))) == "degrees":
+        data = data.assign_coords(x=data["x"].copy(data=np.unwrap(data["x"].values, period=360.0)))
     for name in ("x", "y"):
         if name in data.variables and data[name].ndim == 1 and data[name].size > 1:
             values = np.asarray(data[name].values)
@@ -52,7 +56,10 @@ def grid_of(data: xr.Dataset, notes: list[str]) -> Grid | None:
     angles = crs is not None and crs.is_geographic
     x, y = (_converted(data[name], "degrees" if angles else "m", (name,)) for name in ("x", "y"))
     dims = ("z",) if data["height"].ndim == 1 else ("z", "y", "x")
-    periodic = bool(data.attrs.get("periodic_sides", 0))
+    sides = data.attrs.get("periodic_sides", 0)
+    if str(sides) not in ("0", "1"):
+        raise UserError(f"attribute periodic_sides is {str(sides)[:20]!r}: give 0, or 1 for sides that repeat")
+    periodic = str(sides) == "1"
     return Grid(x, y, _converted(data["height"], "m", dims), crs, radius, periodic)
 
 
@@ -81,7 +88,7 @@ def crs_from_cf(name: str, attributes: Mapping[Any, Any]) -> CRS:
 
 def _earth_radius_m(data: xr.Dataset, crs: CRS | None, notes: list[str]) -> float:
     if "earth_radius_m" in data.attrs:
-        return float(data.attrs["earth_radius_m"])
+        return number("attribute earth_radius_m", data.attrs["earth_radius_m"])
     return sphere_of(crs, notes)
 
 

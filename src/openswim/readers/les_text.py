@@ -30,6 +30,7 @@ from openswim.scene.grid import EARTH_RADIUS_M
 
 _ALBEDO = 0.06  # of the sea below, where these clouds live
 _HEAD_BYTES = 65_536
+_NO_ROWS = "rows must hold five numbers, i j k lwc reff: truncated or damaged: copy or download it again"
 _NODES_PER_BYTE = 30  # of which one in a thousand has a row: cloudy ones alone may be listed
 
 
@@ -129,6 +130,10 @@ def _head(path: Path) -> _Head | None:
             continue
         if len(numbers) > 1 and len(numbers[-1]) == 5 and len(numbers[0]) in (1, 3):
             return _checked(path, numbers[:-1], index, separator)
+    sizes, spacing = (*(row for row in numbers if len(row) > 1), [], [])[:2]
+    whole = len(sizes) == 3 and all(value == int(value) >= 1 for value in sizes)
+    if whole and spacing and len(spacing) in (2, 2 + int(sizes[2])) and len(raw) < _HEAD_BYTES:
+        raise UserError(f"{path}: sizes and spacing, but no rows i j k lwc reff: truncated: copy or download it again")
     return None
 
 
@@ -160,9 +165,9 @@ def _fields(path: Path, head: _Head) -> tuple[NDArray[np.float32], NDArray[np.fl
     try:
         rows = np.loadtxt(path, delimiter=head.separator, skiprows=head.lines, ndmin=2, encoding="ascii")
     except (ValueError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: truncated or damaged rows ({' '.join(str(error).split())[:120]})") from error
+        raise UserError(f"{path}: {_NO_ROWS}") from error
     if rows.shape[1] != 5 or not np.isfinite(rows).all():
-        raise UserError(f"{path}: rows must hold five numbers, i j k lwc reff: truncated or damaged file")
+        raise UserError(f"{path}: {_NO_ROWS}")
     index = rows[:, :3].astype(np.int64)
     sizes = np.array([nx, ny, nz])
     first = 0 if (index == 0).any() else 1 if (index.max(axis=0) == sizes).any() else 0

@@ -31,7 +31,7 @@ def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
             target, engine=engine, decode_timedelta=False, decode_times=decode, chunks=None, **options
         )
     except Exception as error:  # the back ends raise anything on damaged files
-        raise UserError(f"{path}: cannot be opened ({one_line(error)})") from error
+        raise UserError(f"{path}: cannot be opened{said(error, ValueError)}: damaged, or no netCDF or Zarr") from error
     with data:
         yield data
 
@@ -44,11 +44,14 @@ def reading(path: Path | str, remedy: str = "damaged, or not as docs/models.md d
     except MemoryError as error:
         raise UserError(f"{path}: takes more memory than there is: damaged, or open a part of it") from error
     except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError) as error:
-        raise UserError(f"{path}: cannot be read ({one_line(error)}): {remedy}") from error
+        raise UserError(f"{path}: cannot be read{said(error)}: {remedy}") from error
 
 
-def one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:160] or type(error).__name__
+def said(error: Exception, *also: type[Exception]) -> str:
+    """What the library that reads files says of one, in brackets; nothing where it is Python's own text."""
+    pythons = isinstance(error, json.JSONDecodeError) or not isinstance(error, (OSError, RuntimeError, *also))
+    text = " ".join(str(error).split()).split(". ")[0][:160]
+    return f" ({text})" if text and not pythons else ""
 
 
 def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
@@ -98,9 +101,9 @@ def _references(path: Path) -> tuple[str, Any, dict[str, Any]]:
         try:
             source = json.loads(path.read_text("utf-8"))
         except (ValueError, RecursionError) as error:
-            raise UserError(f"{path}: not JSON: truncated or damaged references ({one_line(error)})") from error
-        if not isinstance(source, dict):
-            raise UserError(f"{path}: not kerchunk references: a JSON object is needed")
+            raise UserError(f"{path}: not JSON: truncated or damaged references: write them again") from error
+        if not isinstance(source, dict) or not isinstance(source.get("refs", source), dict):
+            raise UserError(f"{path}: not kerchunk references: a JSON object of them is needed: write them again")
     return "kerchunk", source, {}
 
 
@@ -113,5 +116,5 @@ def _icechunk(path: Path) -> tuple[str, Any, dict[str, Any]]:
         repository = icechunk.Repository.open(icechunk.local_filesystem_storage(os.fspath(path)))
         store = repository.readonly_session("main").store
     except Exception as error:  # icechunk raises its own kinds
-        raise UserError(f"{path}: the icechunk repository cannot be opened ({one_line(error)})") from error
+        raise UserError(f"{path}: the icechunk repository cannot be opened{said(error)}: is it whole?") from error
     return "zarr", store, {"consolidated": False}

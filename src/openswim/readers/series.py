@@ -39,11 +39,19 @@ def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhoo
     return holding, near
 
 
-def describe_series(reader: Any, paths: Sequence[Path]) -> SceneInfo:
-    """The first file's description, with the times of all."""
-    first: SceneInfo = reader.describe(paths[0])
-    times = sorted({time for path in paths for time in reader.describe(path).times})
-    return replace(first, path=f"{paths[0]} and {len(paths) - 1} more", times=times)
+def describe_series(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
+    """The first file's description for every grid, with the times of all files on it."""
+    series: dict[tuple[str, ...], list[SceneInfo]] = {}
+    for info in map(reader.describe, paths):
+        series.setdefault((info.grid, info.projection, info.spacing), []).append(info)
+    return [_joined(alike) for alike in series.values()]
+
+
+def _joined(alike: Sequence[SceneInfo]) -> SceneInfo:
+    if len(alike) == 1:
+        return alike[0]
+    times = sorted({time for info in alike for time in info.times})
+    return replace(alike[0], path=f"{alike[0].path} and {len(alike) - 1} more", times=times)
 
 
 def _times(reader: Any, path: Path) -> list[np.datetime64]:

@@ -76,10 +76,10 @@ class WRFFile:
         """A global attribute."""
         return getattr(self._file, name, default)
 
-    def number(self, name: str) -> float:
-        """A global attribute that must be a finite number."""
+    def number(self, name: str, default: float = np.nan) -> float:
+        """A global attribute that must be a finite number, unless there is a default for where it is missing."""
         try:
-            value = float(self.attr(name, np.nan))
+            value = float(self.attr(name, default))
         except (TypeError, ValueError):
             value = np.nan
         if not np.isfinite(value):

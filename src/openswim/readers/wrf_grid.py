@@ -69,15 +69,16 @@ def _full_heights_m(file: WRFFile) -> NDArray[Any]:
 
 def projection_kind(file: WRFFile) -> int:
     """MAP_PROJ: 0 Cartesian, 1 Lambert, 2 polar stereographic, 3 Mercator, 6 latitude-longitude."""
-    kind = file.attr("MAP_PROJ")
-    if kind is None or int(kind) not in PROJECTIONS:
-        raise UserError(f"{file.path}: global attribute MAP_PROJ is {kind}; known are 0, 1, 2, 3 and 6")
+    kind = file.number("MAP_PROJ")
+    if kind not in PROJECTIONS:
+        raise UserError(f"{file.path}: global attribute MAP_PROJ is {kind:g}; known are 0, 1, 2, 3 and 6")
     return int(kind)
 
 
 def projection(file: WRFFile, kind: int, centre_lon: float) -> CRS:
     """The projection on WRF's sphere from the global attributes (meanings: WRF share/module_llxy.F)."""
     from pyproj import CRS
+    from pyproj.exceptions import CRSError
 
     if kind == LAMBERT:
         first, second = file.number("TRUELAT1"), file.number("TRUELAT2")
@@ -92,7 +93,7 @@ def projection(file: WRFFile, kind: int, centre_lon: float) -> CRS:
     elif kind == MERCATOR:
         # the central meridian only shifts x: the domain's own keeps it clear of the 180-degree seam
         described = f"+proj=merc +lat_ts={file.number('TRUELAT1')} +lon_0={centre_lon}"
-    elif abs(file.attr("POLE_LAT", 90.0)) > 89.999:
+    elif abs(file.number("POLE_LAT", 90.0)) > 89.999:
         described = "+proj=longlat"
     else:
         return CRS.from_cf(
@@ -104,7 +105,13 @@ def projection(file: WRFFile, kind: int, centre_lon: float) -> CRS:
                 "earth_radius": WRF_EARTH_RADIUS_M,
             }
         )
-    return CRS.from_proj4(f"{described} +R={WRF_EARTH_RADIUS_M} +no_defs")
+    try:
+        return CRS.from_proj4(f"{described} +R={WRF_EARTH_RADIUS_M} +no_defs")
+    except CRSError as error:
+        raise UserError(
+            f"{file.path}: global attributes MAP_PROJ, TRUELAT1, TRUELAT2, MOAD_CEN_LAT and STAND_LON make no map "
+            f"({described.removeprefix('+')}): correct these, or take the original file"
+        ) from error
 
 
 def _spacing(file: WRFFile) -> tuple[float, float]:
@@ -160,8 +167,8 @@ def _axes_from_lonlat(
         x = x[:, :1] + np.insert(np.cumsum(steps, axis=1), 0, 0.0, axis=1)
         x += 360.0 * np.round((x[ny // 2, 0] - x[:, :1]) / 360.0)
     dx, dy = float(steps.mean()), float(np.diff(y, axis=0).mean())
-    declared = file.attr("DX")
-    if not probe.in_degrees and declared is not None and abs(dx - declared) > 0.01 * abs(dx):
+    declared = file.number("DX", dx)
+    if not probe.in_degrees and abs(dx - declared) > 0.01 * abs(dx):
         notes.append(f"spacing {dx:.0f} m from XLAT/XLONG, not DX = {declared:.0f} m: the file was thinned")
     i, j = np.arange(nx, dtype=np.float64), np.arange(ny, dtype=np.float64)
     return dx * i + float((x - dx * i).mean()), dy * j + float((y - dy * j[:, None]).mean())

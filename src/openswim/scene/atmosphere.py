@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.scene.particles import ANGSTROM_EXPONENTS, WAVELENGTHS_NM, check_albedo, check_number, check_phase
+from openswim.scene.particles import (
+    ANGSTROM_EXPONENTS,
+    WAVELENGTHS_NM,
+    by_wavelength,
+    check_albedo,
+    check_number,
+    check_phase,
+)
 
 if TYPE_CHECKING:
     from openswim.optics.phase import PhaseFunction
@@ -104,22 +111,17 @@ class AerosolProfile:
     def from_dict(saved: Mapping[str, Any]) -> AerosolProfile:
         """The profile that `to_dict` described; "aerosol_type" names a type that gives what else is lacking."""
         from openswim.optics.aerosol import aerosol_profile
-        from openswim.optics.phase import phase_from_dict
+        from openswim.optics.phase import phases_from_dict
 
         kwargs = dict(saved)
         if (name := kwargs.pop("aerosol_type", None)) is not None:
             named = aerosol_profile(str(name))
             for key in ("angstrom_exponent", "single_scattering_albedo", "phase"):
                 kwargs.setdefault(key, getattr(named, key))
-        albedo = kwargs.get("single_scattering_albedo")
-        if isinstance(albedo, Mapping):
-            kwargs["single_scattering_albedo"] = {float(wl): value for wl, value in albedo.items()}
-        if isinstance(saved.get("phase"), Mapping):
-            spectral = saved["phase"].get("spectral")
-            if spectral is None:
-                kwargs["phase"] = phase_from_dict(saved["phase"])
-            else:
-                kwargs["phase"] = {float(wl): phase_from_dict(p) for wl, p in spectral.items()}
+        if isinstance(albedo := kwargs.get("single_scattering_albedo"), Mapping):
+            kwargs["single_scattering_albedo"] = by_wavelength("single_scattering_albedo", albedo)
+        if saved.get("phase") is not None:
+            kwargs["phase"] = phases_from_dict(saved["phase"])
         return AerosolProfile(**kwargs)
 
 

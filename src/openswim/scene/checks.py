@@ -26,6 +26,13 @@ def checked_dataset(data: xr.Dataset, grid: Grid | None) -> tuple[xr.Dataset, li
     sizes = {} if grid is None else dict(zip(("z", "y", "x"), grid.shape, strict=True))
     notes: list[str] = []
     fields = {str(name): _checked(str(name), data[name], sizes, notes) for name in data.data_vars}
+    if grid is not None and "surface_altitude" in fields:
+        above_m = float(np.median(fields["surface_altitude"].values - grid.height_m[-1]))
+        if above_m > 0:  # through some levels it may rise
+            raise UserError(
+                f"scene: surface_altitude is {above_m:.0f} m above the highest level in most columns: give both in "
+                "metres above sea level"
+            )
     return xr.Dataset(fields, coords=_coordinates(data, grid), attrs=dict(data.attrs)), notes
 
 
@@ -100,6 +107,7 @@ def checked_values(
             f"{what} has {missing} missing values (NaN or fill) of {values.size}: fill them, "
             "or crop the file to where it has data"
         )
+    units = "" if spec.units == "1" else f" {spec.units}"
     clipped = np.clip(values, np.float32(spec.low), np.float32(spec.high))
     changed = float(np.abs(values - clipped).sum(dtype=np.float64))
     kept = float(np.abs(clipped).sum(dtype=np.float64))
@@ -109,8 +117,8 @@ def checked_values(
     if not (spec.clip and noise):
         hint = f" ({spec.hint})" if spec.hint else ""
         raise UserError(
-            f"{what} runs from {lowest:.4g} to {highest:.4g} {spec.units}; it must lie within "
-            f"{spec.low:g} to {spec.high:g} {spec.units}{hint}"
+            f"{what} runs from {lowest:.4g} to {highest:.4g}{units}; it must lie within "
+            f"{spec.low:g} to {spec.high:g}{units}{hint}"
         )
     for count, bound, word, extreme in (
         (int((values < spec.low).sum()), spec.low, "below", lowest),
@@ -119,7 +127,7 @@ def checked_values(
         if count:
             notes.append(
                 f"{what.removeprefix('scene: ')}: {count} of {values.size} values {word} {bound:g} "
-                f"(to {extreme:.2g} {spec.units}) set to {bound:g}"
+                f"(to {extreme:.2g}{units}) set to {bound:g}"
             )
     return clipped
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from openswim.arguments import check_kind
 from openswim.errors import UserError
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
@@ -61,6 +62,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Works for files and for Zarr folders. Raises UserError where the name cannot be written.
     """
+    check_kind("output", path, (str, os.PathLike), "give a file's name")
     target = Path(path)
     try:
         if _others_folder(target):

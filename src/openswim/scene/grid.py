@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import check_kind, number, numbers
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 EARTH_RADIUS_M = 6_371_000.0
 EDGE = 1e-6  # of a cell, by which rounding puts a domain's corner outside
+_THINNEST_M = 0.01  # less is no layer
 _UNIFORM_TOLERANCE = 0.02  # of a cell: float32 coordinates of fine lat/lon grids are no better
 
 
@@ -44,6 +46,8 @@ class Grid:
         object.__setattr__(self, "x", _axis(self.x, "x"))
         object.__setattr__(self, "y", _axis(self.y, "y"))
         object.__setattr__(self, "height_m", _heights(self.height_m, self.y.size, self.x.size))
+        check_kind("grid: periodic", self.periodic, (bool, np.bool_), "give True or False")
+        object.__setattr__(self, "earth_radius_m", number("grid: earth_radius_m", self.earth_radius_m))
         if self.periodic and self.crs is not None:
             raise UserError("grid: periodic sides need a flat grid: leave out crs, or set periodic=False")
         if not 1e3 < self.earth_radius_m < 1e9:
@@ -171,7 +175,7 @@ def extent_text(grid: Grid) -> str:
 
 
 def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:
-    axis = np.array(values, dtype=np.float64)
+    axis = np.array(numbers(f"grid: {name}", values), dtype=np.float64)
     if axis.ndim != 1 or axis.size < 2:
         raise UserError(f"grid: {name} must be one-dimensional with at least 2 nodes, got shape {axis.shape}")
     if not np.isfinite(axis).all():
@@ -187,7 +191,7 @@ def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:
 
 def _heights(values: ArrayLike, ny: int, nx: int) -> NDArray[Any]:
     # float32 resolves 8 mm at 100 km; one-dimensional axes cost nothing, so they keep full precision
-    height = np.asarray(values)
+    height = numbers("grid: height_m", values)
     height = (
         np.array(height, dtype=np.float64) if height.ndim == 1 else np.ascontiguousarray(height, np.float32)
     )
@@ -206,5 +210,10 @@ def _heights(values: ArrayLike, ny: int, nx: int) -> NDArray[Any]:
     if not (np.diff(height, axis=0) > 0).all():
         raise UserError(
             "grid: height_m must ascend along its first axis: turn the levels (and all fields) over"
+        )
+    thinnest = float(np.diff(height, axis=0).min())
+    if thinnest < _THINNEST_M:
+        raise UserError(
+            f"grid: height_m has levels {thinnest:.2g} m apart, closer than any model's: give metres, leave some out"
         )
     return height

@@ -12,12 +12,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import check_kind, number, numbers, shown
 from openswim.errors import UserError
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.particles import ANGSTROM_EXPONENTS, check_albedo, check_number, check_phase
 from openswim.scene.times import parse_time
-from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
+from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, SURFACE_DIMS, species_of, variable
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 DEFAULT_WAVELENGTH_NM = (615.0, 546.0, 450.0)
 DEFAULT_ALBEDO = 0.15
+KINDS = (*HYDROMETEORS, "aerosol", "other")
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,13 @@ class Optics:
         if isinstance(given, Mapping):
             check_albedo("optics: single_scattering_albedo", given)
         else:
-            albedo = np.asarray(given, dtype=np.float64)
+            albedo = numbers("optics: single_scattering_albedo", given).astype(np.float64)
             if albedo.ndim > 1 or albedo.size == 0 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
                 raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
             object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
         check_phase("optics: phase", self.phase)
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
+            raise UserError(f"optics: kind {shown(self.kind)} is unknown: choose one of {', '.join(KINDS)}")
         if self.angstrom_exponent is not None:
             check_number("optics: angstrom_exponent", self.angstrom_exponent, *ANGSTROM_EXPONENTS)
 
@@ -89,6 +93,18 @@ class Scene:
     cut: bool = False
 
     def __post_init__(self) -> None:
+        from openswim.scene.atmosphere import Atmosphere
+
+        kinds: dict[str, tuple[Any, str]] = {
+            "grid": ((Grid, type(None)), "give a Grid, or None for a clear sky"),
+            "data": (xr.Dataset, "give an xarray.Dataset of the scene's fields"),
+            "atmosphere": ((Atmosphere, type(None)), "give an Atmosphere, such as Atmosphere.us_standard(), or None"),
+            "optics": (Mapping, "give {name of a species: Optics(...)}"),
+            "source": (str, "give text"),
+            "notes": ((list, tuple), "give a list of lines"),
+        }
+        for name, (kind, remedy) in kinds.items():
+            check_kind(f"scene: {name}", getattr(self, name), kind, remedy)
         if self.wider is not None:
             _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
@@ -190,21 +206,23 @@ class Scene:
         place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
         fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
         """
-        grid = Grid(np.asarray(x_m), np.asarray(y_m), np.asarray(z_m), _projection(crs), earth_radius_m, periodic)
+        given = {"x_m": x_m, "y_m": y_m, "z_m": z_m}
+        x, y, z = (numbers(f"scene: {name}", values) for name, values in given.items())
+        grid = Grid(x, y, z, _projection(crs), earth_radius_m, periodic)
         extinctions = (
             extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         )
         optics = {
-            name: Optics(
+            str(name): Optics(
                 _for_species(single_scattering_albedo, name),
                 _for_species(phase, name) or _default_phase(),
                 _for_species(kind, name),
             )
             for name in extinctions
         }
-        arrays = {f"{DIRECT_PREFIX}{name}": values for name, values in extinctions.items()} | dict(
-            fields or {}
-        )
+        fields = {} if fields is None else fields
+        check_kind("scene: fields", fields, Mapping, "give {name of docs/scene-format.md: array}")
+        arrays = {f"{DIRECT_PREFIX}{name}": values for name, values in extinctions.items()} | dict(fields)
         if terrain_m is not None:
             arrays["surface_altitude"] = terrain_m
         data = xr.Dataset({name: _labelled(name, values, grid) for name, values in arrays.items()})
@@ -231,15 +249,17 @@ class Scene:
         terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
         """
         lat, lon = _checked_place((lat, lon))
-        albedo = np.asarray(surface_albedo, dtype=np.float32)
+        albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
+        if albedo.ndim > 1:
+            raise UserError(f"scene: surface_albedo has shape {albedo.shape}; it must be a number or (wavelengths)")
         data = xr.Dataset(
             {
                 "surface_albedo": ((WAVELENGTH_DIM,) if albedo.ndim else (), albedo),
-                "surface_altitude": ((), np.float32(terrain_m)),
+                "surface_altitude": ((), np.float32(number("scene: terrain_m", terrain_m))),
             }
         )
         data = _with_wavelengths(data, wavelength_nm).assign_coords(latitude=float(lat), longitude=float(lon))
-        background = _default_atmosphere() if isinstance(atmosphere, str) else atmosphere
+        background = _default_atmosphere() if isinstance(atmosphere, str) and atmosphere == "default" else atmosphere
         return cls(None, data, background, time=time, source="clear sky")
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
@@ -308,7 +328,7 @@ def _default_atmosphere() -> Atmosphere:
 
 
 def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:
-    array, dims = np.asarray(values), variable(name).dims
+    array, dims = numbers(f"scene: {name}", values), variable(name).dims
     shape = grid.shape[3 - len(dims) :]
     if array.shape != shape:
         raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(dims)}) is {shape}")
@@ -316,7 +336,7 @@ def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...]
 
 
 def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-    albedo = np.asarray(surface_albedo, dtype=np.float32)
+    albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
     if albedo.ndim == 0:
         albedo = np.full(grid.shape[1:], albedo)
     if albedo.ndim not in (2, 3) or albedo.shape[:2] != grid.shape[1:]:
@@ -331,9 +351,8 @@ def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDA
 def _with_wavelengths(data: xr.Dataset, wavelength_nm: ArrayLike | None) -> xr.Dataset:
     if WAVELENGTH_DIM not in data.dims:
         return data
-    wavelengths = np.asarray(
-        DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm, dtype=np.float64
-    )
+    given = DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm
+    wavelengths = numbers("scene: wavelength_nm", given).astype(np.float64)
     if wavelengths.shape != (data.sizes[WAVELENGTH_DIM],):
         raise UserError(
             f"scene: surface_albedo has {data.sizes[WAVELENGTH_DIM]} wavelengths; wavelength_nm lists "

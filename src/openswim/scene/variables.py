@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass
 
+from openswim.arguments import check_kind
 from openswim.errors import UserError
 
 HYDROMETEORS = ("liquid", "ice", "rain", "snow", "graupel")
@@ -120,6 +121,7 @@ def is_known(name: str) -> bool:
 
 def variable(name: str) -> Variable:
     """The entry of a variable of a scene; a UserError (with the nearest known name) where there is none."""
+    check_kind("scene: name of a variable", name, str, "docs/scene-format.md lists the names")
     if name in VARIABLES:
         return VARIABLES[name]
     if is_known(name):

@@ -24,7 +24,7 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
     if heights.ndim == 1:
         z = heights.astype(float)
         if extend and z[0] > low + 1.0:
-            count = max(1, int(np.ceil((z[0] - low) / (1.5 * (z[1] - z[0])))))
+            count = int(np.clip(np.ceil((z[0] - low) / (1.5 * (z[1] - z[0]))), 1, _MOST_LEVELS))
             z = np.concatenate([np.linspace(low, z[0], count, endpoint=False), z])
         elif not extend and z[0] > 0.5:
             z = np.concatenate([[0.0, z[0] - min(1.0, 0.1 * z[0])], z])

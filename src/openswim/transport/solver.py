@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import number, shown, whole
 from openswim.errors import UserError
 from openswim.optics.species import for_wavelengths
 from openswim.progress import job
@@ -82,13 +83,18 @@ class Solver:
     checkpoint: str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
-        if self.name not in NAMES:
-            raise UserError(f"unknown solver {self.name!r}: choose one of {', '.join(NAMES)}")
+        if not isinstance(self.name, str) or self.name not in NAMES:
+            raise UserError(f"unknown solver {shown(self.name)}: choose one of {', '.join(NAMES)}")
+        for check, options in ((number, ("step", "tolerance", "target_error", "seconds")),
+                               (whole, ("most_sweeps", "seed", "paths"))):  # fmt: skip
+            for option in options:
+                if getattr(self, option) is not None or getattr(type(self), option) is not None:
+                    check(option, getattr(self, option))
         given = [self.paths, self.target_error, self.seconds, self.checkpoint]
         if self.name != "reference" and (self.seed or any(option is not None for option in given)):
             raise UserError("paths, seed, target_error, seconds and checkpoint belong to solver 'reference'")
-        if self.quality not in SETTINGS:
-            raise UserError(f"unknown quality {self.quality!r}: choose one of {', '.join(SETTINGS)}")
+        if not isinstance(self.quality, str) or self.quality not in SETTINGS:
+            raise UserError(f"unknown quality {shown(self.quality)}: choose one of {', '.join(SETTINGS)}")
         if self.quality != "standard" and self.name != "fast":
             raise UserError(f"quality belongs to solver 'fast'; leave it out with {self.name!r}")
         if not 0 < self.step < np.inf:

@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.opening import opened, reading, said
 from openswim.validate.metrics import UNKNOWN, Agreement, Score
 
 Array = NDArray[np.float64]
@@ -110,15 +111,15 @@ def with_sigma(view: Any) -> tuple[Array, Array]:
 def read_reference(path: Path) -> Reference:
     """Read a .nc or .csv file whole; what cannot be read raises UserError."""
     try:
+        beside = path.with_suffix(".json")
         if path.suffix == ".csv":
             data = _read_csv(path)
         else:
-            with xr.open_dataset(path) as opened:
-                data = opened.load()
-        beside = path.with_suffix(".json")
+            with opened(path) as lazy, reading(path):
+                data = lazy.load()
         about = json.loads(beside.read_text()) if beside.exists() else {}
     except (OSError, ValueError, KeyError, csv.Error, RuntimeError) as error:
-        raise UserError(f"{path.name}: cannot be read: {str(error).splitlines()[0]}") from error
+        raise UserError(f"{path}: cannot be read{said(error)}: damaged, or {beside.name} is no JSON") from error
     return Reference(path, data, about if isinstance(about, dict) else {})
 
 
@@ -126,9 +127,9 @@ def _read_csv(path: Path) -> xr.Dataset:
     with path.open(newline="", encoding="utf-8-sig") as file:
         header, *rows = list(csv.reader(file)) or [[]]
     if not header or not rows:
-        raise ValueError("no header or no rows")
+        raise UserError(f"{path}: no header or no rows")
     if any(len(row) != len(header) for row in rows):
-        raise ValueError("rows differ in length")
+        raise UserError(f"{path}: rows differ in length: damaged")
     columns = zip(header, zip(*rows, strict=True), strict=True)
     return xr.Dataset({name.strip(): ("row", _numbers_or_text(values)) for name, values in columns})
 

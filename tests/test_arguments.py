@@ -1,0 +1,62 @@
+"""What is called with something else than it takes says so in one line that names it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, render, to_rgb
+
+FIELD, AXIS, LEVELS = np.zeros((5, 4, 4)), np.arange(4.0), np.arange(5.0)
+CAMERA, CLEAR = Camera.allsky(46, 8, size=8), Scene.clear(46, 8)
+IMAGE = xr.DataArray(np.ones((4, 4, 3)), {"wavelength": [615.0, 546.0, 450.0]}, ("y", "x", "wavelength"))
+
+
+def arrays(**wrong: Any) -> Scene:
+    """A scene from arrays, some of them wrong."""
+    given: dict[str, Any] = {"extinction_per_m": FIELD, "x_m": AXIS, "y_m": AXIS, "z_m": LEVELS}
+    return Scene.from_arrays(**given | wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: to_rgb(np.ones((3, 3, 3))), "image"),
+        (lambda: to_rgb(IMAGE.isel(x=0)), r"\(y, wavelength\)"),
+        (lambda: to_rgb(IMAGE, matrix=np.eye(3)), "matrix"),
+        (lambda: open_scene(None), "path is None"),
+        (lambda: open_scene([3]), "path is 3"),
+        (lambda: open_scene(__file__, ground="a.tif"), "ground"),
+        (lambda: open_scene(__file__, around="here"), "around"),
+        (lambda: render(CLEAR, "cam"), "camera is 'cam'"),
+        (lambda: render(None, CAMERA), "scene is None"),
+        (lambda: render(CLEAR, CAMERA, solver=None), "unknown solver None"),
+        (lambda: Camera.allsky(x_m="a", y_m=0), "x_m"),
+        (lambda: Camera.allsky(np.array([1, 2]), 0), "lat"),
+        (lambda: Camera.allsky(1, 1, None), "height_m"),
+        (lambda: Camera.panorama(1, 1, altitude_range_deg=3), "altitude range"),
+        (lambda: Camera.satellite(1, 1, height_m="high"), "height"),
+        (lambda: Camera("fish", (3, 3), 1, 1), "allsky, panorama, perspective"),
+        (lambda: arrays(z_m=[[1, 2], [3]]), "z_m"),
+        (lambda: arrays(x_m="a"), "x_m must be numbers"),
+        (lambda: arrays(kind="liqiud"), "kind 'liqiud'"),
+        (lambda: arrays(periodic="no"), "periodic"),
+        (lambda: arrays(atmosphere="us"), "atmosphere"),
+        (lambda: arrays(earth_radius_m="a"), "earth_radius_m"),
+        (lambda: arrays(fields="a"), "fields"),
+        (lambda: arrays(surface_albedo="a"), "surface_albedo"),
+        (lambda: Scene.clear(1, 1, terrain_m="a"), "terrain_m"),
+        (lambda: Scene.clear(1, 1, atmosphere="us"), "atmosphere"),
+        (lambda: CLEAR.to_netcdf(None), "output"),
+        (lambda: Solver(tolerance="a"), "tolerance"),
+        (lambda: Solver("reference", seed=1.5), "seed"),
+        (lambda: Ground(albedo=3).open(), "albedo"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
+    """Never an error of numpy or xarray."""
+    with pytest.raises(UserError, match=named) as caught:
+        call()
+    assert "\n" not in str(caught.value)
