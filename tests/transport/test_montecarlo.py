@@ -212,6 +212,17 @@ def test_ctrl_c_loses_nothing(keeps: bool, tmp_path: Path, monkeypatch: pytest.M
     np.testing.assert_allclose(field.view(rays).radiance, whole.radiance, rtol=1e-6)
 
 
+def test_passes_of_many_rays_are_cut_for_interrupts(monkeypatch: pytest.MonkeyPatch) -> None:
+    field, real, parts = solve(slab(1.0, levels=5), paths=2), montecarlo.in_threads, []
+    monkeypatch.setattr(montecarlo, "in_threads", lambda *a, **k: parts.append(k["parts"]) or real(*a, **k))
+    rays = above(-sky_directions(np.full(100, 20.0), np.linspace(0, 350, 100)))
+    many = field.view(rays)
+    assert set(parts) == {rays.directions().shape[0] // 2048}
+    assert parts[0] > 2
+    monkeypatch.setattr(montecarlo, "_PART_RAYS", 1 << 30)
+    np.testing.assert_array_equal(field.view(rays).radiance, many.radiance)
+
+
 def test_target_error_ends_it() -> None:
     rays = above(-sky_directions([30.0], np.linspace(0, 350, 8)))
     view = solve(slab(2.0, levels=5), target_error=0.05).view(rays)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import numba
 import pytest
@@ -50,6 +51,21 @@ def test_parts_are_done_once_by_whoever_is_free() -> None:
     few = []
     in_threads(lambda *part: few.append(part), parts=1)  # never fewer than threads
     assert len(few) == numba.get_num_threads()
+
+
+def test_after_an_interrupt_no_part_is_begun() -> None:
+    """It comes to the main thread, between parts; the other threads end theirs and leave the rest."""
+    main, begun = threading.current_thread(), []
+
+    def kernel(part: int, parts: int) -> None:
+        begun.append(part)
+        if threading.current_thread() is main:
+            raise KeyboardInterrupt
+        time.sleep(0.01)
+
+    with pytest.raises(KeyboardInterrupt):
+        in_threads(kernel, parts=1000)
+    assert len(begun) < 100
 
 
 def test_what_a_share_hands_out_it_does_itself() -> None:

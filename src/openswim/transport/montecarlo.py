@@ -33,6 +33,7 @@ F64 = NDArray[np.float64]
 
 PATHS = 256  # per ray, unless told otherwise
 _PASS_S = 0.7  # of paths between looks at the clock
+_PART_RAYS = 2048  # of large pictures, between looks at an interrupt: half a second of one path each in thick cloud
 _SAVE_S = 30.0
 _FLUX_PLACES = 1024
 _SHARP = 20.0  # phase functions with a higher peak are aimed with
@@ -96,7 +97,7 @@ class ReferenceField:
         n, nw, ns = len(rays), len(self.wavelengths_nm), self.world.extinction.shape[3]
         origin, direction = (np.array(a, float, order="C") for a in (rays.origins(), rays.directions()))
         depth, species, ground_m = np.zeros((n, nw)), np.zeros((n, ns)), np.zeros(n)
-        in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m)
+        in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m, parts=n // _PART_RAYS)
         hit = ground_m >= 0
         position = np.where(hit[:, None], origin + direction * ground_m[:, None], np.nan)
         sides = [np.zeros(3) if side is None else np.asarray(side, float) for side in (across_m, along_m)]
@@ -129,7 +130,7 @@ class ReferenceField:
         if checkpoint is not None:
             checkpoint.load(sums)
         most = solver.paths or (PATHS if solver.target_error is None and solver.seconds is None else 1 << 40)
-        numbers = np.arange(len(direction), dtype=np.int64)
+        numbers, n = np.arange(len(direction), dtype=np.int64), len(direction)
         began, saved = time.process_time(), time.monotonic()
         size = 1
         with job("reference", most if most < 1 << 40 else None) as meter:
@@ -142,7 +143,7 @@ class ReferenceField:
                     total, squares = np.zeros_like(sums.total), np.zeros_like(sums.squares)
                     in_threads(
                         path_kernel, origin, direction, sides[0], sides[1], solver.seed, numbers, sums.paths, size,
-                        seen, self.aiming, self.world, self.phases, total, squares,
+                        seen, self.aiming, self.world, self.phases, total, squares, parts=n // _PART_RAYS,
                     )  # fmt: skip
                     took = time.perf_counter() - start
                     sums.add(total, squares, size)

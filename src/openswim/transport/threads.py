@@ -46,6 +46,8 @@ def _share(left: Iterator[int], kernel: Callable[..., None], *args: object) -> N
             kernel(part, *args)
     finally:
         _here.shared = False
+        for _ in left:  # after an error or an interrupt no thread begins another
+            pass
 
 
 @cache
