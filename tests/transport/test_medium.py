@@ -234,14 +234,16 @@ def test_a_hemisphere_of_cloud_is_seen_to_the_limb_without_a_hole() -> None:
     assert view.transmittance.max() < 1e-3
 
 
-@pytest.mark.parametrize(("extinction_per_m", "halvings"), [(1e-3, 0), (0.05, 3)])
-def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, halvings: int) -> None:
+@pytest.mark.parametrize(
+    ("extinction_per_m", "divide", "halvings"), [(1e-3, True, 0), (0.05, True, 3), (0.05, False, 0)]
+)
+def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, divide: bool, halvings: int) -> None:
     """Nodes and halved cells of a thin and a thick cloud on the Earth, as estimates have them; even ones stay whole."""
     shape = (10, 12, 12)
     lump = box(shape, (slice(3, 7), slice(4, 8), slice(4, 8)), extinction_per_m)
     scene = grid_scene(lump, shape, (200.0, 200.0, 100.0), curved=True)
-    medium = build_medium(scene, np.array([550.0]), 0.7)
-    reckoned, cell_m, divided = drawn_shape(scene, refine=True)
+    medium = build_medium(scene, np.array([550.0]), 0.7, divide=divide)
+    reckoned, cell_m, divided = drawn_shape(scene, refine=True, divide=divide)
     assert medium.halvings == halvings
     assert divided == (halvings > 0)
     assert cell_m == pytest.approx(min(medium.cell_m), rel=0.01)

@@ -13,6 +13,7 @@ from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
 from openswim.transport.medium import WIDE_CELL_M, build_medium, drawn_shape
 from openswim.transport.medium_levels import MOST_RESOLVED_NODES
 from openswim.transport.pack import PACK
+from openswim.transport.quality import SETTINGS
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera
@@ -25,7 +26,7 @@ LARGE_BYTES = 1_000_000_000
 _VIEW_SAMPLES_PER_S = 3e7
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _COLUMN_NODE_S = 0.35e-6  # the same where every column is solved by itself
-_QUALITY = {"preview": 0.6, "standard": 1.0, "high": 2.5}  # of that, on the same grid
+_QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.5}  # of that, on the same grid
 _HALVED_NODES, _HALVED_COST = 1.5e6, 13.0  # "high" divides the cells of grids up to so many nodes
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
@@ -70,7 +71,7 @@ def estimate(
         )
     if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
         return _estimate_large(scene, camera, wavelengths)
-    nodes, wide, divided = _drawn(scene, solver == "fast")
+    nodes, wide, divided = _drawn(scene, solver == "fast", SETTINGS[quality].divide)
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
     halved = quality == "high" and nodes < _HALVED_NODES and not wide and not divided
@@ -87,18 +88,18 @@ def estimate(
     return Estimate(seconds, 2e8 + nodes * wavelengths * node_bytes + pixels * wavelengths * _PIXEL_BYTES)
 
 
-def _drawn(scene: "Scene", fast: bool) -> tuple[int, bool, bool]:
+def _drawn(scene: "Scene", fast: bool, divide: bool = True) -> tuple[int, bool, bool]:
     """Nodes of the grid that a scene is drawn on; whether its cells are so wide that columns are solved alone; whether
     they are halved."""
     grid = scene.grid
     if grid is None:
         return 0, False, False
     if grid.curved:
-        shape, cell_m, divided = drawn_shape(scene, fast)
+        shape, cell_m, divided = drawn_shape(scene, fast, divide)
         return math.prod(shape), fast and cell_m >= WIDE_CELL_M, divided
     if not fast or math.prod(grid.shape) > MOST_RESOLVED_NODES:
         return math.prod(grid.shape), False, False
-    medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0)  # which takes little where there is no map
+    medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0, divide=divide)  # quick without a map
     return math.prod(medium.shape), False, medium.divided
 
 

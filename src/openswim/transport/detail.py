@@ -36,8 +36,8 @@ _SURPLUS, _SURPLUS_M = 0.1, 500.0
 _THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
 _QUANTILES = 256
 _SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
-# Scratch: the octaves' weights, what `noise_at` finds; extinction and source where a detailed step ended, and whether
-# the next begins there
+# Scratch: the octaves' weights, what `noise_at` finds; extinction, forward peaks and source where a detailed step
+# ended, and whether the next begins there
 NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 6 * PACK, 7 * PACK
 
 

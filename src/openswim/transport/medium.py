@@ -284,9 +284,9 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
     return fineness
 
 
-def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float, bool]:
+def drawn_shape(scene: Scene, refine: bool, divide: bool = True) -> tuple[tuple[int, int, int], float, bool]:
     """Nodes (nz, ny, nx) of what `build_medium` makes of a scene on the Earth, or a few more; the width (m) of its
-    cells; whether they are halved. ``refine``: for sweeps."""
+    cells; whether they are halved. ``refine``, ``divide``: as there."""
     grid, species = scene.grid, scene_optics(scene, REFERENCE_NM)
     assert grid is not None
     _, ny, nx = grid.shape
@@ -297,7 +297,7 @@ def drawn_shape(scene: Scene, refine: bool) -> tuple[tuple[int, int, int], float
     levels = own_levels(grid.height_m, terrain, grid.curved)
     if refine:
         total = np.sum([s.extinction_per_m for s in species], axis=0) if species else None
-        if cover is None and cell_m < WIDE_CELL_M:
+        if divide and cover is None and cell_m < WIDE_CELL_M:
             halvings = halvings_for(levels, grid.height_m, total, cell_m, ny * nx)
         levels = refined_levels(levels, grid.height_m, total, cell_m / 2**halvings, ny * nx * 4**halvings, 1.0)
         for n in range(halvings):
