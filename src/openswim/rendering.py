@@ -24,8 +24,8 @@ from openswim.scene.frame import horizon_vector, scene_frame
 from openswim.scene.grid import EDGE, extent_text
 from openswim.scene.times import parse_time
 from openswim.transport import Field, ReferenceField, Solver
-from openswim.transport.montecarlo import ReferenceView
-from openswim.transport.planes import bilinear
+from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.montecarlo.reference import ReferenceView
 
 F64 = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.transport.field import View
-from openswim.transport.montecarlo import ReferenceView
+from openswim.transport.montecarlo.reference import ReferenceView
 
 WAVELENGTH_NM = 546.0
 LAT, LON = 40.0, 10.0

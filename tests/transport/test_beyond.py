@@ -10,7 +10,7 @@ from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, sun_
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.beyond import Beyond
+from openswim.transport.view.beyond_sides import Beyond
 
 ALBEDO = 0.2
 SHAPE, CELL = (25, 33, 33), 50.0

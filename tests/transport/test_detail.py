@@ -10,7 +10,8 @@ from tests.transport.scenes import WAVELENGTH_NM, grid_scene, toward
 from openswim.cameras import Rays
 from openswim.scene.procedural import demo_scene
 from openswim.transport import Field, Solver
-from openswim.transport.detail import (
+from openswim.transport.engine.pack import PACK
+from openswim.transport.march.cloud_detail import (
     NOISE,
     SCRATCH,
     Detail,
@@ -21,9 +22,8 @@ from openswim.transport.detail import (
     sunward,
     thickened,
 )
-from openswim.transport.detail_step import widest_m
-from openswim.transport.march import march_rays
-from openswim.transport.pack import PACK
+from openswim.transport.march.detail_step import widest_m
+from openswim.transport.march.march import march_rays
 
 CELL_M = 100.0
 SUN = toward(240.0, 45.0)

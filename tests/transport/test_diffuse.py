@@ -13,10 +13,10 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Solver
-from openswim.transport.moments import Moments, nothing_coarser, places, prolong, restrict
-from openswim.transport.optical_grid import coarsen
-from openswim.transport.ordinates import harmonic_matrix, lebedev
-from openswim.transport.products import BLOCK, in_groups, multiply
+from openswim.transport.diffuse.moments import Moments, nothing_coarser, places, prolong, restrict
+from openswim.transport.diffuse.optical_grid import coarsen
+from openswim.transport.diffuse.ordinate_transform import BLOCK, in_groups, multiply
+from openswim.transport.engine.ordinates import harmonic_matrix, lebedev
 
 SHAPE = (14, 52, 50)  # three grids, with an odd one among them
 CELL_M = (100.0, 100.0, 100.0)

@@ -9,8 +9,8 @@ from tests.transport.scenes import grid_scene, toward
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Solver
-from openswim.transport.diffusion import Diffusion
-from openswim.transport.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.diffusion import Diffusion
+from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
 
 NY, NX = 18, 21  # rows that end within a pack
 
@@ -49,8 +49,8 @@ def test_a_deck_follows_the_parabola(ground_albedo: float) -> None:
 @pytest.mark.parametrize("periodic", [True, False])
 def test_it_solves_its_equations(periodic: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Random cloud over hills: what scatters is absorbed or leaves; what is left of a tight solution is rounding."""
-    monkeypatch.setattr("openswim.transport.diffusion._CLOSE", 1e-5)
-    monkeypatch.setattr("openswim.transport.diffusion._MOST", 1000)
+    monkeypatch.setattr("openswim.transport.diffuse.diffusion._CLOSE", 1e-5)
+    monkeypatch.setattr("openswim.transport.diffuse.diffusion._MOST", 1000)
     rng = np.random.default_rng(3)
     levels = np.cumsum(np.r_[0.0, rng.uniform(20.0, 60.0, 15)])
     cloud = 0.05 * rng.random((16, NY, NX)) * (rng.random((16, NY, NX)) > 0.4)
@@ -80,7 +80,7 @@ def test_large_grids_are_halved() -> None:
     black = np.zeros((64, 64), np.float32)
     halved = Diffusion(medium(cloud, levels), black, True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("openswim.transport.diffusion._MOST_COLUMNS", 10_000)
+        patch.setattr("openswim.transport.diffuse.diffusion._MOST_COLUMNS", 10_000)
         whole = Diffusion(medium(cloud, levels), black, True)
     assert halved.halved == [(64, 64)]
     assert not whole.halved

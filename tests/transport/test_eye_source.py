@@ -6,10 +6,10 @@ from tests.transport.scenes import toward
 
 from openswim.scene.procedural import demo_scene
 from openswim.transport import Solver
-from openswim.transport.eye_source import thickest_around
-from openswim.transport.ordinates import harmonic_matrix
-from openswim.transport.pack import PACK
-from openswim.transport.volume import DEGREE
+from openswim.transport.engine.ordinates import harmonic_matrix
+from openswim.transport.engine.pack import PACK
+from openswim.transport.march.volume import DEGREE
+from openswim.transport.view.source_function import thickest_around
 
 
 def moments_of_row(kept, coarser, k: int, j: int, nx: int) -> np.ndarray:

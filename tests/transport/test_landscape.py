@@ -14,10 +14,10 @@ from openswim.cameras import Rays
 from openswim.ground import Ground, earth
 from openswim.scene import Scene
 from openswim.transport import Solver
-from openswim.transport.landscape import Landscape, Lattice, landscape_of
-from openswim.transport.march import march_rays
-from openswim.transport.medium import build_medium
-from openswim.transport.volume import FAR_M
+from openswim.transport.ground_light.landscape import Landscape, Lattice, landscape_of
+from openswim.transport.march.march import march_rays
+from openswim.transport.march.volume import FAR_M
+from openswim.transport.medium.medium import build_medium
 
 assert rasterio
 RADIUS = 6_371_000.0

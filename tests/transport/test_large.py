@@ -10,9 +10,11 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
-from openswim.transport import Solver, large, large_medium
-from openswim.transport.large_medium import Window, large_levels, spread_on_levels
-from openswim.transport.shells import no_volume
+from openswim.transport import Solver
+from openswim.transport.air.shells import no_volume
+from openswim.transport.medium import tiles as large_medium
+from openswim.transport.medium.tiles import Window, large_levels, spread_on_levels
+from openswim.transport.view import tiled as large
 
 EYE_M = 3.6e7
 CELL_M = (3000.0, 3000.0, 400.0)

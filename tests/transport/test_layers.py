@@ -10,7 +10,7 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein, Mixture
 from openswim.scene import Scene
 from openswim.transport import Solver
-from openswim.transport.layers import LAYERS_DEGREE, Layers, layer_levels, solve_layers
+from openswim.transport.columns.discrete_ordinates import LAYERS_DEGREE, Layers, layer_levels, solve_layers
 
 LAMBDA_NM = [550.0]
 

@@ -11,11 +11,11 @@ from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.transport import Solver
-from openswim.transport.finer import finer_cloud, subdivided
-from openswim.transport.medium import build_medium, drawn_shape, with_air_above
-from openswim.transport.medium_levels import own_levels
-from openswim.transport.shells import no_volume
-from openswim.transport.volume import grid_index
+from openswim.transport.air.shells import no_volume
+from openswim.transport.march.volume import grid_index
+from openswim.transport.medium.levels import own_levels
+from openswim.transport.medium.medium import build_medium, drawn_shape, with_air_above
+from openswim.transport.medium.subdivision import finer_cloud, subdivided
 
 WL = np.array([615.0, 546.0, 450.0])
 SHAPE = (9, 7, 6)

@@ -34,7 +34,8 @@ from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver, montecarlo
+from openswim.transport import Solver
+from openswim.transport.montecarlo import reference as montecarlo
 
 SUN = toward(200.0, 40.0)
 

@@ -11,9 +11,9 @@ from openswim.optics import mie
 from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport.montecarlo_cells import cell_majorants, free_cells
-from openswim.transport.montecarlo_ground import mirrored, mirrored_density, reflectance, seen_ground
-from openswim.transport.montecarlo_phase import (
+from openswim.transport.montecarlo.cells import cell_majorants, free_cells
+from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflectance, seen_ground
+from openswim.transport.montecarlo.phase import (
     drawn_q,
     exponential,
     phase_place,
@@ -23,8 +23,8 @@ from openswim.transport.montecarlo_phase import (
     uniform,
     unit_circle,
 )
-from openswim.transport.montecarlo_track import air_beam
-from openswim.transport.montecarlo_world import BLOCK, block_majorants, build_world
+from openswim.transport.montecarlo.track import air_beam
+from openswim.transport.montecarlo.world import BLOCK, block_majorants, build_world
 
 PHASES = [HenyeyGreenstein(0.85), HenyeyGreenstein(-0.3), Rayleigh(), mie.phase_function("liquid", 546.0)]
 

@@ -21,8 +21,8 @@ from openswim.rendering import light
 from openswim.rendering import render as rendered
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.march import march_rays
-from openswim.transport.nested import Core
+from openswim.transport.march.march import march_rays
+from openswim.transport.view.nested import Core
 
 SUN = toward(140.0, 45.0)
 CELL, HEIGHT, LEVELS = 1000.0, 400.0, 16

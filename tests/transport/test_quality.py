@@ -11,8 +11,8 @@ from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, tow
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.transport import Solver
-from openswim.transport.medium import build_medium, halved_medium
-from openswim.transport.quality import SETTINGS
+from openswim.transport.medium.medium import build_medium, halved_medium
+from openswim.transport.options import SETTINGS
 from openswim.validate.metrics import Score, image_score
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import read_reference
@@ -111,7 +111,7 @@ def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytes
     assert halved_medium(sideless, medium) is medium
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
     medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    monkeypatch.setattr("openswim.transport.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
     assert halved_medium(scene, medium) is medium
 
 

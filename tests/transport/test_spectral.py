@@ -8,9 +8,9 @@ from tests.transport.scenes import down_on, grid_scene, toward
 from tests.transport.test_quality import CELL_M, SHAPE, cumuli
 
 from openswim.transport import Solver
-from openswim.transport.moments import Moments, nothing_coarser
-from openswim.transport.spectral import Known, in_order, on_both_sides
-from openswim.transport.two_grids import Solution
+from openswim.transport.diffuse.moments import Moments, nothing_coarser
+from openswim.transport.diffuse.multigrid import Solution
+from openswim.transport.diffuse.spectral import Known, in_order, on_both_sides
 
 SUN = toward(200.0, 35.0)
 APART = 50.0  # m, of the places that are looked at

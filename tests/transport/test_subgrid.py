@@ -5,9 +5,7 @@ import pytest
 from tests.transport.scenes import grid_scene, slab, sun_at_zenith_angle
 
 from openswim.transport import Solver
-from openswim.transport.finer import around_nodes
-from openswim.transport.medium import build_medium
-from openswim.transport.subgrid import (
+from openswim.transport.medium.cloud_cover import (
     broken_cloud,
     effective_share,
     octaves,
@@ -15,6 +13,8 @@ from openswim.transport.subgrid import (
     spread_in_cloud,
     under_cloud,
 )
+from openswim.transport.medium.medium import build_medium
+from openswim.transport.medium.subdivision import around_nodes
 
 WL = np.array([615.0, 546.0, 450.0])
 CELL_M, FINENESS, CELLS = 24_000.0, 32, 12

@@ -7,8 +7,8 @@ from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, towa
 
 from openswim.cameras import Rays
 from openswim.transport import Solver
-from openswim.transport.pack import PACK
-from openswim.transport.sun_depth import inside, sun_sweep, weighted
+from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
+from openswim.transport.engine.pack import PACK
 
 FLAT_M = 1e12
 

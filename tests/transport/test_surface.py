@@ -23,7 +23,7 @@ from openswim.cameras import Rays
 from openswim.ground.model import ModelGround
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.surface import _PART, _steepness
+from openswim.transport.view.shading import _PART, _steepness
 
 ALTITUDE = 30.0
 RIDGE_M, CELL, DARK = 500.0, 50.0, 0.01

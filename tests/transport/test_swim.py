@@ -8,7 +8,7 @@ from openswim.cameras import Rays
 from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.transport import Field, Solver
-from openswim.transport.swim_phase import henyey_greenstein, sunlit_phase, thin_phase
+from openswim.transport.swim.phase import henyey_greenstein, sunlit_phase, thin_phase
 
 ANGLE = np.linspace(0, np.pi, 2_000_001)
 MU = np.cos(ANGLE)

@@ -20,9 +20,9 @@ from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.transport import Solver
-from openswim.transport.scalar import share_of_step
-from openswim.transport.swim_phase import anisotropy, broadened, shaded_phase, thin_phase
-from openswim.transport.swim_view import clear_share
+from openswim.transport.engine.scalar import share_of_step
+from openswim.transport.swim.phase import anisotropy, broadened, shaded_phase, thin_phase
+from openswim.transport.swim.view import clear_share
 
 SWIM = Solver("swim")
 

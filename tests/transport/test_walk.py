@@ -6,11 +6,12 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_dire
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.transport import Field, Solver, walk
-from openswim.transport.free import STEEP_CELLS, steepness
-from openswim.transport.march import march_rays
-from openswim.transport.planes import bilinear
-from openswim.transport.volume import FAR_M, sphere_crossings, tidy
+from openswim.transport import Field, Solver
+from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.march import walk
+from openswim.transport.march.empty_space import STEEP_CELLS, steepness
+from openswim.transport.march.march import march_rays
+from openswim.transport.march.volume import FAR_M, sphere_crossings, tidy
 
 SUN = toward(200.0, 40.0)
 EYE = np.array([120.0, -80.0, 2.0])

@@ -9,11 +9,11 @@ import numpy as np
 
 from openswim.optics.species import REFERENCE_NM
 from openswim.progress import PATIENCE_S
-from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import WIDE_CELL_M, build_medium, drawn_shape
-from openswim.transport.medium_levels import MOST_RESOLVED_NODES
-from openswim.transport.pack import PACK
-from openswim.transport.quality import SETTINGS
+from openswim.transport.engine.pack import PACK
+from openswim.transport.medium.levels import MOST_RESOLVED_NODES
+from openswim.transport.medium.medium import WIDE_CELL_M, build_medium, drawn_shape
+from openswim.transport.options import SETTINGS
+from openswim.transport.view.tiled import LIGHT_OF_COLUMNS, lit_in_parts
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera

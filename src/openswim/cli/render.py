@@ -77,7 +77,7 @@ def run(request: RenderRequest) -> None:
     from openswim.cli.estimate import announce, swept
     from openswim.optics.species import for_wavelengths
     from openswim.rendering import WAVELENGTHS_NM
-    from openswim.transport import compiling
+    from openswim.transport import warm_up as compiling
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps

@@ -17,26 +17,27 @@ from openswim.ground.model import ModelGround
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.scene import Scene
-from openswim.transport import nested, swim_view
-from openswim.transport.detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
-from openswim.transport.detail_step import widest_m
-from openswim.transport.grid_light import GridLight, SunDepth
-from openswim.transport.lighting import Lighting
-from openswim.transport.march import march_rays
-from openswim.transport.medium import Medium, air_of
-from openswim.transport.nested import Core, Seen
-from openswim.transport.pack import PACK
-from openswim.transport.peak import blunted
-from openswim.transport.shells import build_shells
-from openswim.transport.surface import shade
-from openswim.transport.volume import DEGREE, FAR_M, Shells, Volume
+from openswim.transport.air.shells import build_shells
+from openswim.transport.engine.pack import PACK
+from openswim.transport.ground_light.fluxes import Lighting
+from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
+from openswim.transport.march.detail_step import widest_m
+from openswim.transport.march.forward_peak import blunted
+from openswim.transport.march.march import march_rays
+from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
+from openswim.transport.medium.medium import Medium, air_of
+from openswim.transport.swim import view as swim_view
+from openswim.transport.view import nested
+from openswim.transport.view.nested import Core, Seen
+from openswim.transport.view.shading import shade
+from openswim.transport.view.toward_eye import GridLight, SunDepth
 
 if TYPE_CHECKING:
-    from openswim.transport.beyond import Beyond
-    from openswim.transport.landscape import Landscape
-    from openswim.transport.mirror import Mirrored
-    from openswim.transport.relief import Relief
+    from openswim.transport.ground_light.landscape import Landscape
+    from openswim.transport.ground_light.relief import Relief
     from openswim.transport.solver import Solver
+    from openswim.transport.view.beyond_sides import Beyond
+    from openswim.transport.view.mirror import Mirrored
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

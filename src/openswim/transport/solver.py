@@ -19,29 +19,39 @@ from openswim.optics.species import for_wavelengths
 from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
-from openswim.transport import compiling, diffuse, spectral, swim, two_grids
-from openswim.transport.beam import beam_around
-from openswim.transport.beyond import Beyond
-from openswim.transport.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
+from openswim.transport import warm_up as compiling
+from openswim.transport.air.shells import build_shells, clear_radiance, no_volume
+from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
+from openswim.transport.columns.discrete_ordinates import solve_layers
+from openswim.transport.diffuse import multigrid as two_grids
+from openswim.transport.diffuse import spectral
+from openswim.transport.diffuse import sweeper as diffuse
+from openswim.transport.diffuse.absorbed_beam import beam_around
+from openswim.transport.diffuse.inflow import Clear, light_through_sides
+from openswim.transport.diffuse.moments import Moments
+from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
+from openswim.transport.engine.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
+from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.scratch import Pool
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
-from openswim.transport.grid_light import GridLight, beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
-from openswim.transport.landscape import landscape_of
-from openswim.transport.large import lit_in_parts, solve_large
-from openswim.transport.layers import solve_layers
-from openswim.transport.lighting import Lighting, clear_sky_table
-from openswim.transport.medium import Medium, air_of, build_medium, halved_medium, with_air_above, with_soft_top
-from openswim.transport.moments import Moments
-from openswim.transport.montecarlo import ReferenceField, solve_reference
-from openswim.transport.nested import Core, shade_from
-from openswim.transport.optical_grid import at_another_wavelength, optical_grid
-from openswim.transport.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
-from openswim.transport.pack import PACK
-from openswim.transport.peak import peak_tables
-from openswim.transport.pool import Pool
-from openswim.transport.quality import SETTINGS, Quality
-from openswim.transport.shells import build_shells, clear_radiance, no_volume
-from openswim.transport.sides import Clear, light_through_sides
-from openswim.transport.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
+from openswim.transport.ground_light.landscape import landscape_of
+from openswim.transport.march.forward_peak import peak_tables
+from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.medium.medium import Medium, air_of, build_medium, halved_medium, with_air_above, with_soft_top
+from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
+from openswim.transport.options import SETTINGS, Quality
+from openswim.transport.swim import light as swim
+from openswim.transport.view.beyond_sides import Beyond
+from openswim.transport.view.nested import Core, shade_from
+from openswim.transport.view.tiled import lit_in_parts, solve_large
+from openswim.transport.view.toward_eye import (
+    GridLight,
+    beams_and_shadows,
+    coefficients_of,
+    forward_tables,
+    sunlit_volume,
+)
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

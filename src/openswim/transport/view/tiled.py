@@ -1,0 +1,241 @@
+"""Domains of very many columns, seen from space: lit and seen part by part, so that memory does not grow with them.
+
+Each part is the columns under some of the picture's rays, with as many more around as rays and sunlight slant through.
+Its columns are solved by themselves (`columns.py`), and levels, species, air and suns are those of the whole domain:
+what a ray sees does not depend on where parts end. docs/decisions/0013-large-domains.md.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.cameras.rays import Rays
+from openswim.errors import UserError
+from openswim.ground import hemispherical_albedo, surface_properties
+from openswim.progress import job
+from openswim.scene.grid import Grid
+from openswim.scene.scene import Scene
+from openswim.scene.variables import SURFACE_DIMS
+from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.columns.columns import columns_of_grid, light_from_above
+from openswim.transport.engine.pack import PACK
+from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
+from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
+from openswim.transport.march.volume import DEGREE
+from openswim.transport.medium.medium import Medium, columns_on
+from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
+from openswim.transport.swim import light as swim
+from openswim.transport.view.toward_eye import beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+
+if TYPE_CHECKING:
+    from openswim.transport.solver import Solver
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+LARGE_COLUMNS = 320_000  # a little more than what readers cut from larger domains
+LIGHT_OF_COLUMNS = (
+    f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
+    "the picture made part by part"
+)
+_BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where the scene has their cover
+_PART_COLUMNS = 90_000
+_MARGIN = 12  # columns of the ground's fields beyond a part, where what fades at their edge may fade
+_MOST_SLANT = 96  # columns that light may come from the side
+_LEAST_HEIGHT_M = 1e5  # of the eye
+_SEEN_AT_M = 4000.0  # height at which rays are given to parts
+
+
+def lit_in_parts(scene: Scene) -> bool:
+    """Whether a scene has too many columns to be lit at once."""
+    grid = scene.grid
+    if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
+        return False
+    covered = "cloud_area_fraction" in scene.data and min(grid.spacing_m()) > _BROKEN_CELL_M
+    return not grid.periodic and grid.curved and not covered
+
+
+def _ground_of(scene: Scene, window: Window) -> Scene:
+    """What a scene has on the ground in a window."""
+    grid = scene.grid
+    assert grid is not None
+    rows, columns = window.slices
+    data = {str(n): v[rows, columns] if v.dims == SURFACE_DIMS else v.isel(y=rows, x=columns)
+            for n, v in scene.data.data_vars.items() if "z" not in v.dims}  # fmt: skip
+    part = Grid(grid.x[columns], grid.y[rows], np.array([0.0, 1.0]), grid.crs, grid.earth_radius_m)
+    fields = xr.Dataset(data).drop_vars(["x", "y", "height"], errors="ignore")
+    return Scene(part, fields, scene.atmosphere, {}, scene.time, scene.source, [], scene.ground)
+
+
+@dataclass
+class LargeField(PackField):
+    """`PackField` of a large domain: light is solved anew for every view, part by part, and forgotten."""
+
+    inflow: F32 = field(default_factory=lambda: np.zeros((0, 0, 2), np.float32))
+    cover: F32 | None = None
+    lacking: F32 = field(default_factory=lambda: np.zeros((0, 0, 0, 0), np.float32))
+
+    @property
+    def quality(self) -> str:
+        """See `PackField.quality`."""
+        return "columns" if self.solver.name == "fast" else self.solver.quality
+
+    def view(self, rays: Rays, more: bool = False) -> View:
+        """See `Field.view`; for eyes in space, to whom water mirrors the clear sky."""
+        started = time.perf_counter()
+        n = len(rays)
+        if self.frame.latlon(rays.origins()[0])[2] < _LEAST_HEIGHT_M:
+            raise UserError(
+                "a domain of so many columns is lit for eyes in space alone: open the part around the observer, "
+                "open_scene(path, around=(lat, lon))"
+            )
+        self.space_shells = self._shells_for(rays)
+        out = View(
+            np.zeros((n, self.count), np.float32), np.zeros((n, self.count), np.float32), np.zeros(n, bool),
+            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(len(self.whole.species), 1)), np.float32), 0,
+        )  # fmt: skip
+        with job("light and view", n) as meter:
+            for window, which in self._parts(rays):
+                part = self._part(window)
+                seen = part.view(rays[which])
+                out.samples += seen.samples
+                for name in ("radiance", "transmittance", "hit", "position", "distance_m", "species_depth"):
+                    getattr(out, name)[which] = getattr(seen, name)
+                for name, seconds in part.timings.items():
+                    self.timings[name] = self.timings.get(name, 0.0) + seconds
+                meter.advance(len(which))
+        self.timings["whole"] = time.perf_counter() - started
+        return out
+
+    @property
+    def whole(self) -> Medium:
+        assert self.medium is not None
+        return self.medium
+
+    def _parts(self, rays: Rays) -> Iterator[tuple[Window, NDArray[np.int64]]]:
+        """Windows of the domain, and the rays that each shows."""
+        ix, iy = self._indices(rays)
+        ny, nx = self.whole.shape[1:]
+        cell = max(self.whole.cell_m)
+        count = max(1, round(np.sqrt(_PART_COLUMNS)))
+        across, up = max(1, round(nx / count)), max(1, round(ny / count))
+        x_edges, y_edges = np.linspace(0, nx, across + 1).astype(int), np.linspace(0, ny, up + 1).astype(int)
+        column = np.clip(np.searchsorted(x_edges, ix, "right") - 1, 0, across - 1)
+        row = np.clip(np.searchsorted(y_edges, iy, "right") - 1, 0, up - 1)
+        order = np.argsort(row * across + column, kind="stable")
+        ends = np.searchsorted((row * across + column)[order], np.arange(across * up + 1))
+        for n in range(across * up):
+            which = order[ends[n] : ends[n + 1]]
+            if which.size == 0:
+                continue
+            core = Window(x_edges[n % across], x_edges[n % across + 1], y_edges[n // across], y_edges[n // across + 1])
+            yield core.grown(*self._slants(core, rays[which][:: max(1, which.size // 500)], cell), (ny, nx)), which
+
+    def _indices(self, rays: Rays) -> tuple[F64, F64]:
+        """Fractional columns where rays pass the height of clouds, or come nearest to it."""
+        frame, grid = self.frame, self.scene.grid
+        assert grid is not None
+        ix, iy = np.empty(len(rays)), np.empty(len(rays))
+        centre = np.array([0.0, 0.0, frame.radius_m])
+        for a in range(0, len(rays), 200_000):
+            some = slice(a, min(len(rays), a + 200_000))
+            p, d = rays[some].origins() + centre, rays[some].directions()
+            along = (p * d).sum(-1)
+            reach = along**2 - (p * p).sum(-1) + (frame.radius_m + _SEEN_AT_M) ** 2
+            place = p + (-along - np.sqrt(np.maximum(reach, 0)))[:, None] * d - centre
+            lat, lon, _ = frame.latlon(place)
+            x, y = grid.index(lon, lat)
+            ix[some], iy[some] = (np.nan_to_num(v, nan=-1e6, posinf=1e6, neginf=-1e6) for v in (x, y))
+        return ix, iy
+
+    def _slants(self, core: Window, rays: Rays, cell: float) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Columns to the west and east, then south and north, that rays and the sun's beam pass beside their own."""
+        grid = self.scene.grid
+        assert grid is not None
+        top = float(self.whole.levels_m[-1] - self.whole.levels_m[0])
+        y = np.linspace(core.south, core.north - 1, 3).astype(int)
+        x = np.linspace(core.west, core.east - 1, 3).astype(int)
+        axes, place = columns_on(grid, self.frame, np.ix_(y, x))
+        sun = np.einsum("jiab,b->jia", axes.astype(float), self.sun).reshape(-1, 3)
+        eye = rays.origins()[0]
+        back = eye - place.reshape(-1, 3)
+        back /= np.linalg.norm(back, axis=-1, keepdims=True)
+        back = np.einsum("nab,nb->na", axes.astype(float).reshape(-1, 3, 3), back)
+        found = []
+        for axis in range(2):
+            toward_sun = top * sun[:, axis] / np.maximum(sun[:, 2], 0.02) / cell
+            sight = top * back[:, axis] / np.maximum(back[:, 2], 0.1) / cell  # the ray meets its column half-way up
+            low = np.minimum(toward_sun, 0).min() - np.abs(sight).max()
+            high = np.maximum(toward_sun, 0).max() + np.abs(sight).max()
+            found.append((min(int(-low) + 3, _MOST_SLANT), min(int(high) + 3, _MOST_SLANT)))
+        return found[0], found[1]
+
+    def _part(self, window: Window) -> PackField:
+        """The light of a window's columns."""
+        started = time.perf_counter()
+        grid, fast = self.scene.grid, self.solver.name == "fast"
+        assert grid is not None
+        medium = part_of_medium(self.whole, self.cover, grid, window)
+        wider = window.grown((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), self.whole.shape[1:])
+        ground = _ground_of(self.scene, wider)
+        medium.first = (window.west - wider.west, window.south - wider.south)
+        lighting = Lighting.of_grid(ground, medium)
+        lighting.clear_sky = self.lighting.clear_sky
+        lighting.place_sun(self.sun)
+        local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), self.sun)
+        coefficients = [coefficients_of(medium, self.shells, w, fast) for w in range(PACK)]
+        timings = {"air": time.perf_counter() - started}
+        started = time.perf_counter()
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, fast)
+        light = beams_and_shadows(
+            medium, lighting, self.shells, volume, depths, coefficients, local_sun, self.sun, self.count
+        )
+        timings["sun"] = time.perf_counter() - started
+        part = PackField(
+            self.solver, ground, self.frame, self.sun, self.wavelengths_nm, self.count, self.shells, volume, self.table,
+            lighting, medium, timings,
+        )  # fmt: skip
+        part.light, part.reach_deg, part.space_shells = light, self.reach_deg, self.space_shells
+        if fast:
+            light.columns = columns_of_grid(
+                medium, coefficients, lighting, local_sun, self.inflow, self.lacking, self.count, True
+            )
+        else:
+            swim.light_grid(light, volume, lighting, self.shells, local_sun, self.sun)
+        return part
+
+
+def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> LargeField:
+    """What all views and parts share: optics on levels, the clear air around."""
+    started = time.perf_counter()
+    medium, cover = large_medium(scene, wl)
+    grid, frame = scene.grid, medium.frame
+    assert grid is not None
+    _, ny, nx = grid.shape
+    y, x = np.arange(0, ny, 8), np.arange(0, nx, 8)
+    _, place = columns_on(grid, frame, np.ix_(y, x))
+    lat, lon, _ = frame.latlon(place.reshape(-1, 3))
+    albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl)
+    blank = np.zeros((PACK, 1, 1), np.float32)
+    lighting = Lighting(medium.ground_m, albedo.mean(axis=0), blank, blank, blank, blank)
+    reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / frame.radius_m)))
+    top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
+    zenith = float(np.degrees(np.arccos(np.clip(sun[2], -1, 1))))
+    suns = max(0.0, zenith - reach), min(110.0, zenith + reach)
+    shells = build_shells(medium.air, suns, frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top)
+    lighting.clear_sky = clear_sky_table(shells, sun)
+    table = forward_tables(medium, solver.name == "fast")
+    coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
+    inflow, lacking = light_from_above(medium, coefficients, shells, count)
+    return LargeField(
+        solver, scene, frame, sun, wl, count, shells, no_volume(), table, lighting, medium,
+        {"air": time.perf_counter() - started}, reach_deg=reach,
+        inflow=inflow, cover=cover, lacking=lacking,
+    )  # fmt: skip
