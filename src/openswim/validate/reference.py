@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.opening import opened, reading, said
+from openswim.readers.common.opening import opened, reading, said
 from openswim.validate.metrics import UNKNOWN, Agreement, Score
 
 Array = NDArray[np.float64]
