@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from tests.validate.fakes import FakeSolver
 
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.validate.cases3d import compare, matches
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.validate.phases import PhaseTables, named_phases, phase_of_attributes
 from openswim.validate.reference import Reference
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from tests.validate.fakes import FakeSolver, single_scattering
 
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference, read_reference
 from openswim.validate.slab_tables import compare_rayleigh_table

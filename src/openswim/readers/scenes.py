@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,7 @@ from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.registry import by_reader
-
-if TYPE_CHECKING:
-    from openswim.ground import Ground
-    from openswim.scene import Scene
+from openswim.scene import Ground, Scene
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
@@ -46,10 +43,10 @@ def open_scene(
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     """
     if ground is not None:
-        from openswim.ground import Ground
+        from openswim.ground.maps import maps_of
 
         check_kind("ground", ground, Ground, "give openswim.Ground(albedo=..., height=...)")
-        ground.open()
+        maps_of(ground)  # all files now, so that what is wrong with them is known before any work is done
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)
     groups = by_reader(paths)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from openswim.errors import UserError
-from openswim.optics.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh, TablePhase
+from openswim.scene.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh, TablePhase
 from openswim.validate.reference import Reference
 
 _NUMBER = r"([-+]?\d*\.?\d+)"

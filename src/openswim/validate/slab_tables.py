@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.optics.phase import Rayleigh
+from openswim.scene.phase import Rayleigh
 from openswim.validate.metrics import agreement, score
 from openswim.validate.phases import PhaseTables
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups

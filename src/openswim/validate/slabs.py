@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import PhaseFunction
 from openswim.scene import Scene
+from openswim.scene.phase import PhaseFunction
 from openswim.validate.metrics import agreement, score
 from openswim.validate.phases import PhaseTables, named_phases, phase_of_attributes
 from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma

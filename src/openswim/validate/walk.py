@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.progress import Quiet, job, use
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.validate import cases3d, clearsky, colours, measured, slab_tables, slabs, sunpos
 from openswim.validate.clearsky import ClearSky
 from openswim.validate.phases import PhaseTables, is_phase_table

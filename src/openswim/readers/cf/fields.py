@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
@@ -20,6 +21,7 @@ from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.particles import by_wavelength
+from openswim.scene.phase import phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
@@ -66,9 +68,6 @@ def optics_of(data: xr.Dataset) -> dict[str, Optics]:
 
 
 def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
-    from openswim.optics.aerosol import aerosol_optics
-    from openswim.optics.phase import phases_from_dict
-
     if "aerosol_type" in attributes:
         return aerosol_optics(str(attributes["aerosol_type"]))
     if "phase_function" not in attributes:
@@ -125,7 +124,7 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
                 for key, value in data[AEROSOL].attrs.items()
                 if key in known or key == "aerosol_type"
             }
-            aerosol = AerosolProfile.from_dict(described)
+            aerosol = described_profile(described)
     if not any(name in data.variables for name in PROFILES):
         given = "the file's" if aerosol is not None else "the default"
         notes.append(f"gas and aerosol background: US standard atmosphere with {given} aerosol")

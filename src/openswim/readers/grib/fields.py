@@ -150,7 +150,7 @@ def _smoke_extinction(columns: Columns, density: F32) -> F32:
 
 
 def smoke_optics() -> Optics:
-    from openswim.optics.phase import HenyeyGreenstein
+    from openswim.scene.phase import HenyeyGreenstein
 
     return Optics(0.92, HenyeyGreenstein(0.62), "aerosol")
 

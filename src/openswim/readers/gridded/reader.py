@@ -160,7 +160,7 @@ def _read(
         data |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
         optics, atmosphere = {}, _background(aerosol, notes)
         if aerosol is not None:
-            from openswim.optics.phase import HenyeyGreenstein
+            from openswim.scene.phase import HenyeyGreenstein
 
             optics["aerosol"] = Optics(aerosol.albedo, HenyeyGreenstein(aerosol.asymmetry), "aerosol")
         cut = columns.laid.selection.cut

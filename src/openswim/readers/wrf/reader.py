@@ -254,6 +254,6 @@ def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Any:
 def _optics(haze: AerosolSum | None) -> dict[str, Optics]:
     if haze is None:
         return {}
-    from openswim.optics.phase import HenyeyGreenstein
+    from openswim.scene.phase import HenyeyGreenstein
 
     return {"aerosol": Optics(haze.albedo, HenyeyGreenstein(haze.asymmetry), "aerosol")}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.procedural_noise import FloatArray, fractal_noise, lattice_noise, sample, smoothstep
+from openswim.scene.procedural.noise import FloatArray, fractal_noise, lattice_noise, sample, smoothstep
 
 _WATER_DENSITY = 1000.0
 _NOTHING = -1.0e4  # distance to the nearest cloud where none is near, m

@@ -7,11 +7,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
-from openswim.scene.procedural_cirrus import cirrus_field
-from openswim.scene.procedural_cumulus import cumulus_field
-from openswim.scene.procedural_noise import blur, smoothstep
-from openswim.scene.procedural_terrain import WAVELENGTH_NM, land_albedo, terrain_field
+from openswim.scene.ground import Ground
+from openswim.scene.procedural.cirrus import cirrus_field
+from openswim.scene.procedural.cumulus import cumulus_field
+from openswim.scene.procedural.noise import blur, smoothstep
+from openswim.scene.procedural.terrain import WAVELENGTH_NM, land_albedo, terrain_field
 from openswim.scene.scene import Scene
 from openswim.scene.times import parse_time
 
@@ -132,9 +134,6 @@ def _scene(
     time: str,
 ) -> Scene:
     from pyproj import CRS
-
-    from openswim.ground import Ground
-    from openswim.scene.atmosphere import Atmosphere
 
     centre = f"+lat_1={latitude} +lat_0={latitude} +lon_0={longitude}"
     crs = CRS.from_proj4(f"+proj=lcc {centre} +R={EARTH_RADIUS_M} +units=m +no_defs")

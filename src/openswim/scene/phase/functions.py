@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import shown
 from openswim.errors import UserError
-from openswim.scene.particles import by_wavelength
 
 FloatArray = NDArray[np.float64]
 
@@ -30,10 +28,6 @@ class PhaseFunction(ABC):
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """A JSON-ready description with a "type"; `phase_from_dict` is the inverse."""
-
-    @staticmethod
-    def from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
-        return phase_from_dict(saved)
 
     @property
     def asymmetry(self) -> float:
@@ -175,106 +169,6 @@ class Rayleigh(PhaseFunction):
         return {"type": "rayleigh", "depolarisation": self.depolarisation}
 
 
-class TablePhase(PhaseFunction):
-    """Values at scattering angles from 0 to 180 degrees, log-linear in angle in between, scaled to a mean of
-    1."""
-
-    def __init__(self, angle_deg: ArrayLike, value: ArrayLike):
-        angle, table = np.array(angle_deg, np.float64), np.array(value, np.float64)
-        if angle.ndim != 1 or angle.shape != table.shape or angle.size < 2:
-            raise UserError("phase table: needs two 1-D lists of the same length, angle_deg and value")
-        if angle[0] > angle[-1]:
-            angle, table = angle[::-1], table[::-1]
-        if not ((np.diff(angle) > 0).all() and abs(angle[0]) < 1e-6 and abs(angle[-1] - 180) < 1e-6):
-            raise UserError("phase table: the angles must run from 0 to 180 degrees without repeats")
-        if not (np.isfinite(table).all() and (table > 0).all()):
-            raise UserError("phase table: the values must be finite and positive")
-        self.angle_deg = angle
-        self._log_value = np.log(table)
-        mean = float(self._integrals(1)[0])
-        if abs(mean - 1) > 1e-12:  # a saved table is left as it is, to the last bit
-            table = table / mean
-            self._log_value = np.log(table)
-        self._value = table
-
-    def value(self, cos_scattering_angle: ArrayLike) -> FloatArray:
-        mu = np.clip(np.asarray(cos_scattering_angle, float), -1.0, 1.0)
-        return np.exp(np.interp(np.degrees(np.arccos(mu)), self.angle_deg, self._log_value))
-
-    def moments(self, n: int) -> FloatArray:
-        """By Gauss-Legendre on panels a third of a period of P_n wide; 1e-6 of the interpolated table."""
-        chi = self._integrals(n)
-        return chi / chi[0]
-
-    def _integrals(self, n: int) -> FloatArray:
-        theta, weight = self._quadrature(n)
-        mu = np.cos(theta)
-        weighted = (
-            0.5
-            * weight
-            * np.sin(theta)
-            * np.exp(np.interp(np.degrees(theta), self.angle_deg, self._log_value))
-        )
-        return np.array([p_l @ weighted for p_l in _legendre(mu, n)])
-
-    def _quadrature(self, n: int) -> tuple[FloatArray, FloatArray]:
-        node, node_weight = np.polynomial.legendre.leggauss(6)
-        edges = np.radians(self.angle_deg)
-        pieces = np.maximum(np.ceil(np.diff(edges) * n / 2.0), 1).astype(int)
-        pieces = np.maximum(pieces, np.ceil(np.abs(np.diff(self._log_value))).astype(int))
-        start = np.repeat(edges[:-1], pieces)
-        width = np.repeat(np.diff(edges) / pieces, pieces)
-        start = start + width * (np.arange(start.size) - np.repeat(np.cumsum(pieces) - pieces, pieces))
-        theta = start[:, None] + width[:, None] * (0.5 + 0.5 * node)
-        return theta.ravel(), (0.5 * width[:, None] * node_weight).ravel()
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "type": "table",
-            "angle_deg": self.angle_deg.tolist(),
-            "value": self._value.tolist(),
-        }
-
-
-def phase_from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
-    """The phase function that `to_dict` described."""
-    try:
-        return _from_dict(saved)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise UserError(
-            f"phase function {shown(saved)} is not understood: give what to_dict() of one gives, such as "
-            '{"type": "henyey_greenstein", "g": 0.85}'
-        ) from error
-
-
-def _from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
-    match saved.get("type"):
-        case "henyey_greenstein":
-            return HenyeyGreenstein(saved["g"])
-        case "mixture":
-            return Mixture(saved["weights"], [phase_from_dict(p) for p in saved["phases"]])
-        case "albers_dhg":
-            return AlbersDHG(saved["g"], saved["f_b"])
-        case "rayleigh":
-            return Rayleigh(saved["depolarisation"])
-        case "table":
-            return TablePhase(saved["angle_deg"], saved["value"])
-        case "aerosol":
-            from openswim.optics.aerosol import AerosolPhase
-
-            return AerosolPhase(saved["name"], saved["wavelength_nm"])
-        case unknown:
-            known = "henyey_greenstein, mixture, albers_dhg, rayleigh, table, aerosol"
-            raise UserError(f"unknown phase function type {unknown!r}: choose one of {known}")
-
-
-def phases_from_dict(saved: Any) -> PhaseFunction | dict[float, PhaseFunction]:
-    """One phase function, or {wavelength_nm: phase function} of {"spectral": {...}}."""
-    if not (isinstance(saved, Mapping) and isinstance(spectral := saved.get("spectral"), Mapping)):
-        return phase_from_dict(saved)
-    return {wavelength: phase_from_dict(each) for wavelength, each in by_wavelength("phase function", spectral).items()}
-
-
 def phases_at(
     phase: PhaseFunction | Mapping[float, PhaseFunction], wavelengths_nm: ArrayLike
 ) -> list[PhaseFunction]:
@@ -297,14 +191,6 @@ def _blend(phase: Mapping[float, PhaseFunction], known: FloatArray, wavelength_n
     if share < 1e-9:
         return phase[known[lower]]
     return Mixture((1 - share, share), (phase[known[lower]], phase[known[lower + 1]]))
-
-
-def _legendre(mu: FloatArray, n: int) -> Iterator[FloatArray]:
-    """P_0 .. P_(n-1) at mu, one after the other."""
-    previous, current = np.zeros_like(mu), np.ones_like(mu)
-    for degree in range(n):
-        yield current
-        previous, current = current, ((2 * degree + 1) * mu * current - degree * previous) / (degree + 1)
 
 
 def _asymmetry_in_range(g: float) -> float:

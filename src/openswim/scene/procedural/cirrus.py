@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.procedural_noise import FloatArray, blur, fractal_noise, lattice_noise, sample, smoothstep
+from openswim.scene.procedural.noise import FloatArray, blur, fractal_noise, lattice_noise, sample, smoothstep
 
 _ICE_DENSITY = 917.0
 
