@@ -16,7 +16,7 @@ import openswim
 from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
-from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
 from openswim.outlines import soften
 from openswim.scene import Scene

@@ -24,7 +24,7 @@ from tests.transport.scenes import (
     slab,
     toward,
 )
-from tests.validate.fakes import single_scattering
+from tests.validation.fakes import single_scattering
 
 from openswim.cameras import Rays
 from openswim.errors import UserError

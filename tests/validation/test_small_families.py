@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.validate.fakes import FakeSolver, single_scattering
+from tests.validation.fakes import FakeSolver, single_scattering
 
-from openswim.validate import colours, sunpos
-from openswim.validate.measured import steady
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import read_reference
+from openswim.validation import colours, sunpos
+from openswim.validation.measured import steady
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import read_reference
 
 CLEARSKY = (
     Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "reference" / "clearsky"

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.phase import Rayleigh
-from openswim.validate.metrics import agreement, score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups
-from openswim.validate.slabs import Collected, Slab, flux, radiance
+from openswim.validation.metrics import agreement, score
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validation.slabs import Collected, Slab, flux, radiance
 
 _CASE = ("sza", "tau", "sfc_albedo")
 

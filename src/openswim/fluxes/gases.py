@@ -18,7 +18,7 @@ CLOUD_PATH_CM = 0.05  # of liquid water along the mean photon's path through a c
 @functools.cache
 def _table() -> np.ndarray:
     """Rows wavelength_nm, water vapour, ozone, mixed gases."""
-    text = resources.files("openswim.irradiance").joinpath("data/gas_absorption.csv").read_text()
+    text = resources.files("openswim.fluxes").joinpath("data/gas_absorption.csv").read_text()
     rows = [line for line in text.splitlines() if line[:1].isdigit()]
     return np.array([row.split(",") for row in rows], dtype=float).T
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from tests.validate.fakes import FakeSolver
+from tests.validation.fakes import FakeSolver
 
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validate.cases3d import compare, matches
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference
+from openswim.validation.cases3d import compare, matches
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference
 
 SUN = np.array([-0.6, 0.0, 0.8])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from openswim.scene.files import written_whole
-from openswim.validate.reference import Row
+from openswim.validation.reference import Row
 
 if TYPE_CHECKING:
     from rich.table import Table

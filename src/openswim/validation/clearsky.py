@@ -10,9 +10,9 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import Frame, scene_frame
-from openswim.validate.metrics import agreement, score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
+from openswim.validation.metrics import agreement, score
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from openswim.irradiance import Quadrature, quadrature_directions, spectral_irradiance
+from openswim.fluxes import Quadrature, quadrature_directions, spectral_irradiance
 from openswim.lights import solar_irradiance
 from openswim.scene.frame import horizon_vector
 

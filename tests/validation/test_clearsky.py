@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from tests.validate.fakes import FakeSolver
+from tests.validation.fakes import FakeSolver
 
-from openswim.validate import clearsky
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference
+from openswim.validation import clearsky
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference
 
 RADIUS_M = 6_371_000.0
 NO_TABLES = PhaseTables([])

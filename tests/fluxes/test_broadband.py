@@ -3,8 +3,8 @@ import csv
 import numpy as np
 import pytest
 
-from openswim.irradiance import broadband, gases_above
-from openswim.irradiance.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
+from openswim.fluxes import broadband, gases_above
+from openswim.fluxes.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
 from openswim.lights import SOLAR_CONSTANT_W_M2
 from openswim.lights.spectrum import solar_bins
 from openswim.scene.atmosphere import Atmosphere

@@ -11,11 +11,11 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.progress import Quiet, job, use
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validate import cases3d, clearsky, colours, measured, slab_tables, slabs, sunpos
-from openswim.validate.clearsky import ClearSky
-from openswim.validate.phases import PhaseTables, is_phase_table
-from openswim.validate.reference import Reference, Row, Solver, read_reference
-from openswim.validate.slabs import Slab, radiance
+from openswim.validation import cases3d, clearsky, colours, measured, slab_tables, slabs, sunpos
+from openswim.validation.clearsky import ClearSky
+from openswim.validation.phases import PhaseTables, is_phase_table
+from openswim.validation.reference import Reference, Row, Solver, read_reference
+from openswim.validation.slabs import Slab, radiance
 
 SUFFIXES = (".nc", ".nc4", ".csv")
 

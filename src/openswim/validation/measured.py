@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.cameras import Rays
-from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import Sun, sun_position
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
-from openswim.validate.metrics import score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.metrics import score
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference, Row, Solver, Stopwatch
 
 Array = NDArray[np.float64]
 

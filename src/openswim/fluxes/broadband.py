@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openswim.irradiance.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
+from openswim.fluxes.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
 from openswim.lights.spectrum import solar_bins
 
 if TYPE_CHECKING:

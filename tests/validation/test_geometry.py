@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from openswim.errors import UserError
-from openswim.validate.geometry import cells_across, grid_body, parse_body
+from openswim.validation.geometry import cells_across, grid_body, parse_body
 
 SPHERE = "sphere: centre (0,0,1) km radius 0.5 extinction 20/km"
 

@@ -4,12 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.validate.fakes import FakeSolver, single_scattering
+from tests.validation.fakes import FakeSolver, single_scattering
 
 from openswim.errors import UserError
-from openswim.validate import validate
-from openswim.validate.reference import Row
-from openswim.validate.report import as_table, write_json
+from openswim.validation import validate
+from openswim.validation.reference import Row
+from openswim.validation.report import as_table, write_json
 
 TABLE = "sza,aod550,albedo,wl,vza,Lp\n60,0.0,0.1,450,0,2.5\n60,0.0,0.1,615,0,2.0\n"
 

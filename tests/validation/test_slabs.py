@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from tests.validate.fakes import FakeSolver, single_scattering
+from tests.validation.fakes import FakeSolver, single_scattering
 
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import Reference, read_reference
-from openswim.validate.slab_tables import compare_rayleigh_table
-from openswim.validate.slabs import compare_aerosol_file, compare_slab_file, is_slab_file
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import Reference, read_reference
+from openswim.validation.slab_tables import compare_rayleigh_table
+from openswim.validation.slabs import compare_aerosol_file, compare_slab_file, is_slab_file
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
 NO_TABLES = PhaseTables([])
