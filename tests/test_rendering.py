@@ -15,8 +15,8 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 import openswim
 from openswim import Camera, Scene, UserError
 from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
-from openswim.readers.beyond import far_m
-from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
+from openswim.readers.domain.cutting import part_of
+from openswim.readers.domain.neighbourhood import Neighbourhood, far_m, reach_m
 from openswim.rendering import _check_observer, daylight, light
 from openswim.transport import Solver
 

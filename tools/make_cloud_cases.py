@@ -17,9 +17,9 @@ import xarray as xr
 
 import openswim
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.optics.species import scene_optics
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Solver
 from openswim.transport.montecarlo.reference import ReferenceView
 

@@ -16,7 +16,7 @@ import openswim
 from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
-from openswim.irradiance import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import disc_coverage, solar_irradiance, subsolar_point, sun_position
 from openswim.outlines import soften
 from openswim.scene import Scene
@@ -178,17 +178,11 @@ def render(
 
 def _needed(scene: Scene, camera: Camera, solver: str) -> Scene:
     """The part of a scene of very many columns, or of a large part of the Earth, that a view needs."""
-    from openswim.readers.beyond import far_m, with_beyond
-    from openswim.readers.neighbourhood import Mesh, Neighbourhood, is_large, part_of, reach_m
+    from openswim.readers import Neighbourhood, seen_part
 
-    grid = scene.grid
-    if scene.wider is not None or grid is None or grid.crs is None or camera.lat is None or camera.lon is None:
+    if camera.lat is None or camera.lon is None:
         return scene
-    if not is_large(Mesh(grid.x, grid.y, grid.crs, grid.earth_radius_m)):
-        return scene
-    far = 0.0 if solver == "reference" else far_m(camera.height_m)
-    around = Neighbourhood(camera.lat, camera.lon, reach_m(camera.height_m), if_large=True, far_m=far)
-    return with_beyond(part_of(scene, around), around, lambda beyond: part_of(scene, beyond))
+    return seen_part(scene, Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, solver != "reference"))
 
 
 def _add_errors(image: xr.Dataset, pixels: Any, view: ReferenceView, seed: int) -> None:

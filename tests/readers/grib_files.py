@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj  # noqa: F401 - before ecCodes, as in openswim.readers.grib_file
+import pyproj  # noqa: F401 - before ecCodes, as in openswim.readers.grib.file
 import pytest
 
 pytest.importorskip("eccodes", reason="ecCodes is not installed (pip install 'openswim[grib]')")

@@ -164,7 +164,7 @@ def test_faults_of_parsing_are_one_line(tmp_path, monkeypatch, look):
     def fails(columns):
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("openswim.readers.grib.air_of", fails)
+    monkeypatch.setattr("openswim.readers.grib.reader.air_of", fails)
     with pytest.raises(UserError, match=r"file: cannot be read: damaged"):
         look(path)
 

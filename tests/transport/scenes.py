@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from pyproj import CRS
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.field import View
 from openswim.transport.montecarlo.reference import ReferenceView
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, sun_at_zenith_angle
 
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Field, Solver
 from openswim.transport.view.beyond_sides import Beyond
 

@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter
 from tests.transport.scenes import grid_scene, mean_by_chance, sky_directions, toward
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.diffuse.optical_grid import coarsen

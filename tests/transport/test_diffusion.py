@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.transport.scenes import grid_scene, toward
 
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Solver
 from openswim.transport.diffuse.diffusion import Diffusion
 from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid

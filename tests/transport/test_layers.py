@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein, Mixture
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein, Mixture
 from openswim.transport import Solver
 from openswim.transport.columns.discrete_ordinates import LAYERS_DEGREE, Layers, layer_levels, solve_layers
 

@@ -16,8 +16,8 @@ from tests.transport.scenes import (
 )
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Field, Solver
 
 CELL = 50.0

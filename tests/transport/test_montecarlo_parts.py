@@ -8,9 +8,9 @@ from numba import njit
 
 from openswim.ground import SurfaceSample, bidirectional_reflectance
 from openswim.optics import mie
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.transport.montecarlo.cells import cell_majorants, free_cells
 from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflectance, seen_ground
 from openswim.transport.montecarlo.phase import (

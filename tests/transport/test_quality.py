@@ -13,9 +13,9 @@ from openswim.scene import Scene
 from openswim.transport import Solver
 from openswim.transport.medium.medium import build_medium, halved_medium
 from openswim.transport.options import SETTINGS
-from openswim.validate.metrics import Score, image_score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import read_reference
+from openswim.validation.metrics import Score, image_score
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import read_reference
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
@@ -76,7 +76,7 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
 
 def test_preview_of_cumulus(shared: Path) -> None:
     """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
-    from openswim.validate.cases3d import compare
+    from openswim.validation.cases3d import compare
 
     for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
         reference = read_reference(shared / "reference" / "clouds" / name)

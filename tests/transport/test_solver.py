@@ -24,9 +24,9 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.transport import Field, Solver
 
 

@@ -5,8 +5,8 @@ import pytest
 from tests.transport.scenes import WAVELENGTH_NM, slab, sun_at_zenith_angle
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Field, Solver
 from openswim.transport.swim.phase import henyey_greenstein, sunlit_phase, thin_phase
 

@@ -2,6 +2,6 @@
 
 from openswim.cameras.camera import Camera
 from openswim.cameras.pixels import Pixels
-from openswim.cameras.rays import Rays
+from openswim.scene.rays import Rays
 
 __all__ = ["Camera", "Pixels", "Rays"]

@@ -8,16 +8,26 @@ import numpy as np
 
 from openswim.arguments import number
 from openswim.cameras import projections
-from openswim.cameras.checks import check_altitude_range, check_place, check_shape, check_view, make_numbers, require
+from openswim.cameras.checks import (
+    check_altitude_range,
+    check_height,
+    check_place,
+    check_pointing,
+    check_shape,
+    check_view,
+    require,
+)
 from openswim.cameras.pixels import Pixels
-from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.rays import Rays
 
 Size = int | Sequence[int]  # columns, or (rows, columns)
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
+_PLACE = ("lat", "lon", "x_m", "y_m")
+_NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer fits a flat picture
 
 
@@ -46,9 +56,15 @@ class Camera:
     altitude_range_deg: tuple[float, float] = (-90.0, 90.0)
 
     def __post_init__(self) -> None:
-        make_numbers(self)
-        check_place(self)
-        check_view(self)
+        given = [name for name in _PLACE if getattr(self, name) is not None]
+        for name in (*given, *_NUMBERS):
+            object.__setattr__(self, name, number(f"camera: {name}", getattr(self, name)))
+        check_place(self.lat, self.lon, self.x_m, self.y_m)
+        check_height(self.height_m, self.above)
+        check_shape(self.shape)
+        check_view(self.view, self.fov_deg)
+        check_altitude_range(self.altitude_range_deg)
+        check_pointing(self.azimuth_deg, self.altitude_deg, self.roll_deg)
 
     @classmethod
     def allsky(

@@ -121,15 +121,11 @@ def sun_of(text: str | None) -> dict[str, Any]:
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
     """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
-    from openswim.readers.beyond import far_m
-    from openswim.readers.neighbourhood import Neighbourhood, reach_m
+    from openswim.readers import Neighbourhood
 
     if request.lat is None or request.lon is None:
         return None
-    swept = request.solver != "reference"
-    return Neighbourhood(
-        request.lat, request.lon, reach_m(camera.height_m), True, swept, far_m(camera.height_m) if swept else 0.0
-    )
+    return Neighbourhood.seen_from(request.lat, request.lon, camera.height_m, request.solver != "reference")
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":

@@ -18,7 +18,7 @@ def run(
     from rich.console import Console
 
     from openswim.transport import Solver
-    from openswim.validate import as_table, reference_files, validate, write_json
+    from openswim.validation import as_table, reference_files, validate, write_json
 
     if quality is not None and solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {solver}")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, spectral
-from openswim.ground.maps import Ground, mapped_albedo, textured
+from openswim.ground.maps import Ground, mapped_albedo, maps_of, textured
 from openswim.ground.model import DARK_LAND, ModelGround
 from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.patches import patched, wood_noise
@@ -163,7 +163,7 @@ def _without_model(
     land = water < 1
     if land.any():
         albedo[land] = earth.land_albedo(lat[land], lon[land], wavelengths, footprint[land])
-    maps = ground.maps_for(scene.time, texture=False)
+    maps = maps_of(ground).albedo_at(scene.time, texture=False)
     mapped = np.zeros(lat.size)
     if maps:
         own, mapped = mapped_albedo(maps, lat, lon, wavelengths, footprint)
@@ -197,9 +197,9 @@ def _pictured(
     if "surface_albedo" in scene.data and scene.grid is not None:
         known_m *= np.minimum(near.cell_m / earth.PIXEL_M, 1.0) ** _inside_weight(near.ix, near.iy, scene.grid)
     if mapped.any():
-        pixel_m = ground.maps_for(scene.time, texture=False)[-1].pixel_m
+        pixel_m = maps_of(ground).albedo_at(scene.time, texture=False)[-1].pixel_m
         known_m *= np.minimum(pixel_m / known_m, 1.0) ** mapped
-    pictures = ground.maps_for(scene.time, texture=True)
+    pictures = maps_of(ground).albedo_at(scene.time, texture=True)
     if not pictures:
         return albedo.copy(), known_m
     bright, shown = textured(albedo, pictures, near.lat, near.lon, wavelengths, near.footprint_m, known_m)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics import mie
-from openswim.optics.phase import HenyeyGreenstein, Mixture, PhaseFunction
+from openswim.scene.phase import HenyeyGreenstein, Mixture, PhaseFunction
 
 FloatArray = NDArray[Any]
 

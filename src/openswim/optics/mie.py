@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.optics.phase import TablePhase
+from openswim.scene.phase import TablePhase
 from openswim.scene.spectra import at_wavelengths
 
 FloatArray = NDArray[np.float64]

@@ -14,12 +14,12 @@ from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
 from openswim.optics.cover import CLOUD, cloud_cover
 from openswim.optics.ozone import ozone_cross_section_m2
-from openswim.optics.phase import PhaseFunction, Rayleigh, phases_at
 from openswim.optics.rayleigh import depolarisation_factor, rayleigh_scattering_per_m
+from openswim.scene.phase import PhaseFunction, Rayleigh, phases_at
 
 if TYPE_CHECKING:
+    from openswim.scene import Optics, Scene
     from openswim.scene.atmosphere import Atmosphere
-    from openswim.scene.scene import Optics, Scene
 
 FloatArray = NDArray[np.float64]
 

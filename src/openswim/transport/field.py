@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 from openswim.ground.model import ModelGround
 from openswim.progress import job
 from openswim.scene.frame import Frame
+from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
 from openswim.ground import earth
 from openswim.ground.relief import height_maps, mapped_height
+from openswim.scene.rays import Rays
 from openswim.scene.rims import rim_m
 from openswim.scene.scene import Scene
 from openswim.transport.engine.interpolation import bilinear

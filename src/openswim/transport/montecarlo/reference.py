@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
 from openswim.ground import surface_properties
 from openswim.ground.albedo import SurfaceSample
 from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
+from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.field import View

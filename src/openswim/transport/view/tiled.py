@@ -16,11 +16,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
 from openswim.errors import UserError
 from openswim.ground import hemispherical_albedo, surface_properties
 from openswim.progress import job
 from openswim.scene.grid import Grid
+from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.scene.variables import SURFACE_DIMS
 from openswim.transport.air.shells import build_shells, no_volume
