@@ -104,6 +104,21 @@ def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
         np.testing.assert_allclose(seen, expected, rtol=0.012)
 
 
+@pytest.mark.parametrize("height_m", [-300.0, 1500.0])
+def test_high_and_low_ground_looks_as_outside_the_domain(height_m: float) -> None:
+    """A plateau, or land below the sea, in air that is the thinner the higher it ends; ground is seen at its height."""
+    field = np.zeros((30, 24, 24), np.float32)
+    field[25] = 1e-9
+    terrain = np.full((24, 24), height_m)
+    scene = grid_scene(field, (30, 24, 24), (3000.0, 3000.0, 500.0), curved=True, air=True, surface_albedo=0.3,
+                       terrain_m=terrain)  # fmt: skip
+    clear = Scene.clear(LAT, LON, surface_albedo=0.3, terrain_m=height_m)
+    rays = _rays(scene, 3, 3, 35.0)
+    seen, expected = (Solver().solve(one, _sun(40.0), [615.0, 450.0]).view(rays) for one in (scene, clear))
+    np.testing.assert_allclose(seen.radiance[4], expected.radiance[4], rtol=1.4e-3)
+    assert scene_frame(scene).latlon(seen.position)[2] == pytest.approx(height_m, abs=0.04)
+
+
 def test_no_light_is_lost() -> None:
     """What comes in goes out at the top or into the ground, where columns are alike and nothing absorbs."""
     for tau, zenith_deg in ((1.0, 30.0), (60.0, 70.0)):

@@ -9,7 +9,7 @@ import xarray as xr
 from tests.validation.fakes import FakeSolver
 
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validation.cases3d import compare, matches
+from openswim.validation.cases3d import _FINE_CELLS, case_scene, compare, matches
 from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference
 
@@ -106,3 +106,14 @@ def test_a_sphere_in_words_becomes_a_field(tmp_path: Path) -> None:
     volume = extinction.sum() / 0.015 * dx * dy * np.diff(scene.grid.height_m)[0]
     assert volume == pytest.approx(4 / 3 * np.pi * 300.0**3, rel=2e-3)
     assert len(solver.rays) == 2 * 9  # 3x3 sub-rays of a sharp-edged body, two grounds
+
+
+@pytest.mark.parametrize("edge_km", [0.1, 1.0])
+def test_a_box_in_words_becomes_the_field_that_reference_asks_for(tmp_path: Path, edge_km: float) -> None:
+    """However fine its cells, its depth across is edge times extinction."""
+    reference = _case(tmp_path, _image(), geometry=f"cube: centre (0,0,1) km edge {edge_km} km extinction 20/km")
+    words = Reference(reference.path, reference.data.drop_dims(["x", "y", "z"]))
+    scene = case_scene(words, 0.0, _FINE_CELLS)
+    assert scene.grid is not None
+    depth = np.trapezoid(scene.data["extinction_cloud"].values, scene.grid.height_m, axis=0)
+    np.testing.assert_allclose(depth, 20.0 * edge_km, rtol=3e-4)

@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.scene.grid import THINNEST_M
 
 Array = NDArray[np.float64]
 
 # Odd numbers: axes meet a sphere's surface midway between nodes, so that it ends within one cell and not two
 _CELLS_ACROSS = 97, 145
 _CELL_DEPTH = 0.28  # where the more do not suffice: nodes give what is opaque a skin of a cell
-_RIM = 0.001  # of a cell, in which a box ends above and below
+_RIM = 0.001  # of a cell, in which a box ends above and below,
+_LEAST_RIM = 1.01e-3 * THINNEST_M  # but no thinner (km) than a layer may be
 _SUBSAMPLES = 6  # per cell and axis, for the share of a cell that a sphere fills
 _NUMBER = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?"
 
@@ -96,7 +98,7 @@ def grid_body(body: Body, across: int | None = None) -> tuple[Array, Array, Arra
     if body.shape == "box":
         cells = np.maximum(np.ceil(2 * body.half_size / step - 1e-9), 2).astype(int)
         x, y, z = (c + np.linspace(-h, h, n + 1) for c, h, n in zip(body.centre, body.half_size, cells, strict=True))
-        rim = _RIM * (z[1] - z[0])
+        rim = max(_RIM * (z[1] - z[0]), _LEAST_RIM)
         full = np.full((z.size, y.size, x.size), body.extinction)
         return x, y, np.concatenate([[z[0] - rim], z, [z[-1] + rim]]), np.pad(full, ((1, 1), (0, 0), (0, 0)))
     cells = np.ceil(body.half_size / step).astype(int) + 2

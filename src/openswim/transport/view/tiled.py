@@ -69,7 +69,9 @@ def _ground_of(scene: Scene, window: Window) -> Scene:
     rows, columns = window.slices
     data = {str(n): v[rows, columns] if v.dims == SURFACE_DIMS else v.isel(y=rows, x=columns)
             for n, v in scene.data.data_vars.items() if "z" not in v.dims}  # fmt: skip
-    part = Grid(grid.x[columns], grid.y[rows], np.array([0.0, 1.0]), grid.crs, grid.earth_radius_m)
+    highest_m = float(data["surface_altitude"].max()) if "surface_altitude" in data else 0.0
+    levels_m = np.array([highest_m, highest_m + 1.0])  # nothing is on them, but no ground is above them all
+    part = Grid(grid.x[columns], grid.y[rows], levels_m, grid.crs, grid.earth_radius_m)
     fields = xr.Dataset(data).drop_vars(["x", "y", "height"], errors="ignore")
     return Scene(part, fields, scene.atmosphere, {}, scene.time, scene.source, [], scene.ground)
 
