@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.ground.model import ModelGround
+from openswim.optics.matter import Air
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
-from openswim.scene.scene import Scene
 from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.fluxes import Lighting
@@ -26,6 +25,8 @@ from openswim.transport.march.forward_peak import blunted
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import Medium, air_of
+from openswim.transport.medium.surface import Surface
+from openswim.transport.options import Options
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
 from openswim.transport.view.nested import Core, Seen
@@ -35,7 +36,6 @@ from openswim.transport.view.toward_eye import GridLight, SunDepth
 if TYPE_CHECKING:
     from openswim.transport.ground_light.landscape import Landscape
     from openswim.transport.ground_light.relief import Relief
-    from openswim.transport.solver import Solver
     from openswim.transport.view.beyond_sides import Beyond
     from openswim.transport.view.mirror import Mirrored
 
@@ -73,7 +73,7 @@ class Field:
         return self.packs[0]
 
     @property
-    def solver(self) -> Solver:
+    def solver(self) -> Options:
         return self._first.solver
 
     @property
@@ -138,8 +138,9 @@ class Field:
 class PackField:
     """`Field` at up to PACK wavelengths (``count`` of them asked for, the rest padding)."""
 
-    solver: Solver
-    scene: Scene
+    solver: Options
+    surface: Surface
+    air: Air | None
     frame: Frame
     sun: F64
     wavelengths_nm: F64
@@ -173,11 +174,6 @@ class PackField:
     def levels(self) -> list[PackField]:
         """This field and the wider ones around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
-
-    @cached_property
-    def model_ground(self) -> ModelGround:
-        """What the scene says of the ground."""
-        return ModelGround.of(self.scene, self.wavelengths_nm)
 
     @property
     def sky(self) -> Shells:
@@ -276,8 +272,7 @@ class PackField:
         if width_m.min() >= widest_m(first_wavelength_m(m.drawn_cell_m)):
             return NO_DETAIL
         if self.detail is None:
-            # what is given as extinction is given as it is
-            refined = [s.kind == "liquid" and s.name not in self.scene.optics for s in m.species]
+            refined = [s.fine for s in m.species]
             _, ny, nx = m.shape
             self.detail = NO_DETAIL if not any(refined) else detail_of(
                 m.extinction[refined].sum(axis=0), np.array(refined, np.float32), m.drawn_cell_m,
@@ -335,12 +330,12 @@ class PackField:
 
     def _shells_for(self, rays: Rays) -> Shells:
         """The shells solved for the suns over the scene, or where rays reach farther round the Earth, for every sun."""
-        if self.wider is not None or self.scene.atmosphere is None or _reach_deg(rays, self.shells) < self.reach_deg:
+        if self.wider is not None or self.air is None or _reach_deg(rays, self.shells) < self.reach_deg:
             return self.shells
         if self.space_shells is None:
             s = self.shells
             self.space_shells = build_shells(
-                air_of(self.scene, self.wavelengths_nm, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m,
+                air_of(self.air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m,
                 s.ground_albedo, DEGREE, s.top_m, scale=1.5,
             )  # fmt: skip
         return self.space_shells

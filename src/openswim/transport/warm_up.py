@@ -22,12 +22,13 @@ from openswim.transport.diffuse.optical_grid import Coefficients, at_another_wav
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.sweep import share_ordinates
 from openswim.transport.diffuse.sweeper import Sweeper
+from openswim.transport.engine.eye_ways import columns_of
 from openswim.transport.engine.ordinates import lebedev
 from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.volume import DEGREE, blank_fields, tidy
-from openswim.transport.view.source_function import columns_of, field_at, thickest_around, view_source
+from openswim.transport.view.source_function import field_at, thickest_around, view_source
 
 _LONGEST_S = 300.0
 _other: subprocess.Popen | None = None

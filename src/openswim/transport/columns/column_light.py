@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.columns.spherical_harmonics import MODES, ORDERS, back, direction, eliminate, ground_start
+from openswim.transport.engine.eye_ways import way_to_eye
 from openswim.transport.engine.pack import (
     LANES,
     PACK,
@@ -21,7 +22,6 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.scalar import step_emission, transmission
 from openswim.transport.march.volume import DEGREE
-from openswim.transport.view.source_function import way_to_eye
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 

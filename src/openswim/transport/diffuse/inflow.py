@@ -10,20 +10,17 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.transport.diffuse.moments import Moments, gathered
+from openswim.transport.diffuse.moments import Coarser, Moments, gathered
 from openswim.transport.diffuse.optical_grid import OpticalGrid, near_blocks, whole_blocks
 from openswim.transport.diffuse.sweeper import Sweeper, of_nodes
 from openswim.transport.engine.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.medium.medium import Medium
-
-if TYPE_CHECKING:
-    from openswim.transport.field import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -80,8 +77,16 @@ class Clear(NamedTuple):
     direct_flux: float
 
 
+class SweptAround(NamedTuple):
+    """A wider grid that has been swept: its light's moments at every wavelength."""
+
+    medium: Medium
+    moments: list[Moments]
+    coarser: list[Coarser]
+
+
 def light_through_sides(
-    wider: PackField | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
+    wider: SweptAround | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
     ordinates: Ordinates, tolerance: float, w: int,
 ) -> F32 | None:  # fmt: skip
     """Radiance (ordinates, nz, 4, nodes) that enters at the nodes of the west, east, south and north sides of the
@@ -91,7 +96,7 @@ def light_through_sides(
     """
     if min(grid.ground_node.shape) < 2:
         return None
-    if wider is not None and wider.light is not None and wider.light.moments:
+    if wider is not None:
         return _light_of_wider(wider, medium, grid, clear, ordinates, tolerance, w)
     if _has_cloud_at_sides(grid):
         return _light_of_own_columns(grid, clear, ground_albedo, direct_flux, ordinates, tolerance)
@@ -145,18 +150,13 @@ def _moments_of_columns(
 
 
 def _light_of_wider(
-    wider: PackField, medium: Medium, grid: OpticalGrid, clear: Clear, ordinates: Ordinates, tolerance: float, w: int
+    wider: SweptAround, medium: Medium, grid: OpticalGrid, clear: Clear, ordinates: Ordinates, tolerance: float, w: int
 ) -> F32:
-    """`light_through_sides` where a ``wider`` field, which has been swept, lies around a medium."""
-    light, around, outer = wider.light, wider.medium, wider.scene.grid
-    assert light is not None
-    assert light.moments is not None
-    assert around is not None
-    assert outer is not None
+    """`light_through_sides` where a ``wider`` grid, which has been swept, lies around a medium."""
+    around = wider.medium
     columns = Columns(*medium.shape[1:])
     place = medium.place[columns.j, columns.i]
-    lat, lon, _ = medium.frame.latlon(place)
-    x, y = (around.fineness * at for at in outer.index(lon, lat))
+    x, y = around.indices(place)
     _, rows, across = around.shape
     within = (x >= 0) & (y >= 0) & (x <= across - 1) & (y <= rows - 1)
     x, y = np.clip(x, 0, across - 1), np.clip(y, 0, rows - 1)
@@ -164,7 +164,7 @@ def _light_of_wider(
     corners = []
     for up, right in product((0, 1), (0, 1)):
         weight = np.abs(1 - up - (y - j)) * np.abs(1 - right - (x - i))
-        corners.append(weight[:, None] * gathered(light.moments[w], light.coarser[w], j + up, i + right))
+        corners.append(weight[:, None] * gathered(wider.moments[w], wider.coarser[w], j + up, i + right))
     moments = _linear(around.levels_m, np.sum(corners, axis=0), np.clip(medium.levels_m, *around.levels_m[[0, -1]]), 0)
     # the ordinates in the axes of the other grid's columns
     own, theirs = medium.axes[columns.j, columns.i], around.axes[np.rint(y).astype(int), np.rint(x).astype(int)]

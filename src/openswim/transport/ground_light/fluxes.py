@@ -8,16 +8,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import hemispherical_albedo, surface_properties
 from openswim.ground.fields import blurred
 from openswim.ground.hills import steepness_below
 from openswim.ground.sky_view import Terrain
 from openswim.scene.frame import Frame
-from openswim.scene.scene import Scene
 from openswim.transport.air.shells import beam_transmission, clear_radiance, rows_between
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import Ordinates, hemisphere_product
 from openswim.transport.engine.pack import PACK
+from openswim.transport.medium.surface import Surface
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
 
@@ -53,22 +52,18 @@ class Lighting:
     local_sun: F64 | None = None  # (3,) along the middle column's axes
 
     @classmethod
-    def of_clear_scene(cls, scene: Scene, frame: Frame, wl: F64) -> Lighting:
-        """A single column at the scene's place."""
-        lat, lon = np.array([frame.lat]), np.array([frame.lon])
-        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T
-        ground = float(scene.data["surface_altitude"].values.ravel()[0]) if "surface_altitude" in scene.data else 0.0
-        nw = len(wl)
-        blank = np.zeros((nw, 1, 1), np.float32)
-        return cls(ground, albedo[:, 0], albedo[:, :, None].astype(np.float32), blank, blank.copy(), blank.copy())
+    def of_clear_sky(cls, surface: Surface, frame: Frame) -> Lighting:
+        """A single column at the frame's place."""
+        albedo = surface.albedo([frame.lat], [frame.lon]).T
+        blank = np.zeros((len(albedo), 1, 1), np.float32)
+        return cls(float(surface.terrain_m[0, 0]), albedo[:, 0], albedo[:, :, None].astype(np.float32), blank, blank.copy(), blank.copy())
 
     @classmethod
-    def of_grid(cls, scene: Scene, medium: Medium) -> Lighting:
+    def of_grid(cls, surface: Surface, medium: Medium) -> Lighting:
         """Albedo and slopes of the grid's columns."""
         _, ny, nx = medium.shape
         lat, lon, _ = medium.frame.latlon(medium.place.reshape(-1, 3))
-        wl = medium.wavelengths_nm
-        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T.reshape(-1, ny, nx)
+        albedo = surface.albedo(lat, lon).T.reshape(-1, ny, nx)
         blank = np.zeros(albedo.shape, np.float32)
         land = Terrain(medium.terrain_m, medium.cell_m, medium.periodic)
         slope_y, slope_x = land.slopes()

@@ -198,13 +198,10 @@ class _Sides(NamedTuple):
         way = np.minimum(to_x, to_y)
         side = np.where(to_x < to_y, np.where(vx > 0, 1, 0), np.where(vy > 0, 3, 2))
         along = np.where(to_x < to_y, j + vy * way, i + vx * way)
-        grid, theirs = wider.scene.grid, wider.medium
-        assert grid is not None
+        theirs = wider.medium
         assert theirs is not None
         p = medium.place
         places = []
         for edge in (p[:, 0], p[:, -1], p[0], p[-1]):
-            lat, lon, _ = medium.frame.latlon(edge)
-            ix, iy = grid.index(lon, lat)
-            places.append((ix * theirs.fineness, iy * theirs.fineness))
+            places.append(theirs.indices(edge))
         return cls(side, along, way, places)

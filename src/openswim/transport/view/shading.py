@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import SurfaceSample, reflected_radiance, surface_properties
 from openswim.ground.hills import sunlight_on_slopes
-from openswim.ground.model import ModelGround
-from openswim.ground.relief import height_maps, mapped_normals
+from openswim.ground.reflectance import reflected_radiance
+from openswim.ground.sample import SurfaceSample
 from openswim.scene.rims import BEYOND_CELLS
-from openswim.scene.scene import Scene
 from openswim.transport.air.shells import beam_transmission, beam_transmission_at
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
@@ -60,13 +58,12 @@ def shade(
     out = np.empty((len(place), PACK), np.float32)
     found: dict[int, tuple[NDArray[np.int64], _Ground]] = {}
     near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
-    model = light_field.model_ground
     on_slopes = light_field.lighting.diffuse_on_slopes()
 
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
             part = slice(start, start + _PART)
-            ground = _ground(light_field, shells, model, on_slopes, place[part], direction[part], width_m[part])
+            ground = _ground(light_field, shells, on_slopes, place[part], direction[part], width_m[part])
             out[part] = _reflected(light_field, shells, ground)
             wet = np.flatnonzero(ground.sample.water > 0.05)
             if near and wet.size and not ground.sample.lambertian:
@@ -96,11 +93,10 @@ def _any_outside(light_field: PackField, place: F64) -> bool:
 
 
 def _ground(
-    light_field: PackField, shells: Shells, model: ModelGround, on_slopes: F32, place: F64, direction: F64, width_m: F64
+    light_field: PackField, shells: Shells, on_slopes: F32, place: F64, direction: F64, width_m: F64
 ) -> _Ground:
     """What is there, and the light on it, of which `diffuse_on_slopes` is given: see `shade`."""
-    scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
-    sun, wl = light_field.sun, light_field.wavelengths_nm
+    surface, frame, lighting, sun = light_field.surface, light_field.frame, light_field.lighting, light_field.sun
     lat, lon, height_m = frame.latlon(place)
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
@@ -116,7 +112,7 @@ def _ground(
         beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
         normal = relief.normals(place, up, footprint)
     if medium is not None:
-        ix, iy = _indices(scene, medium, place, lat, lon)
+        ix, iy = medium.indices(place)
         _, ny, nx = medium.shape
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1) | medium.periodic
         direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
@@ -132,10 +128,10 @@ def _ground(
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= light_field.through_clouds(place[shaded])
-    sample = surface_properties(scene, lat, lon, wl, footprint, light_field.solver.detail, model)
-    maps = height_maps(scene)
+    sample = surface.sample(lat, lon, footprint, light_field.solver.detail)
+    maps = surface.mapped
     if maps and relief is None:
-        own, known = mapped_normals(maps, frame, place, up, footprint)
+        own, known = surface.mapped_normals(frame, place, up, footprint)
         normal += known[:, None] * (own - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     if maps and medium is not None:
@@ -216,15 +212,3 @@ def _behind_grid(medium: Medium, sun: F64, mu_sun: F64, ix: F64, iy: F64) -> NDA
             a, b = (-margin - at) / way, (count - 1 + margin - at) / way
             near, far = np.maximum(near, np.minimum(a, b)), np.minimum(far, np.maximum(a, b))
     return np.asarray(near <= far)
-
-
-def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tuple[F64, F64]:
-    """Fractional grid indices of places."""
-    grid = scene.grid
-    assert grid is not None
-    if medium.frame.curved:
-        ix, iy = grid.index(lon, lat)
-        return (ix - medium.first[0]) * medium.fineness, (iy - medium.first[1]) * medium.fineness
-    ix = medium.fineness * (place[:, 0] - grid.x[0]) / grid.step[0]
-    iy = medium.fineness * (place[:, 1] - grid.y[0]) / grid.step[1]
-    return ix, iy

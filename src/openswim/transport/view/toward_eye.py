@@ -18,6 +18,7 @@ from openswim.transport.columns.columns import Columns
 from openswim.transport.columns.discrete_ordinates import Layers
 from openswim.transport.diffuse.moments import Coarser, Moments
 from openswim.transport.diffuse.optical_grid import Coefficients
+from openswim.transport.engine.eye_ways import columns_of, wide
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import harmonic_matrix, lebedev
 from openswim.transport.engine.pack import PACK
@@ -37,7 +38,7 @@ from openswim.transport.march.volume import (
 )
 from openswim.transport.medium.medium import Medium
 from openswim.transport.swim import light as swim
-from openswim.transport.view.source_function import columns_of, field_at, thickest_around, view_source, wide
+from openswim.transport.view.source_function import field_at, thickest_around, view_source
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
