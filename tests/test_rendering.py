@@ -18,7 +18,7 @@ from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood, far_m, reach_m
 from openswim.rendering import _check_observer, daylight, light
-from openswim.transport import Solver
+from openswim.solver import Solver
 
 TIME = np.datetime64("2024-05-04T09:30")
 SUN = (130.0, 40.0)

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from openswim.readers import open_scene as open_scene
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
-    from openswim.transport import Solver as Solver
+    from openswim.solver import Solver as Solver
 
 _HOME = {
     "Camera": "openswim.cameras",
     "Ground": "openswim.ground",
     "Scene": "openswim.scene",
-    "Solver": "openswim.transport",
+    "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",

@@ -23,7 +23,8 @@ from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector, scene_frame
 from openswim.scene.grid import EDGE, extent_text
 from openswim.scene.times import parse_time
-from openswim.transport import Field, ReferenceField, Solver
+from openswim.solver import Solver
+from openswim.transport import Field, ReferenceField
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.montecarlo.reference import ReferenceView
 

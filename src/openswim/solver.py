@@ -10,7 +10,7 @@ from openswim.ground.surface import surface_of
 from openswim.optics.matter import matter_of
 from openswim.scene.scene import Scene
 from openswim.transport import Field, Options, ReferenceField, solve
-from openswim.transport.options import lit_in_parts
+from openswim.transport.medium.tiles import lit_in_parts
 
 
 class Solver(Options):

@@ -9,7 +9,8 @@ from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, sun_
 
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.view.beyond_sides import Beyond
 
 ALBEDO = 0.2

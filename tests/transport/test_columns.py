@@ -9,7 +9,7 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene, sla
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.scene import EARTH_RADIUS_M
-from openswim.transport import Solver
+from openswim.solver import Solver
 
 CELL_M = (10_000.0, 10_000.0, 400.0)  # drawn on finer ones, of more than 1.2 km
 AROUND = np.radians([30.0, 120.0, 210.0, 330.0])

@@ -9,7 +9,8 @@ from tests.transport.scenes import WAVELENGTH_NM, grid_scene, toward
 
 from openswim.cameras import Rays
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.engine.pack import PACK
 from openswim.transport.march.cloud_detail import (
     NOISE,

@@ -12,7 +12,7 @@ from tests.transport.scenes import grid_scene, mean_by_chance, sky_directions, t
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.diffuse.optical_grid import coarsen
 from openswim.transport.diffuse.ordinate_transform import BLOCK, in_groups, multiply

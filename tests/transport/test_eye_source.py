@@ -5,7 +5,7 @@ import pytest
 from tests.transport.scenes import toward
 
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.engine.ordinates import harmonic_matrix
 from openswim.transport.engine.pack import PACK
 from openswim.transport.march.volume import DEGREE

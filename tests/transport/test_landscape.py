@@ -13,7 +13,7 @@ import openswim
 from openswim.cameras import Rays
 from openswim.ground import Ground, earth
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.ground_light.landscape import Landscape, Lattice, landscape_of
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M

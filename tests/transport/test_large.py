@@ -10,7 +10,7 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.air.shells import no_volume
 from openswim.transport.medium import tiles as large_medium
 from openswim.transport.medium.tiles import Window, large_levels, spread_on_levels

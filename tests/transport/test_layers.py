@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein, Mixture
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.columns.discrete_ordinates import LAYERS_DEGREE, Layers, layer_levels, solve_layers
 
 LAMBDA_NM = [550.0]

@@ -9,7 +9,7 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import Grid
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.view.mirror import mirrored_sky
 
 N, CELL = 25, 500.0

@@ -34,7 +34,7 @@ from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.montecarlo import reference as montecarlo
 
 SUN = toward(200.0, 40.0)

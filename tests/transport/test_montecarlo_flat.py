@@ -14,7 +14,7 @@ from tests.transport.scenes import down_on, sky_directions, toward
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.montecarlo.cell_track import cell_at, depth_to_sun
 from openswim.transport.montecarlo.cells import cell_majorants, cells_of, free_cells
 from openswim.transport.montecarlo.first_cloud import clear_m

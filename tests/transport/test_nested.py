@@ -20,7 +20,8 @@ from openswim.errors import UserError
 from openswim.rendering import light
 from openswim.rendering import render as rendered
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.march.march import march_rays
 from openswim.transport.view.nested import Core
 

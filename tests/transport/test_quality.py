@@ -10,7 +10,7 @@ from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, tow
 
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.medium.medium import build_medium, halved_medium
 from openswim.transport.options import SETTINGS
 from openswim.validation.metrics import Score, image_score

@@ -8,7 +8,7 @@ import pytest
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.diffuse.inflow import Columns
 from openswim.transport.diffuse.sweeper import pairs
 

@@ -27,7 +27,8 @@ from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0])

@@ -7,7 +7,7 @@ import pytest
 from tests.transport.scenes import down_on, grid_scene, toward
 from tests.transport.test_quality import CELL_M, SHAPE, cumuli
 
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser
 from openswim.transport.diffuse.multigrid import Solution
 from openswim.transport.diffuse.spectral import Known, in_order, on_both_sides

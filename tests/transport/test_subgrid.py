@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.transport.scenes import grid_scene, slab, sun_at_zenith_angle
 
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.medium.cloud_cover import (
     broken_cloud,
     effective_share,

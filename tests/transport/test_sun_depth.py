@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, toward
 
 from openswim.cameras import Rays
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
 from openswim.transport.engine.pack import PACK
 

@@ -22,7 +22,8 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.ground.model import ModelGround
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.view.shading import _PART, _steepness
 
 ALTITUDE = 30.0

@@ -7,7 +7,8 @@ from tests.transport.scenes import WAVELENGTH_NM, slab, sun_at_zenith_angle
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.swim.phase import henyey_greenstein, sunlit_phase, thin_phase
 
 ANGLE = np.linspace(0, np.pi, 2_000_001)

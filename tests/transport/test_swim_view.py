@@ -19,7 +19,7 @@ from openswim.optics.aerosol import aerosol_type, spectral_phase
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.engine.scalar import share_of_step
 from openswim.transport.swim.phase import anisotropy, broadened, shaded_phase, thin_phase
 from openswim.transport.swim.view import clear_share

@@ -7,7 +7,7 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport import Solver
+from openswim.solver import Solver
 
 SUN = np.array([0.6, 0.5, 0.62])
 

@@ -6,7 +6,8 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_dire
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.march import walk
 from openswim.transport.march.empty_space import STEEP_CELLS, steepness

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera
     from openswim.readers import Neighbourhood
     from openswim.scene import Scene
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
@@ -145,7 +145,7 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
 
 def solver_of(request: RenderRequest) -> "Solver":
     """The solver that the options describe."""
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
     given = {"--paths": request.paths, "--error": request.error_percent, "--checkpoint": request.checkpoint}
     if request.quality is not None and request.solver != "fast":

@@ -34,7 +34,7 @@ class SceneSurface:
 
     @property
     def wider(self) -> SceneSurface | None:
-        return self.scene.wider and replace(self, scene=self.scene.wider)
+        return None if self.scene.wider is None else replace(self, scene=self.scene.wider)
 
     def at_wavelengths(self, which: NDArray[np.int64]) -> SceneSurface:
         return replace(self, wavelengths_nm=self.wavelengths_nm[which])

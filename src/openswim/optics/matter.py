@@ -64,12 +64,15 @@ class Matter:
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
         wavelengths = self.wavelengths_nm[which]
-        kept = not isinstance(self.species, EachSpecies)
+        species: Iterable[OpticalSpecies]
+        if isinstance(self.species, EachSpecies):
+            species = self.species.at(which)
+        else:
+            species = [one.at(which) for one in self.species]
         return replace(
-            self, wavelengths_nm=wavelengths,
-            species=[one.at(which) for one in self.species] if kept else self.species.at(which),
-            air=self.air and replace(self.air, wavelengths_nm=wavelengths),
-            wider=self.wider and self.wider.at(which),
+            self, wavelengths_nm=wavelengths, species=species,
+            air=None if self.air is None else replace(self.air, wavelengths_nm=wavelengths),
+            wider=None if self.wider is None else self.wider.at(which),
         )  # fmt: skip
 
 
@@ -98,10 +101,11 @@ def matter_of(scene: Scene, wavelengths_nm: ArrayLike, keep: bool = True) -> Mat
 def _matter(scene: Scene, frame: Frame, wavelengths: F64, keep: bool) -> Matter:
     cover = cloud_cover(scene)
     species = EachSpecies(scene, wavelengths, cover)
+    wider = None if scene.wider is None else _matter(scene.wider, frame, wavelengths, keep)
     return Matter(
         frame, scene.grid, wavelengths, list(species) if keep else species, cover,
         None if scene.atmosphere is None else Air(scene.atmosphere, wavelengths), _highest_m(scene), scene.cut,
-        scene.wider and _matter(scene.wider, frame, wavelengths, keep),
+        wider,
     )  # fmt: skip
 
 

@@ -16,9 +16,9 @@ from openswim.transport.air.shells import beam_transmission, clear_radiance, row
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import Ordinates, hemisphere_product
 from openswim.transport.engine.pack import PACK
-from openswim.transport.medium.surface import Surface
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -56,7 +56,8 @@ class Lighting:
         """A single column at the frame's place."""
         albedo = surface.albedo([frame.lat], [frame.lon]).T
         blank = np.zeros((len(albedo), 1, 1), np.float32)
-        return cls(float(surface.terrain_m[0, 0]), albedo[:, 0], albedo[:, :, None].astype(np.float32), blank, blank.copy(), blank.copy())
+        ground_m, of_column = float(surface.terrain_m[0, 0]), albedo[:, :, None].astype(np.float32)
+        return cls(ground_m, albedo[:, 0], of_column, blank, blank.copy(), blank.copy())
 
     @classmethod
     def of_grid(cls, surface: Surface, medium: Medium) -> Lighting:

@@ -16,8 +16,8 @@ from openswim.scene.rays import Rays
 from openswim.scene.rims import rim_m
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.ground_light.relief import HeightField, Relief
-from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

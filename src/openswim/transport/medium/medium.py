@@ -15,7 +15,6 @@ from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
 from openswim.scene.levels import on_levels
 from openswim.transport.air.shells import shell_levels
-from openswim.transport.medium.surface import Surface
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.chart import chart_of, check_span, finer_columns, fixed_to_earth
 from openswim.transport.medium.cloud_cover import cloud_under_cover
@@ -28,6 +27,7 @@ from openswim.transport.medium.levels import (
     refined_levels,
 )
 from openswim.transport.medium.subdivision import finer_cloud, halved, subdivided
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -147,7 +147,7 @@ class Medium:
 
 def air_of(air: Air | None, ground_m: float) -> Background | None:
     """Optical profile of the background air on the shells' levels above ``ground_m``, or None."""
-    return air and air.at(shell_levels() + ground_m)
+    return None if air is None else air.at(shell_levels() + ground_m)
 
 
 def build_medium(
@@ -290,7 +290,9 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
     return fineness
 
 
-def drawn_shape(matter: Matter, terrain: F32, refine: bool, divide: bool = True) -> tuple[tuple[int, int, int], float, bool]:
+def drawn_shape(
+    matter: Matter, terrain: F32, refine: bool, divide: bool = True
+) -> tuple[tuple[int, int, int], float, bool]:
     """Nodes (nz, ny, nx) of what `build_medium` makes of matter on the Earth, or a few more; the width (m) of its
     cells; whether they are halved. ``refine``, ``divide``: as there."""
     grid, species = matter.grid, list(matter.species)

@@ -12,16 +12,30 @@ from numpy.typing import NDArray
 from openswim.optics.cover import LEAST_COVER
 from openswim.optics.matter import Matter
 from openswim.optics.species import OpticalSpecies
+from openswim.scene.grid import Grid
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.chart import chart_of, check_span, columns_on
 from openswim.transport.medium.cloud_cover import cloud_under_cover
 from openswim.transport.medium.medium import Medium, air_of, outside_ground_m
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+LARGE_COLUMNS = 320_000  # a little more than what readers cut from larger domains
+LIGHT_OF_COLUMNS = (
+    f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
+    "the picture made part by part"
+)
+_BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover is known
 _FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
+
+
+def lit_in_parts(grid: Grid | None, covered: bool) -> bool:
+    """Whether a grid has too many columns to be lit at once; covered: whether its clouds' cover is known."""
+    if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
+        return False
+    return not grid.periodic and grid.curved and not (covered and min(grid.spacing_m()) > _BROKEN_CELL_M)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -123,8 +123,9 @@ class ReferenceField:
         solver = self.solver
         sums = Sums(len(direction), len(self.wavelengths_nm))
         checkpoint = Checkpoint.of(
-            solver, origin, direction, sides, seen, self.wavelengths_nm, solver.seed, self.aiming, self.world, self.phases
-        )
+            solver, origin, direction, sides, seen, self.wavelengths_nm, solver.seed, self.aiming, self.world,
+            self.phases,
+        )  # fmt: skip
         if checkpoint is not None:
             checkpoint.load(sums)
         most = solver.paths or (PATHS if solver.target_error is None and solver.seconds is None else 1 << 40)

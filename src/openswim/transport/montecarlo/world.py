@@ -83,7 +83,7 @@ class World(NamedTuple):
 
 
 def build_world(matter: Matter, surface: Surface, sun: F64) -> tuple[World, Phases, Medium | None, Lighting]:
-    """Everything the kernels need to know of matter and ground; phase functions of the species, then molecules, then haze."""
+    """Everything the kernels need to know; phase functions of the species, then molecules, then haze."""
     frame = matter.frame
     nw = len(matter.wavelengths_nm)
     medium = None

@@ -10,70 +10,38 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.ground import hemispherical_albedo, surface_properties
+from openswim.optics.matter import Matter
 from openswim.progress import job
-from openswim.scene.grid import Grid
 from openswim.scene.rays import Rays
-from openswim.scene.scene import Scene
-from openswim.scene.variables import SURFACE_DIMS
 from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
 from openswim.transport.columns.columns import columns_of_grid, light_from_above
 from openswim.transport.engine.pack import PACK
 from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.march.volume import DEGREE
-from openswim.transport.medium.medium import Medium, columns_on
+from openswim.transport.medium.chart import columns_on
+from openswim.transport.medium.coefficients import coefficients_of, forward_tables
+from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
+from openswim.transport.options import Options
 from openswim.transport.swim import light as swim
-from openswim.transport.view.toward_eye import beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
-
-if TYPE_CHECKING:
-    from openswim.transport.solver import Solver
+from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-LARGE_COLUMNS = 320_000  # a little more than what readers cut from larger domains
-LIGHT_OF_COLUMNS = (
-    f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
-    "the picture made part by part"
-)
-_BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where the scene has their cover
 _PART_COLUMNS = 90_000
 _MARGIN = 12  # columns of the ground's fields beyond a part, where what fades at their edge may fade
 _MOST_SLANT = 96  # columns that light may come from the side
 _LEAST_HEIGHT_M = 1e5  # of the eye
 _SEEN_AT_M = 4000.0  # height at which rays are given to parts
-
-
-def lit_in_parts(scene: Scene) -> bool:
-    """Whether a scene has too many columns to be lit at once."""
-    grid = scene.grid
-    if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
-        return False
-    covered = "cloud_area_fraction" in scene.data and min(grid.spacing_m()) > _BROKEN_CELL_M
-    return not grid.periodic and grid.curved and not covered
-
-
-def _ground_of(scene: Scene, window: Window) -> Scene:
-    """What a scene has on the ground in a window."""
-    grid = scene.grid
-    assert grid is not None
-    rows, columns = window.slices
-    data = {str(n): v[rows, columns] if v.dims == SURFACE_DIMS else v.isel(y=rows, x=columns)
-            for n, v in scene.data.data_vars.items() if "z" not in v.dims}  # fmt: skip
-    highest_m = float(data["surface_altitude"].max()) if "surface_altitude" in data else 0.0
-    levels_m = np.array([highest_m, highest_m + 1.0])  # nothing is on them, but no ground is above them all
-    part = Grid(grid.x[columns], grid.y[rows], levels_m, grid.crs, grid.earth_radius_m)
-    fields = xr.Dataset(data).drop_vars(["x", "y", "height"], errors="ignore")
-    return Scene(part, fields, scene.atmosphere, {}, scene.time, scene.source, [], scene.ground)
 
 
 @dataclass
@@ -142,8 +110,7 @@ class LargeField(PackField):
 
     def _indices(self, rays: Rays) -> tuple[F64, F64]:
         """Fractional columns where rays pass the height of clouds, or come nearest to it."""
-        frame, grid = self.frame, self.scene.grid
-        assert grid is not None
+        frame, grid = self.frame, self.whole.grid
         ix, iy = np.empty(len(rays)), np.empty(len(rays))
         centre = np.array([0.0, 0.0, frame.radius_m])
         for a in range(0, len(rays), 200_000):
@@ -159,12 +126,10 @@ class LargeField(PackField):
 
     def _slants(self, core: Window, rays: Rays, cell: float) -> tuple[tuple[int, int], tuple[int, int]]:
         """Columns to the west and east, then south and north, that rays and the sun's beam pass beside their own."""
-        grid = self.scene.grid
-        assert grid is not None
         top = float(self.whole.levels_m[-1] - self.whole.levels_m[0])
         y = np.linspace(core.south, core.north - 1, 3).astype(int)
         x = np.linspace(core.west, core.east - 1, 3).astype(int)
-        axes, place = columns_on(grid, self.frame, np.ix_(y, x))
+        axes, place = columns_on(self.whole.grid, self.frame, np.ix_(y, x))
         sun = np.einsum("jiab,b->jia", axes.astype(float), self.sun).reshape(-1, 3)
         eye = rays.origins()[0]
         back = eye - place.reshape(-1, 3)
@@ -182,12 +147,10 @@ class LargeField(PackField):
     def _part(self, window: Window) -> PackField:
         """The light of a window's columns."""
         started = time.perf_counter()
-        grid, fast = self.scene.grid, self.solver.name == "fast"
-        assert grid is not None
-        medium = part_of_medium(self.whole, self.cover, grid, window)
+        fast = self.solver.name == "fast"
+        medium = part_of_medium(self.whole, self.cover, window)
         wider = window.grown((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), self.whole.shape[1:])
-        ground = _ground_of(self.scene, wider)
-        medium.first = (window.west - wider.west, window.south - wider.south)
+        ground = self.surface.window(*wider.slices)
         lighting = Lighting.of_grid(ground, medium)
         lighting.clear_sky = self.lighting.clear_sky
         lighting.place_sun(self.sun)
@@ -195,14 +158,16 @@ class LargeField(PackField):
         coefficients = [coefficients_of(medium, self.shells, w, fast) for w in range(PACK)]
         timings = {"air": time.perf_counter() - started}
         started = time.perf_counter()
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, fast)
-        light = beams_and_shadows(
+        backscatter = None if fast else swim.backscatter_weights(medium)
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, backscatter)
+        beams = beams_and_shadows(
             medium, lighting, self.shells, volume, depths, coefficients, local_sun, self.sun, self.count
         )
+        light = GridLight(medium, *beams, coefficients, local_sun, self.sun, self.count)
         timings["sun"] = time.perf_counter() - started
         part = PackField(
-            self.solver, ground, self.frame, self.sun, self.wavelengths_nm, self.count, self.shells, volume, self.table,
-            lighting, medium, timings,
+            self.solver, ground, self.air, self.frame, self.sun, self.wavelengths_nm, self.count, self.shells, volume,
+            self.table, lighting, medium, timings,
         )  # fmt: skip
         part.light, part.reach_deg, part.space_shells = light, self.reach_deg, self.space_shells
         if fast:
@@ -214,17 +179,16 @@ class LargeField(PackField):
         return part
 
 
-def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> LargeField:
+def solve_large(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LargeField:
     """What all views and parts share: optics on levels, the clear air around."""
     started = time.perf_counter()
-    medium, cover = large_medium(scene, wl)
-    grid, frame = scene.grid, medium.frame
-    assert grid is not None
-    _, ny, nx = grid.shape
+    medium, cover = large_medium(matter, surface)
+    frame = medium.frame
+    _, ny, nx = medium.shape
     y, x = np.arange(0, ny, 8), np.arange(0, nx, 8)
-    _, place = columns_on(grid, frame, np.ix_(y, x))
+    _, place = columns_on(medium.grid, frame, np.ix_(y, x))
     lat, lon, _ = frame.latlon(place.reshape(-1, 3))
-    albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl)
+    albedo = surface.albedo(lat, lon)
     blank = np.zeros((PACK, 1, 1), np.float32)
     lighting = Lighting(medium.ground_m, albedo.mean(axis=0), blank, blank, blank, blank)
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / frame.radius_m)))
@@ -233,11 +197,10 @@ def solve_large(solver: Solver, scene: Scene, sun: F64, wl: F64, count: int) -> 
     suns = max(0.0, zenith - reach), min(110.0, zenith + reach)
     shells = build_shells(medium.air, suns, frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top)
     lighting.clear_sky = clear_sky_table(shells, sun)
-    table = forward_tables(medium, solver.name == "fast")
+    table = forward_tables(medium, options.name == "fast")
     coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
     inflow, lacking = light_from_above(medium, coefficients, shells, count)
     return LargeField(
-        solver, scene, frame, sun, wl, count, shells, no_volume(), table, lighting, medium,
-        {"air": time.perf_counter() - started}, reach_deg=reach,
-        inflow=inflow, cover=cover, lacking=lacking,
+        options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
+        medium, {"air": time.perf_counter() - started}, reach_deg=reach, inflow=inflow, cover=cover, lacking=lacking,
     )  # fmt: skip
