@@ -14,7 +14,6 @@ from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.field import View
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
@@ -26,6 +25,7 @@ from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.sun_guess import shaded
 from openswim.transport.montecarlo.world import World, build_world
 from openswim.transport.options import Options
+from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
 

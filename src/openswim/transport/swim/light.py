@@ -5,8 +5,6 @@ Albers et al. 2020, Eqs 4-8 as corrected; `swim_view` makes radiance of it. docs
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +13,7 @@ from openswim.transport.beam.sun_sweep import beyond_sides, depths_to_sun, insid
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
+from openswim.transport.lit_grid import GridLight
 from openswim.transport.march.empty_space import beside, occupied
 from openswim.transport.march.volume import Shells, Volume
 from openswim.transport.medium.medium import Medium
@@ -24,9 +23,6 @@ from openswim.transport.swim.layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
-
-if TYPE_CHECKING:
-    from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
