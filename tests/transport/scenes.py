@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike
 from pyproj import CRS
 
 from openswim.cameras import Rays
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.field import View
+from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.montecarlo.reference import ReferenceView
 
 WAVELENGTH_NM = 546.0
@@ -102,3 +105,10 @@ def mean_by_chance(view: View) -> tuple[float, float]:
     """Mean radiance of what `reference` saw, and its standard error."""
     assert isinstance(view, ReferenceView)
     return float(view.radiance.mean()), float(np.sqrt((view.sigma**2).sum()) / view.sigma.size)
+
+
+def medium_of(
+    scene: Scene, wavelengths_nm: ArrayLike, mu_sun: float, refine: bool = True, divide: bool = True
+) -> Medium:
+    """The medium of a scene that has no wider one around it."""
+    return build_medium(matter_of(scene, wavelengths_nm), surface_of(scene, wavelengths_nm), mu_sun, refine, divide)

@@ -24,7 +24,7 @@ from openswim.transport.medium.tiles import lit_in_parts
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
 from openswim.transport.options import Options
 from openswim.transport.solve_grid import grid_field, sun_range
-from openswim.transport.view.tiled import solve_large
+from openswim.transport.tiled import solve_large
 
 F64 = NDArray[np.float64]
 
