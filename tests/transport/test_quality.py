@@ -9,10 +9,10 @@ import pytest
 from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
 
 from openswim.errors import UserError
+from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.transport.medium.medium import halved_medium
-from openswim.transport.options import SETTINGS
 from openswim.validation.metrics import Score, image_score
 from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference

@@ -3,9 +3,8 @@
 from openswim.transport.engine.kernel_cache import drop_stale
 from openswim.transport.field import Field, View
 from openswim.transport.montecarlo.reference import ReferenceField
-from openswim.transport.options import Options
 from openswim.transport.solve import solve
 
-__all__ = ["Field", "Options", "ReferenceField", "View", "solve"]
+__all__ = ["Field", "ReferenceField", "View", "solve"]
 
 drop_stale(__name__)  # before any kernel is called

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.optics.matter import Air
+from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
@@ -27,7 +28,6 @@ from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import Medium, air_of
 from openswim.transport.medium.surface import Surface
-from openswim.transport.options import Options
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
 from openswim.transport.view.nested import Core, Seen

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.engine.pack import PACK
 from openswim.transport.field import CLEAR_REACH_DEG, CLEAR_STEP, Field, PackField
@@ -22,7 +23,6 @@ from openswim.transport.medium.medium import air_of
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import lit_in_parts
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
-from openswim.transport.options import Options
 from openswim.transport.solve_grid import grid_field, sun_range
 from openswim.transport.tiled import solve_large
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job
 from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance
@@ -31,7 +32,6 @@ from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.medium import Medium, build_medium, halved_medium, with_air_above, with_soft_top
 from openswim.transport.medium.surface import Surface
-from openswim.transport.options import Options
 from openswim.transport.swim import light as swim
 from openswim.transport.view.beyond_sides import Beyond
 from openswim.transport.view.nested import Core, shade_from

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells, no_volume
@@ -30,7 +31,6 @@ from openswim.transport.medium.coefficients import coefficients_of, forward_tabl
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
-from openswim.transport.options import Options
 from openswim.transport.swim import light as swim
 from openswim.transport.view.toward_eye import GridLight
 
