@@ -12,8 +12,8 @@ SOURCE = Path(__file__).parents[1] / "src"
 
 # A file may import from rooms to the left of its own.
 ORDER = (
-    "errors", "arguments", "progress", "scene", "optics", "lights", "ground", "readers", "transport", "cameras",
-    "colour", "fluxes", "outlines", "rendering", "validation", "cli", "__main__",
+    "errors", "arguments", "progress", "tables", "scene", "optics", "lights", "ground", "readers", "transport",
+    "cameras", "colour", "fluxes", "outlines", "rendering", "validation", "cli", "__main__",
 )  # fmt: skip
 MOST_MODULES = 20  # in a folder
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
@@ -15,6 +14,7 @@ from openswim.readers.common.base import (
     SceneInfo,
     Time,
     iso,
+    labelled,
     levels_text,
     naming,
     pick_time,
@@ -44,7 +44,7 @@ from openswim.readers.grib.grid import NAMES, grid_of
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
+from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
 _FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
@@ -86,13 +86,12 @@ class GRIBReader:
             else:
                 fields, height, terrain = _on_flat_levels(columns)
             optics = {"aerosol": smoke_optics()} if _smoky(columns) and "aerosol_extinction" in fields else {}
-            data: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in fields.items()}
-            data |= {name: (SURFACE_DIMS, values) for name, values in ground(columns, terrain).items()}
+            data = labelled(fields, ground(columns, terrain))
             columns.notes += no_species(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns)
             return Scene(
                 columns.selection.grid(height),
-                xr.Dataset(data),
+                data,
                 atmosphere,
                 optics,
                 valid,
