@@ -61,6 +61,13 @@ class SceneInfo:
     assumed: list[str] = field(default_factory=list)
     others: list[SceneInfo] = field(default_factory=list)  # of further files, on grids of their own
 
+    @classmethod
+    def on(cls, grid: Grid | None, /, **others: Any) -> SceneInfo:
+        """With what a grid tells of itself, unless that is among the others."""
+        own = {"grid": shape_text(grid), "projection": projection_text(grid), "spacing": spacing_text(grid),
+               "levels": levels_text(grid)}  # fmt: skip
+        return cls(**(own | others))
+
     def __str__(self) -> str:
         more = f" ... {self.times[-1]} ({len(self.times)} times)" if len(self.times) > 6 else ""
         rows = [

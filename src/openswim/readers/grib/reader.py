@@ -15,7 +15,6 @@ from openswim.readers.common.base import (
     Time,
     iso,
     labelled,
-    levels_text,
     naming,
     pick_time,
     place_text,
@@ -134,13 +133,13 @@ class GRIBReader:
             unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
             if unused:
                 columns.notes.append(f"parameters not used: {unused}")
-            return SceneInfo(
+            return SceneInfo.on(
+                grid,
                 path=str(path),
                 model=_model(columns.fields),
                 grid=f"{nx} x {ny}{levels}",
                 projection=NAMES[columns.layout.kind] + place_text(whole),
                 spacing=spacing_text(whole),
-                levels=levels_text(grid),
                 times=[iso(moment) for moment in _times(file)],
                 species=species,
                 surface=sorted(found),

@@ -20,11 +20,7 @@ from openswim.readers.common.base import (
     Time,
     iso,
     labelled,
-    levels_text,
     naming,
-    projection_text,
-    shape_text,
-    spacing_text,
 )
 from openswim.readers.common.clock import start_of_undated, undated
 from openswim.readers.common.fileset import FileSet, Part, opened_set
@@ -112,13 +108,10 @@ class GriddedReader:
         surface = [f"{what} ({used[what]})" for what in SURFACE if what in used]
         missing = [what for what in (*HYDROMETEORS, "temperature", "pressure") if what not in used]
         missing += [what for what in SURFACE if what not in used and what not in ("surface_geopotential", "snow_water")]
-        return SceneInfo(
+        return SceneInfo.on(
+            grid,
             path=", ".join(map(str, paths)),
             model=scene.source,
-            grid=shape_text(grid),
-            projection=projection_text(grid),
-            spacing=spacing_text(grid),
-            levels=levels_text(grid),
             times=times,
             species=species,
             surface=surface,

@@ -13,10 +13,8 @@ from openswim.readers.common.base import (
     Time,
     iso,
     labelled,
-    levels_text,
     naming,
     place_text,
-    spacing_text,
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
@@ -130,13 +128,12 @@ class WRFReader:
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
-            return SceneInfo(
+            return SceneInfo.on(
+                grid,
                 path=str(path),
                 model=str(file.attr("TITLE", "WRF")).strip(),
                 grid=f"{nx} x {ny} x {nz} (x, y, z)",
                 projection=PROJECTIONS[kind] + place_text(grid),
-                spacing=spacing_text(grid),
-                levels=levels_text(grid),
                 times=times,
                 species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file]
                 + [f"aerosol ({name})" for name in AEROSOL if name in file],
