@@ -10,7 +10,8 @@ from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport import Solver
 from openswim.transport.diffuse.diffusion import Diffusion
-from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
+from openswim.transport.medium.coefficients import Coefficients
 
 NY, NX = 18, 21  # rows that end within a pack
 

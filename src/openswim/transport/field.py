@@ -18,6 +18,7 @@ from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport.air.shells import build_shells
+from openswim.transport.beam.lit_volume import SunDepth
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
@@ -30,7 +31,7 @@ from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
 from openswim.transport.view.nested import Core, Seen
 from openswim.transport.view.shading import shade
-from openswim.transport.view.toward_eye import GridLight, SunDepth
+from openswim.transport.view.toward_eye import GridLight
 
 if TYPE_CHECKING:
     from openswim.transport.ground_light.landscape import Landscape

@@ -21,6 +21,7 @@ from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
 from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance, no_volume
+from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
 from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.columns.discrete_ordinates import solve_layers
 from openswim.transport.diffuse import multigrid as two_grids
@@ -38,6 +39,7 @@ from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.march.forward_peak import peak_tables
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.medium import Medium, air_of, build_medium, halved_medium, with_air_above, with_soft_top
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
 from openswim.transport.options import SETTINGS, Quality
@@ -45,13 +47,7 @@ from openswim.transport.swim import light as swim
 from openswim.transport.view.beyond_sides import Beyond
 from openswim.transport.view.nested import Core, shade_from
 from openswim.transport.view.tiled import lit_in_parts, solve_large
-from openswim.transport.view.toward_eye import (
-    GridLight,
-    beams_and_shadows,
-    coefficients_of,
-    forward_tables,
-    sunlit_volume,
-)
+from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -212,16 +208,17 @@ def _grid_field(
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
-    volume, depths = sunlit_volume(medium, coefficients, local_sun, fast)
+    volume, depths = sunlit_volume(medium, coefficients, local_sun, None if fast else swim.backscatter_weights(medium))
     if wider is not None:
         shade_from(wider, medium, volume, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
-    light = beams_and_shadows(
+    beams = beams_and_shadows(
         medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count,
         landscape is not None,
     )  # fmt: skip
+    light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     result = PackField(solver, scene, frame, sun, wl, count, shells, volume, table, lighting, medium, timings)
     result.landscape = landscape
     result.light = light

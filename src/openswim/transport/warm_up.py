@@ -18,7 +18,7 @@ from openswim.transport.air.shells import no_volume
 from openswim.transport.beam.within_cells import bend_cells
 from openswim.transport.diffuse.moments import Moments, nothing_coarser, places
 from openswim.transport.diffuse.multigrid import Trace, coarse_to_fine
-from openswim.transport.diffuse.optical_grid import Coefficients, at_another_wavelength, optical_grid
+from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.sweep import share_ordinates
 from openswim.transport.diffuse.sweeper import Sweeper
@@ -27,6 +27,7 @@ from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.volume import DEGREE, blank_fields, tidy
+from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.view.source_function import columns_of, field_at, thickest_around, view_source
 
 _LONGEST_S = 300.0

@@ -19,11 +19,11 @@ from openswim.transport.beam.direct import direct_beam
 from openswim.transport.beam.sun_sweep import beyond_sides
 from openswim.transport.columns.column_light import column_light
 from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mode_tables
-from openswim.transport.diffuse.optical_grid import Coefficients
 from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
+from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.medium import WIDE_CELL_M, Medium
 from openswim.transport.view.source_function import columns_of
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,21 +10,12 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.empty_space import beside
+from openswim.transport.medium.coefficients import Coefficients
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
-
-
-@dataclass
-class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
-
-    scaled: F32
-    scattering: F32
-    air_extinction: F32
-    air_scattering: F32  # (nz, M)
 
 
 class OpticalGrid(NamedTuple):

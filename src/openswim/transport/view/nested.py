@@ -22,9 +22,9 @@ from openswim.transport.march.march import DARK
 from openswim.transport.march.volume import FAR_M, Volume
 
 if TYPE_CHECKING:
+    from openswim.transport.beam.lit_volume import SunDepth
     from openswim.transport.field import PackField
     from openswim.transport.medium.medium import Medium
-    from openswim.transport.view.toward_eye import SunDepth
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

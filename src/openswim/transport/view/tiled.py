@@ -24,15 +24,17 @@ from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.scene.variables import SURFACE_DIMS
 from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
 from openswim.transport.columns.columns import columns_of_grid, light_from_above
 from openswim.transport.engine.pack import PACK
 from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.march.volume import DEGREE
+from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.medium import Medium, columns_on
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
 from openswim.transport.swim import light as swim
-from openswim.transport.view.toward_eye import beams_and_shadows, coefficients_of, forward_tables, sunlit_volume
+from openswim.transport.view.toward_eye import GridLight
 
 if TYPE_CHECKING:
     from openswim.transport.solver import Solver
@@ -195,10 +197,12 @@ class LargeField(PackField):
         coefficients = [coefficients_of(medium, self.shells, w, fast) for w in range(PACK)]
         timings = {"air": time.perf_counter() - started}
         started = time.perf_counter()
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, fast)
-        light = beams_and_shadows(
+        backscatter = None if fast else swim.backscatter_weights(medium)
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, backscatter)
+        beams = beams_and_shadows(
             medium, lighting, self.shells, volume, depths, coefficients, local_sun, self.sun, self.count
         )
+        light = GridLight(medium, *beams, coefficients, local_sun, self.sun, self.count)
         timings["sun"] = time.perf_counter() - started
         part = PackField(
             self.solver, ground, self.frame, self.sun, self.wavelengths_nm, self.count, self.shells, volume, self.table,
