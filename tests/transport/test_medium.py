@@ -196,7 +196,7 @@ def test_global_grids_are_refused_with_a_remedy() -> None:
 
 
 def hemisphere(lat: float = 20.0, lon: float = 170.0, half_deg: float = 89.0, nodes: int = 61, **more: Any) -> Scene:
-    """The half of the Earth around a place, as `readers.neighbourhood` maps it: equal-area, over date line and pole."""
+    """The half of the Earth around a place, as `readers.domain` maps it: equal-area, over date line and pole."""
     from pyproj import CRS
 
     radius = 6.371e6
