@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
 from openswim.optics.matter import matter_of
+from openswim.options import Options
 from openswim.scene.scene import Scene
-from openswim.transport import Field, Options, ReferenceField, solve
+from openswim.transport import Field, ReferenceField, solve
 from openswim.transport.medium.tiles import lit_in_parts
 
 

@@ -208,7 +208,7 @@ def test_without_eccodes(tmp_path, monkeypatch):
 
     monkeypatch.delitem(sys.modules, "eccodes")
     monkeypatch.setattr(builtins, "__import__", refuse)
-    assert "pip install 'openswim[grib]'" in _error(path)
+    assert "pip install --force-reinstall eccodes" in _error(path)
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -11,11 +11,14 @@ from numpy.typing import ArrayLike
 from pyproj import CRS
 
 from openswim.cameras import Rays
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.field import Field
-from openswim.transport.lit_grid import LitGrid, Once
+from openswim.transport.lit.lit_grid import LitGrid, Once
+from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
 from openswim.transport.view.viewer import AimedGrid
@@ -116,3 +119,10 @@ def aimed_at(lit: LitGrid, eye: ArrayLike = (0.0, 0.0, 1e3)) -> AimedGrid:
 def changed(field: Field, **changes: Any) -> Field:
     """The same light with other attributes of its packs, and nothing of what followed from those it had."""
     return Field([replace(lit, once=Once(), **changes) for lit in field.lit])
+
+
+def medium_of(
+    scene: Scene, wavelengths_nm: ArrayLike, mu_sun: float, refine: bool = True, divide: bool = True
+) -> Medium:
+    """The medium of a scene that has no wider one around it."""
+    return build_medium(matter_of(scene, wavelengths_nm), surface_of(scene, wavelengths_nm), mu_sun, refine, divide)

@@ -10,7 +10,8 @@ from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.phase import HenyeyGreenstein, Mixture
 from openswim.solver import Solver
-from openswim.transport.columns.discrete_ordinates import LAYERS_DEGREE, Layers, layer_levels, solve_layers
+from openswim.transport.columns.discrete_ordinates import Layers, solve_layers
+from openswim.transport.medium.levels import LAYERS_DEGREE, layer_levels
 
 LAMBDA_NM = [550.0]
 

@@ -237,7 +237,7 @@ def test_cores_of_rays() -> None:
     enter, leave = core.crossed(origin, direction, pack.shells.top_m)
     s = np.arange(50.0, 60e3, 100.0)
     lat, lon, _ = medium.frame.latlon(origin[:, None] + s[:, None] * direction[:, None])
-    ix, iy = (i * medium.fineness for i in pack.medium.grid.index(lon, lat))  # type: ignore[union-attr]
+    ix, iy = (i * medium.fineness for i in medium.grid.index(lon, lat))
     ny, nx = medium.shape[1:]
     rim = max(2, round(0.08 * nx))
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, toward
+from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
 
 from openswim.errors import UserError
+from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.transport.medium.medium import build_medium, halved_medium
-from openswim.transport.options import SETTINGS
+from openswim.transport.medium.medium import halved_medium
 from openswim.validation.metrics import Score, image_score
 from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference
@@ -88,8 +88,8 @@ def test_preview_of_cumulus(shared: Path) -> None:
 @pytest.mark.parametrize("periodic", [False, True])
 def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    finer = halved_medium(scene, medium)
+    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
+    finer = halved_medium(medium)
     _, ny, nx = medium.shape
     assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
     assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
@@ -107,12 +107,12 @@ def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
 
 def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     sideless = slab(2.0)
-    medium = build_medium(sideless, np.array([WAVELENGTH_NM]), 0.7)
-    assert halved_medium(sideless, medium) is medium
+    medium = medium_of(sideless, np.array([WAVELENGTH_NM]), 0.7)
+    assert halved_medium(medium) is medium
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
+    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
     monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
-    assert halved_medium(scene, medium) is medium
+    assert halved_medium(medium) is medium
 
 
 def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:

@@ -9,12 +9,12 @@ import click
 from openswim.ground.surface import surface_of
 from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
+from openswim.options import SETTINGS
 from openswim.progress import PATIENCE_S
 from openswim.transport.engine.pack import PACK
 from openswim.transport.medium.levels import MOST_RESOLVED_NODES
 from openswim.transport.medium.medium import WIDE_CELL_M, build_medium, drawn_shape
 from openswim.transport.medium.tiles import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.options import SETTINGS
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera
@@ -112,7 +112,7 @@ def swept(scene: "Scene") -> bool:
 
 
 def _large(scene: "Scene") -> bool:
-    return lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
+    return scene.grid is not None and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
 
 
 def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:

@@ -1,9 +1,8 @@
 """Absorption by gases and by cloud water over the whole solar spectrum."""
 
-import functools
-from importlib import resources
-
 import numpy as np
+
+from openswim.tables import csv_columns
 
 # Absorption of liquid water, 1/cm: Hale and Querry (1973), rounded.
 LIQUID_NM = np.array(
@@ -15,12 +14,9 @@ LIQUID_PER_CM = np.array(
 CLOUD_PATH_CM = 0.05  # of liquid water along the mean photon's path through a cloud that hides the sun
 
 
-@functools.cache
 def _table() -> np.ndarray:
     """Rows wavelength_nm, water vapour, ozone, mixed gases."""
-    text = resources.files("openswim.fluxes").joinpath("data/gas_absorption.csv").read_text()
-    rows = [line for line in text.splitlines() if line[:1].isdigit()]
-    return np.array([row.split(",") for row in rows], dtype=float).T
+    return csv_columns("fluxes", "gas_absorption")
 
 
 def airmass(sun_altitude_deg: float) -> float:

@@ -13,12 +13,11 @@ from openswim.errors import UserError
 from openswim.scene.particles import (
     ANGSTROM_EXPONENTS,
     WAVELENGTHS_NM,
-    by_wavelength,
     check_albedo,
     check_number,
     check_phase,
 )
-from openswim.scene.phase import PhaseFunction, phases_from_dict
+from openswim.scene.phase import PhaseFunction, by_wavelength, phases_from_dict
 
 TOP_M = 100_000.0
 AEROSOL_TOP_M = 30_000.0

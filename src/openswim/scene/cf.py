@@ -14,6 +14,7 @@ from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.files import written_whole
 from openswim.scene.grid import Grid
 from openswim.scene.optics import Optics
+from openswim.scene.times import since_1970_s
 from openswim.scene.variables import DIRECT_PREFIX
 
 LAYOUT = 1
@@ -56,9 +57,9 @@ def in_layout(
     optics: Mapping[str, Optics],
     atmosphere: Atmosphere | None,
     time: np.datetime64 | None,
-    said: Mapping[str, str],
+    history: Mapping[str, str],
 ) -> xr.Dataset:
-    """A scene as it stands in a file: fields, coordinates, grid mapping, profiles, time, and what is `said` of it."""
+    """A scene as it stands in a file: fields, coordinates, grid mapping, profiles, time, and its source and notes."""
     data = fields.copy()
     if grid is not None:
         data = _with_grid(data, grid)
@@ -71,13 +72,12 @@ def in_layout(
         }
         if own.angstrom_exponent is not None:
             data[target].attrs["angstrom_exponent"] = float(own.angstrom_exponent)
-    data.attrs = {"Conventions": "CF-1.11", "title": "OpenSWIm scene", "openswim_layout": LAYOUT, **said}
+    data.attrs = {"Conventions": "CF-1.11", "title": "OpenSWIm scene", "openswim_layout": LAYOUT, **history}
     if grid is not None:
         data.attrs |= {"earth_radius_m": float(grid.earth_radius_m), "periodic_sides": int(grid.periodic)}
     if time is not None:
-        since = float((time - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s"))
-        units = "seconds since 1970-01-01 00:00:00"
-        data = data.assign_coords(time=((), since, {"standard_name": "time", "units": units, "calendar": "standard"}))
+        said = {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
+        data = data.assign_coords(time=((), since_1970_s(time), said))
     return _with_atmosphere(data, atmosphere)
 
 

@@ -134,6 +134,11 @@ class Grid:
         along = self.lonlat([ix, ix], [iy - half, iy + half])
         return (great_circle_m(*across, self.earth_radius_m), great_circle_m(*along, self.earth_radius_m))
 
+    def size_m(self) -> tuple[float, float]:
+        """Width and height [m] of the domain, whole cells at its edges."""
+        dx, dy = self.spacing_m()
+        return self.x.size * dx, self.y.size * dy
+
     def axis_angle(self, ix: ArrayLike, iy: ArrayLike) -> NDArray[np.float64]:
         """Angle [radians] from local east to the +x axis, counter-clockwise, at fractional node indices."""
         if self.crs is None:

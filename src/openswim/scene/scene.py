@@ -229,8 +229,8 @@ class Scene:
         """The scene as it stands in a file (docs/scene-format.md)."""
         from openswim.scene.cf import in_layout
 
-        said = {"source": self.source, "assumptions": "\n".join(self.notes)}
-        return in_layout(self.data, self.grid, self.optics, self.atmosphere, self.time, said)
+        history = {"source": self.source, "assumptions": "\n".join(self.notes)}
+        return in_layout(self.data, self.grid, self.optics, self.atmosphere, self.time, history)
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Save as CF netCDF (docs/scene-format.md); `openswim.open_scene` reads it back."""

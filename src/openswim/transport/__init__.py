@@ -3,10 +3,9 @@
 from openswim.transport.engine.kernel_cache import drop_stale
 from openswim.transport.field import Field
 from openswim.transport.montecarlo.reference import ReferenceField
-from openswim.transport.options import Options
 from openswim.transport.solve import solve
 from openswim.transport.view.seen import View
 
-__all__ = ["Field", "Options", "ReferenceField", "View", "solve"]
+__all__ = ["Field", "ReferenceField", "View", "solve"]
 
 drop_stale(__name__)  # before any kernel is called

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.options import Options
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
 from openswim.transport.ground_light.landscape import Landscape
-from openswim.transport.lit_grid import LitGrid
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.medium.medium import Medium
-from openswim.transport.options import Options
+from openswim.transport.tiled import LargeViewer, LitDomain
 from openswim.transport.view.seen import View
-from openswim.transport.view.tiled import LargeViewer, LitDomain
 from openswim.transport.view.viewer import Viewer
 
 F64 = NDArray[np.float64]

@@ -12,20 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.engine.pack import PACK
 from openswim.transport.field import Field
 from openswim.transport.ground_light.fluxes import Lighting
-from openswim.transport.lit_grid import CLEAR_REACH_DEG, CLEAR_STEP, LitGrid
+from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, CLEAR_STEP, LitGrid
 from openswim.transport.march.forward_peak import peak_tables
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.medium import air_of
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import lit_in_parts
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
-from openswim.transport.options import Options
 from openswim.transport.solve_grid import light_of_grid, sun_range
-from openswim.transport.view.tiled import solve_large
+from openswim.transport.tiled import solve_large
 
 F64 = NDArray[np.float64]
 

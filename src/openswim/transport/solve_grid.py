@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job
 from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance
@@ -35,13 +36,12 @@ from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
-from openswim.transport.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
+from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium, halved_medium, with_air_above, with_soft_top
 from openswim.transport.medium.surface import Surface
-from openswim.transport.options import Options
 from openswim.transport.swim import light as swim
 
 F32 = NDArray[np.float32]

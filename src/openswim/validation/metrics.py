@@ -32,10 +32,7 @@ UNKNOWN = Agreement(np.nan, np.nan)
 
 def agreement(model: ArrayLike, reference: ArrayLike, own_sigma: ArrayLike, sigma: ArrayLike = 0.0) -> Agreement:
     """`Agreement` of values of any shape; unknown for solvers without an error (``own_sigma`` all zero)."""
-    r = np.asarray(reference, np.float64)
-    m, own, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, own_sigma, sigma))
-    known = np.isfinite(r) & np.isfinite(s)
-    m, r, own, s = m[known], r[known], own[known], s[known]
+    r, m, own, s = _compared(reference, model, own_sigma, sigma)
     if not (own > 0).any() or r.mean() == 0:
         return UNKNOWN
     near = np.abs(m - r) <= 3 * np.hypot(own, s)
@@ -46,14 +43,8 @@ def image_agreement(
     model: ArrayLike, reference: ArrayLike, own_sigma: ArrayLike, sigma: ArrayLike = 0.0
 ) -> Agreement:
     """`agreement` of two images (ni, nj) by the lit 4x4-pixel means of `image_score`."""
-    r = np.asarray(reference, np.float64)
-    known = np.isfinite(r)
-    arrays = [np.where(known, np.broadcast_to(np.asarray(a, np.float64), r.shape), np.nan) for a in (own_sigma, sigma)]
-    r_mean, counts = block_means(r)
-    m_mean, _ = block_means(np.where(known, np.asarray(model, np.float64), np.nan))
-    lit = r_mean > LIT
-    own, s = (np.sqrt(block_means(a**2)[0][lit] / counts[lit]) for a in arrays)
-    return agreement(m_mean[lit], r_mean[lit], own, s)
+    r, m, own, s = _lit_blocks(reference, model, own_sigma, sigma)
+    return agreement(m, r, own, s)
 
 
 def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
@@ -64,10 +55,7 @@ def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Sco
     bias = mean(m - r) / |mean(r)|. correlation is Pearson's, NaN where one side does not vary.
     A NaN of the model is a failure of the model: it makes the score NaN.
     """
-    r = np.asarray(reference, np.float64)
-    m, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, sigma))
-    known = np.isfinite(r) & np.isfinite(s)
-    m, r, s = m[known], r[known], s[known]
+    r, m, s = _compared(reference, model, sigma)
     scale = abs(r.mean()) if r.size else 0.0
     if scale == 0:
         return Score(np.nan, np.nan, np.nan, int(r.size))
@@ -78,17 +66,35 @@ def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Sco
 
 def image_score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
     """Compare two images (ni, nj) by their 4x4-pixel means, where that of the reference exceeds L' = 0.02."""
-    r = np.asarray(reference, np.float64)
-    m, s = (np.broadcast_to(np.asarray(a, np.float64), r.shape) for a in (model, sigma))
+    r, m = _alike(reference, model)
     known = np.isfinite(r)
     if np.isnan(m[known]).any():
         return Score(np.nan, np.nan, np.nan, int(known.sum()))
-    reference_means, counts = block_means(r)
-    model_means, _ = block_means(np.where(known, m, np.nan))
-    variance_means, _ = block_means(np.where(known, s**2, np.nan))
-    lit = reference_means > LIT
-    sigma_of_mean = np.sqrt(variance_means[lit] / counts[lit])
-    return score(model_means[lit], reference_means[lit], sigma_of_mean)
+    r, m, s = _lit_blocks(reference, model, sigma)
+    return score(m, r, s)
+
+
+def _alike(reference: ArrayLike, *others: ArrayLike) -> list[Array]:
+    """All as float64 of the reference's shape."""
+    r = np.asarray(reference, np.float64)
+    return [r, *(np.broadcast_to(np.asarray(other, np.float64), r.shape) for other in others)]
+
+
+def _compared(reference: ArrayLike, model: ArrayLike, *sigmas: ArrayLike) -> list[Array]:
+    """Where the reference and its own standard error, the last, are known."""
+    arrays = _alike(reference, model, *sigmas)
+    known = np.isfinite(arrays[0]) & np.isfinite(arrays[-1])
+    return [one[known] for one in arrays]
+
+
+def _lit_blocks(reference: ArrayLike, model: ArrayLike, *sigmas: ArrayLike) -> list[Array]:
+    """Means over blocks of pixels that are lit in the reference, and the standard errors of these means."""
+    r, m, *errors = _alike(reference, model, *sigmas)
+    means, counts = block_means(r)
+    lit, known = means > LIT, np.isfinite(r)
+    of_means = [block_means(np.where(known, s**2, np.nan))[0] for s in errors]
+    return [means[lit], block_means(np.where(known, m, np.nan))[0][lit],
+            *(np.sqrt(variance[lit] / counts[lit]) for variance in of_means)]  # fmt: skip
 
 
 def block_means(image: Array) -> tuple[Array, Array]:

@@ -20,8 +20,7 @@ from openswim.scene import Grid, Optics
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES
 from openswim.scene.checks import WAVELENGTH_DIM
-from openswim.scene.particles import by_wavelength
-from openswim.scene.phase import phases_from_dict
+from openswim.scene.phase import by_wavelength, phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1

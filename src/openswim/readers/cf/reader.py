@@ -18,12 +18,8 @@ from openswim.readers.common.base import (
     Time,
     check_size,
     iso,
-    levels_text,
     naming,
     pick_time,
-    projection_text,
-    shape_text,
-    spacing_text,
 )
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.fields.absent import no_ground, no_species
@@ -112,13 +108,10 @@ class CFReader:
             if "openswim_layout" not in data.attrs:
                 notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
             notes += misspelt(data)
-            return SceneInfo(
+            return SceneInfo.on(
+                grid,
                 path=str(path),
                 model=str(data.attrs.get("source", "scene layout")),
-                grid=shape_text(grid),
-                projection=projection_text(grid),
-                spacing=spacing_text(grid),
-                levels=levels_text(grid),
                 times=[iso(moment) for moment in times[~np.isnat(times)]],
                 species=species_of(names),
                 surface=[name for name in names if "z" not in data[name].dims],

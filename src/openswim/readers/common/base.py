@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.common.classic import classic_length
 from openswim.scene.times import Time, parse_time
+from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
 if TYPE_CHECKING:
     import netCDF4
@@ -59,6 +60,13 @@ class SceneInfo:
     missing: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     others: list[SceneInfo] = field(default_factory=list)  # of further files, on grids of their own
+
+    @classmethod
+    def on(cls, grid: Grid | None, /, **others: Any) -> SceneInfo:
+        """With what a grid tells of itself, unless that is among the others."""
+        own = {"grid": shape_text(grid), "projection": projection_text(grid), "spacing": spacing_text(grid),
+               "levels": levels_text(grid)}  # fmt: skip
+        return cls(**(own | others))
 
     def __str__(self) -> str:
         more = f" ... {self.times[-1]} ({len(self.times)} times)" if len(self.times) > 6 else ""
@@ -154,6 +162,14 @@ def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
     raise UserError(f"{path}: no time {iso(stamp)} in it; it has {listed}: choose one of these (--time)")
 
 
+def labelled(on_levels: Mapping[str, Any], on_ground: Mapping[str, Any]) -> xr.Dataset:
+    """A scene's fields on levels (z, y, x), and on the ground (y, x)."""
+    import xarray as xr
+
+    fields = {name: (LEVEL_DIMS, values) for name, values in on_levels.items()}
+    return xr.Dataset(fields | {name: (SURFACE_DIMS, values) for name, values in on_ground.items()})
+
+
 def iso(time: np.datetime64) -> str:
     """ISO text to the second (to the millisecond where needed)."""
     text = str(time.astype("datetime64[ms]"))
@@ -195,6 +211,12 @@ def spacing_text(grid: Grid | None) -> str:
         return "none"
     dx, dy = grid.spacing_m()
     return f"{dx:.4g} x {dy:.4g} m" if dx < 1e3 else f"{dx / 1e3:.4g} x {dy / 1e3:.4g} km"
+
+
+def cells_off(grid: Grid, lon: NDArray[Any], lat: NDArray[Any]) -> float:
+    """How many cells a file's own places (ny, nx) lie off a grid's at the most."""
+    ix, iy = grid.index(lon, lat)
+    return float(np.hypot(ix - np.arange(grid.x.size), iy - np.arange(grid.y.size)[:, None]).max())
 
 
 def levels_text(grid: Grid | None) -> str:

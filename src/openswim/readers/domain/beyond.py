@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from openswim.readers.domain.cutting import is_large, part_of
 from openswim.readers.domain.mesh import mesh_of
 from openswim.readers.domain.neighbourhood import FARTHER, Neighbourhood
-from openswim.scene import Grid, Scene
+from openswim.scene import Scene
 
 
 def seen_part(scene: Scene, around: Neighbourhood) -> Scene:
@@ -25,13 +26,7 @@ def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neig
         return scene
     wider = read(far)
     assert wider.grid is not None
-    if _area(wider.grid) >= FARTHER**2 * _area(scene.grid):
+    if math.prod(wider.grid.size_m()) >= FARTHER**2 * math.prod(scene.grid.size_m()):
         scene.wider = wider
         scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
     return scene
-
-
-def _area(grid: Grid) -> float:
-    _, ny, nx = grid.shape
-    dx, dy = grid.spacing_m()
-    return nx * dx * ny * dy

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from openswim.ground.fields import spectral
 from openswim.optics.hydrometeors import effective_radius_m
+from openswim.readers.common.base import labelled
 from openswim.readers.domain.mesh import mesh_of
 from openswim.readers.domain.selection import Selection, onto
 from openswim.scene import Grid, Scene
@@ -56,10 +56,10 @@ def on_one_grid(there: Sequence[Scene], target: Grid, levels: F64) -> Scene:
     fields = _fields(laid)
     surface = _surface(laid)
     spectral = next((s.data[WAVELENGTH_DIM] for s in there if WAVELENGTH_DIM in s.data.dims), None)
-    data: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in fields.items()}
-    data |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
+    data = labelled(fields, surface)
     if spectral is not None:
         data["surface_albedo"] = ((*SURFACE_DIMS, WAVELENGTH_DIM), _spectral_albedo(laid, spectral.values))
+        data = data.assign_coords({WAVELENGTH_DIM: spectral.values})
     optics = {name: value for one in laid for name, value in one.scene.optics.items()}
     optics = {name: value for name, value in optics.items() if name == "aerosol" or DIRECT_PREFIX + name in fields}
     if "aerosol_extinction" not in fields:
@@ -68,8 +68,7 @@ def on_one_grid(there: Sequence[Scene], target: Grid, levels: F64) -> Scene:
     grid = Grid(target.x, target.y, levels, target.crs, target.earth_radius_m)
     names = " in ".join(scene.source or "a scene" for scene in there)
     notes = [note for scene in there for note in scene.notes]
-    dataset = xr.Dataset(data, None if spectral is None else {WAVELENGTH_DIM: spectral.values})
-    out = Scene(grid, dataset, coarsest.atmosphere, optics, finest.time, names, list(dict.fromkeys(notes)))
+    out = Scene(grid, data, coarsest.atmosphere, optics, finest.time, names, list(dict.fromkeys(notes)))
     out.notes.append(f"nested domains on {size_text(out)}: the finest at each place, blended over its rim")
     return out
 
@@ -82,15 +81,7 @@ def cell_m(scene: Scene) -> float:
 def width_m(scene: Scene) -> float:
     """The shorter side of a domain."""
     assert scene.grid is not None
-    _, ny, nx = scene.grid.shape
-    dx, dy = scene.grid.spacing_m()
-    return min(nx * dx, ny * dy)
-
-
-def indices(scene: Scene, target: Grid) -> tuple[F64, F64]:
-    i, j = np.meshgrid(np.arange(target.x.size, dtype=float), np.arange(target.y.size, dtype=float))
-    ix, iy = mesh_of(scene).index(*target.lonlat(i, j))
-    return np.nan_to_num(ix, nan=-1e6, posinf=-1e6), np.nan_to_num(iy, nan=-1e6, posinf=-1e6)
+    return min(scene.grid.size_m())
 
 
 def size_text(scene: Scene) -> str:
@@ -141,7 +132,7 @@ def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Lai
         heights = np.where(gap, grid.height_m.mean(axis=(1, 2))[:, None, None], heights)
     weight = np.ones((levels.size, target.y.size, target.x.size), np.float32)
     if coarser is not None:
-        ix, iy = indices(scene, target)
+        ix, iy = mesh_of(scene).index_of(target)
         _, ny, nx = grid.shape
         dx, dy = grid.spacing_m()
         edge = np.minimum(np.minimum(ix, nx - 1 - ix) * dx, np.minimum(iy, ny - 1 - iy) * dy)

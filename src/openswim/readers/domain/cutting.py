@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.domain.mesh import Mesh, cell_m, meeting, mesh_of, within
+from openswim.readers.domain.mesh import Mesh, cell_m, cut_out, equal_area_map, meeting, mesh_of, within
 from openswim.readers.domain.neighbourhood import MOST_RADIUS_M, WIDER_SIDE, Neighbourhood, reach_m
 from openswim.readers.domain.selection import Selection, onto, whole
-from openswim.scene.grid import Grid, extent_text, great_circle_m
+from openswim.scene.grid import extent_text, great_circle_m
 
 if TYPE_CHECKING:
     from openswim.scene import Scene
@@ -43,16 +43,14 @@ def is_large(mesh: Mesh) -> bool:
     """Whether a domain is too much to take whole: very many columns, or a large part of the Earth."""
     if mesh.crs is None:
         return False
-    ny, nx = mesh.shape
-    dx, dy = mesh.grid().spacing_m()
-    return nx * ny > LARGE_COLUMNS or math.hypot(nx * dx, ny * dy) > _LARGE_SPAN * mesh.earth_radius_m
+    span = math.hypot(*mesh.grid().size_m()) / mesh.earth_radius_m
+    return math.prod(mesh.shape) > LARGE_COLUMNS or span > _LARGE_SPAN
 
 
 def _stays_whole(mesh: Mesh, radius_m: float) -> bool:
     """Whether a domain is taken whole: no large one, and of wide cells only one that the view needs whole."""
-    ny, nx = mesh.shape
-    dx, dy = mesh.grid().spacing_m()
-    return not is_large(mesh) and (min(dx, dy) <= _WIDE_CELL_M or 2 * radius_m > math.hypot(nx * dx, ny * dy))
+    grid = mesh.grid()
+    return not is_large(mesh) and (min(grid.spacing_m()) <= _WIDE_CELL_M or 2 * radius_m > math.hypot(*grid.size_m()))
 
 
 def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
@@ -148,8 +146,6 @@ def _note(around: Neighbourhood, how: str) -> str:
 
 def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     """An equal-area map centred on the place, with cells of the model's size, or larger where it reaches far."""
-    from pyproj import CRS
-
     ny, nx = mesh.shape
     grid, radius = mesh.grid(), mesh.earth_radius_m
     _, tall = cell_m(grid, 0.5 * (nx - 1), 0.5 * (ny - 1))
@@ -157,13 +153,10 @@ def _resampled(mesh: Mesh, around: Neighbourhood) -> Selection:
     half = 2.0 * radius * math.sin(0.5 * wanted / radius)
     step = max(tall, 2.0 * half / (around.most_side - 1))
     count = 2 * math.floor(half / step + 1e-6) + 1  # never beyond the farthest radius
-    crs = CRS.from_proj4(f"+proj=laea +lat_0={around.lat} +lon_0={around.lon} +R={radius} +no_defs")
-    axis: F64 = step * (np.arange(count, dtype=np.float64) - count // 2)
-    target = Grid(axis, axis, np.array([0.0, 1.0]), crs, radius)
-    kept_x, kept_y = meeting(mesh, target)
-    if around.most_side == WIDER_SIDE:  # what lies beyond a part may end where the domain does
-        kept_x, kept_y = within(mesh, target, 0.5) or (kept_x, kept_y)
-    target = Grid(axis[kept_x], axis[kept_y], np.array([0.0, 1.0]), crs, radius)
+    target = equal_area_map(around.lat, around.lon, step, count, radius)
+    # what lies beyond a part may end where the domain does
+    kept = within(mesh, target, 0.5) if around.most_side == WIDER_SIDE else None
+    target = cut_out(target, kept or meeting(mesh, target))
     note = _note(around, "resampled from") + f" ({step / 1e3:.3g} km, equal-area map)"
     return replace(onto(mesh, target, note), cut=_farthest_m(mesh, around) > wanted)
 

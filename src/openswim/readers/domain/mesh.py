@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,6 +59,11 @@ class Mesh:
             iy = beyond + np.interp(self.y[0] + iy * step, self.y, np.arange(self.y.size, dtype=float))
         return ix, iy
 
+    def index_of(self, target: Grid) -> tuple[F64, F64]:
+        """Fractional indices (ny, nx) of another grid's columns; far below 0 where they are no places."""
+        ix, iy = self.index(*target.lonlat(*np.meshgrid(np.arange(target.x.size), np.arange(target.y.size))))
+        return np.nan_to_num(ix, nan=-1e6, posinf=-1e6), np.nan_to_num(iy, nan=-1e6, posinf=-1e6)
+
     def covers(self, ix: Any, iy: Any) -> NDArray[np.bool_]:
         """Whether fractional indices lie in the domain; on a global one also between its last row and the pole."""
         ny, nx = self.shape
@@ -86,10 +91,23 @@ def cell_m(grid: Grid, i: float, j: float) -> tuple[float, float]:
     return great_circle_m(*across, grid.earth_radius_m), great_circle_m(*along, grid.earth_radius_m)
 
 
+def equal_area_map(lat: float, lon: float, step_m: float, count: int, earth_radius_m: float) -> Grid:
+    """Lambert's azimuthal map centred on a place, with `count` columns and rows; its two levels mean nothing."""
+    from pyproj import CRS
+
+    crs = CRS.from_proj4(f"+proj=laea +lat_0={lat} +lon_0={lon} +R={earth_radius_m} +no_defs")
+    axis = step_m * (np.arange(count, dtype=np.float64) - count // 2)
+    return Grid(axis, axis, np.array([0.0, 1.0]), crs, earth_radius_m)
+
+
+def cut_out(target: Grid, kept: tuple[slice, slice]) -> Grid:
+    """Some columns and rows of a grid."""
+    return replace(target, x=target.x[kept[0]], y=target.y[kept[1]])
+
+
 def meeting(mesh: Mesh, target: Grid) -> tuple[slice, slice]:
     """The columns and rows of a target grid that meet the mesh."""
-    i, j = np.meshgrid(np.arange(target.x.size), np.arange(target.y.size))
-    within = mesh.covers(*mesh.index(*target.lonlat(i, j)))
+    within = mesh.covers(*mesh.index_of(target))
     kept = []
     for axis in (0, 1):
         some = np.flatnonzero(within.any(axis=axis))
@@ -102,8 +120,7 @@ def meeting(mesh: Mesh, target: Grid) -> tuple[slice, slice]:
 def within(mesh: Mesh, target: Grid, cells: float = 0.0) -> tuple[slice, slice] | None:
     """The columns and rows of a target grid that lie wholly in the mesh, with so much of the cells around them; None
     where there are none."""
-    i, j = np.meshgrid(np.arange(target.x.size, dtype=float), np.arange(target.y.size, dtype=float))
-    ix, iy = (np.nan_to_num(v, nan=-1e6, posinf=-1e6) for v in mesh.index(*target.lonlat(i, j)))
+    ix, iy = mesh.index_of(target)
     wide = cells * target.spacing_m()[0] / min(mesh.grid().spacing_m())
     inside = np.ones(ix.shape, bool)
     for di, dj in ((-wide, -wide), (-wide, wide), (wide, -wide), (wide, wide)):

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.domain.blended import cell_m, indices, levels_of, on_one_grid, size_text, width_m
+from openswim.readers.domain.blended import cell_m, levels_of, on_one_grid, size_text, width_m
 from openswim.readers.domain.cutting import part_of
-from openswim.readers.domain.mesh import mesh_of, within
+from openswim.readers.domain.mesh import cut_out, equal_area_map, mesh_of, within
 from openswim.readers.domain.neighbourhood import FARTHER, WIDER_SIDE, Neighbourhood
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import extent_text
@@ -115,35 +115,29 @@ def _top_m(scene: Scene) -> float:
 def _half_m(scene: Scene) -> float:
     """Half of a scene's longer side."""
     assert scene.grid is not None
-    _, ny, nx = scene.grid.shape
-    dx, dy = scene.grid.spacing_m()
-    return 0.5 * max(nx * dx, ny * dy)
+    return 0.5 * max(scene.grid.size_m())
 
 
 def _diagonal_m(scene: Scene) -> float:
     assert scene.grid is not None
-    dx, dy = scene.grid.spacing_m()
-    return float(np.hypot(scene.grid.x.size * dx, scene.grid.y.size * dy))
+    return float(np.hypot(*scene.grid.size_m()))
 
 
 def _target(coarsest: Scene, place: Neighbourhood, cell: float, only: Sequence[Scene] | None = None) -> Grid | None:
     """An equal-area map around a place in cells of so many metres or wider ones, within the coarsest domain; where
     domains are given, of the first of them, up to where it fades into the second. None where that is nothing."""
-    from pyproj import CRS
-
     assert coarsest.grid is not None
     step = max(cell, 2 * place.radius_m / (place.most_side - 1))
     count = 2 * max(2, int(np.ceil(place.radius_m / step - 1e-6))) + 1
-    axis = step * (np.arange(count, dtype=np.float64) - count // 2)
-    earth = coarsest.grid.earth_radius_m
-    crs = CRS.from_proj4(f"+proj=laea +lat_0={place.lat} +lon_0={place.lon} +R={earth} +no_defs")
-    x, y = (axis, axis) if only is None else _of_domain(only, Grid(axis, axis, np.array([0.0, 1.0]), crs, earth))
-    kept = within(mesh_of(coarsest), Grid(x, y, np.array([0.0, 1.0]), crs, earth), 0.5)
-    return None if kept is None else Grid(x[kept[0]], y[kept[1]], np.array([0.0, 1.0]), crs, earth)
+    target = equal_area_map(place.lat, place.lon, step, count, coarsest.grid.earth_radius_m)
+    if only is not None:
+        target = cut_out(target, _of_domain(only, target))
+    kept = within(mesh_of(coarsest), target, 0.5)
+    return None if kept is None else cut_out(target, kept)
 
 
-def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
-    """The columns' x and y of a target that lie in the first scene's domain, about so that the core of the target
+def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[slice, slice]:
+    """The columns and rows of a target that lie in the first scene's domain, about so that the core of the target
     (`transport.nested`) ends where the domain begins to fade into the next; where it has, if the next shows no fading.
     """
     lon, lat = _outline(scenes[0])
@@ -155,7 +149,7 @@ def _of_domain(scenes: Sequence[Scene], target: Grid) -> tuple[F64, F64]:
             rim = rim_m(cell_m(scenes[1]), width_m(scenes[0]))
             half = (half - (rim > 0.7 * cell_m(scenes[1])) * rim / target.step[0]) / (1 - 2 * CORE_RIM)
         first, last = (int(np.clip(v, 0, axis.size - 1)) for v in (middle - half, middle + half + 1))
-        kept.append(axis[first : last + 1] if last >= first + 2 else axis)
+        kept.append(slice(first, last + 1) if last >= first + 2 else slice(None))
     return kept[0], kept[1]
 
 
@@ -170,7 +164,8 @@ def _outline(scene: Scene) -> tuple[F64, F64]:
 
 
 def _inside(scene: Scene, target: Grid) -> NDArray[np.bool_]:
-    return mesh_of(scene).covers(*indices(scene, target))
+    mesh = mesh_of(scene)
+    return mesh.covers(*mesh.index_of(target))
 
 
 def _meets(scene: Scene, target: Grid) -> bool:

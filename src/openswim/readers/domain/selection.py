@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.readers.domain.mesh import Mesh, cell_m
 from openswim.scene.grid import Grid
+from openswim.scene.interpolation import corners
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -101,14 +102,6 @@ def _bilinear(mesh: Mesh, rows: slice, ix: F64, iy: F64) -> tuple[NDArray[np.int
     nx, ny = mesh.shape[1], rows.stop - rows.start
     outside = ~(np.isfinite(ix) & np.isfinite(iy) & mesh.covers(ix, iy))
     ix, iy = np.where(outside, 0.0, ix), np.where(outside, 0.0, iy - rows.start)
-    j = np.clip(np.floor(iy), 0, ny - 2).astype(np.int64)
-    v = np.clip(iy - j, 0.0, 1.0)
-    i = np.floor(ix).astype(np.int64)
-    if not mesh.all_round:
-        i = np.clip(i, 0, nx - 2)
-    u = ix - i
-    right, i = (i + 1) % nx, i % nx
-    index = np.stack([j * nx + i, j * nx + right, (j + 1) * nx + i, (j + 1) * nx + right]).astype(np.int32)
-    weight = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u])
+    row, column, weight = corners(ix, iy, (ny, nx), mesh.all_round)
     weight[:, outside] = np.nan
-    return index, weight.astype(np.float32)
+    return (row * nx + column).astype(np.int32), weight.astype(np.float32)

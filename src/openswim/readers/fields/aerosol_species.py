@@ -13,6 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene import Optics
+from openswim.scene.atmosphere import AerosolProfile
+from openswim.scene.phase import HenyeyGreenstein
+
 F32 = NDArray[np.float32]
 _DAMPEST = 0.95  # growth beyond is cloud
 
@@ -121,6 +125,16 @@ class AerosolSum:
     asymmetry: float
     angstrom: float
     labels: list[str]
+
+    @property
+    def optics(self) -> Optics:
+        """What its mean particle is like."""
+        return Optics(self.albedo, HenyeyGreenstein(self.asymmetry), "aerosol")
+
+    @property
+    def instead_of_background(self) -> AerosolProfile:
+        """A background aerosol of no depth, whose exponent the field takes."""
+        return AerosolProfile(optical_depth=0.0, angstrom_exponent=self.angstrom)
 
 
 def added_up(parts: list[tuple[AerosolSpecies, F32]]) -> AerosolSum:

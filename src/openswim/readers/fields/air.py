@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.atmosphere import us_standard_pressure_temperature
+
 DRY_GAS_CONSTANT = 287.05  # J kg-1 K-1
 VAPOUR_RATIO = 0.622  # molar mass of water vapour over that of dry air
 GRAVITY = 9.80665  # m s-2
@@ -66,8 +68,6 @@ def hydrostatic_heights_m(pressure_pa: F32, virtual_k: F32, lowest_m: F32) -> F3
 
 def standard_height_m(pressure_pa: NDArray[Any]) -> NDArray[np.float64]:
     """Height at which the US Standard Atmosphere has a pressure."""
-    from openswim.scene.atmosphere import us_standard_pressure_temperature
-
     heights = np.arange(-1000.0, 90_001.0, 250.0)
     pressure, _ = us_standard_pressure_temperature(heights)
     return np.interp(-np.log(np.maximum(np.asarray(pressure_pa, float), 0.2)), -np.log(pressure), heights)
@@ -75,10 +75,15 @@ def standard_height_m(pressure_pa: NDArray[Any]) -> NDArray[np.float64]:
 
 def standard_air(height_m: NDArray[Any]) -> tuple[F32, F32]:
     """Pressure [Pa] and temperature [K] of the US Standard Atmosphere at heights above sea level."""
-    from openswim.scene.atmosphere import us_standard_pressure_temperature
-
     pressure, temperature = us_standard_pressure_temperature(np.asarray(height_m, float))
     return pressure.astype(np.float32), temperature.astype(np.float32)
+
+
+def wind_along_axes(u: F32, v: F32, angle: NDArray[Any]) -> dict[str, F32]:
+    """Wind along axes turned by an angle (radians, counter-clockwise) from the east, as the scene's toward east and
+    north."""
+    east, north = u * np.cos(angle) - v * np.sin(angle), v * np.cos(angle) + u * np.sin(angle)
+    return {"wind_east_10m": east.astype(np.float32), "wind_north_10m": north.astype(np.float32)}
 
 
 def without_gaps(values: F32) -> int:

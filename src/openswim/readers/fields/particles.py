@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.optics.hydrometeors import default_effective_radius_m, effective_radius_from_number_m
+from openswim.optics.hydrometeors import known_radius_m
 
 F32 = NDArray[np.float32]
 
@@ -36,16 +36,7 @@ def together(kind: str, categories: Sequence[Category]) -> tuple[F32, F32 | None
     per_radius = np.zeros(content.shape, np.float64)
     for each in categories:
         mass = np.maximum(each.content, 0.0)
-        per_radius += np.where(mass > 0, mass / np.maximum(_radius_m(kind, each), 1e-7), 0.0)
-    radius = np.divide(np.maximum(content, 0.0), per_radius, out=np.zeros_like(per_radius), where=per_radius > 0)
-    return np.asarray(content), radius.astype(np.float32)
-
-
-def _radius_m(kind: str, category: Category) -> NDArray[np.float64]:
-    radius = default_effective_radius_m(kind, category.content)
-    if category.number is not None:
-        counted = effective_radius_from_number_m(kind, category.content, category.number)
-        radius = np.where(np.isfinite(counted), counted, radius)
-    if category.effective_radius_m is not None:
-        radius = np.where(category.effective_radius_m > 0, category.effective_radius_m, radius)
-    return np.asarray(radius, np.float64)
+        radius = known_radius_m(kind, mass, each.effective_radius_m, each.number).astype(np.float64)
+        per_radius += np.where(mass > 0, mass / np.maximum(radius, 1e-7), 0.0)
+    mean = np.divide(np.maximum(content, 0.0), per_radius, out=np.zeros_like(per_radius), where=per_radius > 0)
+    return np.asarray(content), mean.astype(np.float32)

@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2
-from openswim.readers.fields.air import without_gaps
+from openswim.readers.fields.air import wind_along_axes, without_gaps
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
 from openswim.scene import Optics
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.variables import HYDROMETEORS
 
 F32 = NDArray[np.float32]
@@ -150,8 +151,6 @@ def _smoke_extinction(columns: Columns, density: F32) -> F32:
 
 
 def smoke_optics() -> Optics:
-    from openswim.scene.phase import HenyeyGreenstein
-
     return Optics(0.92, HenyeyGreenstein(0.62), "aerosol")
 
 
@@ -226,5 +225,5 @@ def _wind(columns: Columns) -> dict[str, F32]:
             *np.meshgrid(np.arange(columns.selection.x.size), np.arange(columns.selection.y.size))
         )
         angle = own.axis_angle(*own.index(lon, lat))
-        u, v = u * np.cos(angle) - v * np.sin(angle), v * np.cos(angle) + u * np.sin(angle)
+        return wind_along_axes(u, v, angle)
     return {"wind_east_10m": np.asarray(u, np.float32), "wind_north_10m": np.asarray(v, np.float32)}

@@ -65,7 +65,7 @@ def _eccodes(path: Path) -> Any:
         import eccodes
     except (ImportError, RuntimeError) as error:
         raise UserError(
-            f"{path}: a GRIB file: its reader needs ecCodes: pip install 'openswim[grib]' (or: pip install eccodes)"
+            f"{path}: a GRIB file: ecCodes, which decodes it, cannot be loaded: pip install --force-reinstall eccodes"
         ) from error
     eccodes.codes_context_set_logging(_nowhere())  # what ecCodes prints to stderr, we raise
     return eccodes

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
@@ -15,7 +14,7 @@ from openswim.readers.common.base import (
     SceneInfo,
     Time,
     iso,
-    levels_text,
+    labelled,
     naming,
     pick_time,
     place_text,
@@ -44,7 +43,7 @@ from openswim.readers.grib.grid import NAMES, grid_of
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
+from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
 _FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
@@ -86,13 +85,12 @@ class GRIBReader:
             else:
                 fields, height, terrain = _on_flat_levels(columns)
             optics = {"aerosol": smoke_optics()} if _smoky(columns) and "aerosol_extinction" in fields else {}
-            data: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in fields.items()}
-            data |= {name: (SURFACE_DIMS, values) for name, values in ground(columns, terrain).items()}
+            data = labelled(fields, ground(columns, terrain))
             columns.notes += no_species(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns)
             return Scene(
                 columns.selection.grid(height),
-                xr.Dataset(data),
+                data,
                 atmosphere,
                 optics,
                 valid,
@@ -135,13 +133,13 @@ class GRIBReader:
             unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
             if unused:
                 columns.notes.append(f"parameters not used: {unused}")
-            return SceneInfo(
+            return SceneInfo.on(
+                grid,
                 path=str(path),
                 model=_model(columns.fields),
                 grid=f"{nx} x {ny}{levels}",
                 projection=NAMES[columns.layout.kind] + place_text(whole),
                 spacing=spacing_text(whole),
-                levels=levels_text(grid),
                 times=[iso(moment) for moment in _times(file)],
                 species=species,
                 surface=sorted(found),

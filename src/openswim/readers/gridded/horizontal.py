@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size
+from openswim.readers.common.base import cells_off, check_size
 from openswim.readers.common.fileset import FileSet, values
 from openswim.readers.common.units import conversion
 from openswim.readers.domain.cutting import select
@@ -191,9 +191,7 @@ def _check(files: FileSet, laid: Horizontal) -> None:
             own[said] = laid.read(files.path, f.drop_attrs(), "1")
     if set(own) != {"lat", "lon"} or laid.selection.nodes:
         return
-    grid = laid.selection.grid(np.array([0.0, 1.0]))
-    ix, iy = grid.index(own["lon"], own["lat"])
-    off = float(np.hypot(ix - np.arange(grid.x.size), iy - np.arange(grid.y.size)[:, None]).max())
+    off = cells_off(laid.selection.grid(np.array([0.0, 1.0])), own["lon"], own["lat"])
     if not off < 0.1:
         raise UserError(
             f"{files.path}: latitudes and longitudes lie up to {off:.3g} cells off what the grid mapping says: "

@@ -19,11 +19,8 @@ from openswim.readers.common.base import (
     SceneInfo,
     Time,
     iso,
-    levels_text,
+    labelled,
     naming,
-    projection_text,
-    shape_text,
-    spacing_text,
 )
 from openswim.readers.common.clock import start_of_undated, undated
 from openswim.readers.common.fileset import FileSet, Part, opened_set
@@ -39,14 +36,21 @@ from openswim.readers.fields.absent import (
     no_ground,
     no_species,
 )
-from openswim.readers.fields.aerosol_species import AerosolSpecies, added_up, extinction_per_m, species_of_name
+from openswim.readers.fields.aerosol_species import (
+    AerosolSpecies,
+    AerosolSum,
+    added_up,
+    extinction_per_m,
+    species_of_name,
+)
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
 from openswim.readers.gridded.columns import PER_VOLUME, Columns
 from openswim.readers.gridded.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, matches
 from openswim.readers.gridded.vertical import Levels, levels_of
-from openswim.scene import Grid, Optics, Scene
+from openswim.scene import Grid, Scene
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import checked_values
-from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS, Variable
+from openswim.scene.variables import HYDROMETEORS, Variable
 
 F32 = NDArray[np.float32]
 _DRY_NAMES = ("qc", "qr", "qi", "qs", "qg", "qh", "qhl")  # mixing ratios: per mass of dry air
@@ -104,13 +108,10 @@ class GriddedReader:
         surface = [f"{what} ({used[what]})" for what in SURFACE if what in used]
         missing = [what for what in (*HYDROMETEORS, "temperature", "pressure") if what not in used]
         missing += [what for what in SURFACE if what not in used and what not in ("surface_geopotential", "snow_water")]
-        return SceneInfo(
+        return SceneInfo.on(
+            grid,
             path=", ".join(map(str, paths)),
             model=scene.source,
-            grid=shape_text(grid),
-            projection=projection_text(grid),
-            spacing=spacing_text(grid),
-            levels=levels_text(grid),
             times=times,
             species=species,
             surface=surface,
@@ -156,15 +157,9 @@ def _read(
             fields["aerosol_extinction"] = aerosol.extinction_per_m
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
-        data: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in fields.items()}
-        data |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
-        optics, atmosphere = {}, _background(aerosol, notes)
-        if aerosol is not None:
-            from openswim.scene.phase import HenyeyGreenstein
-
-            optics["aerosol"] = Optics(aerosol.albedo, HenyeyGreenstein(aerosol.asymmetry), "aerosol")
-        cut = columns.laid.selection.cut
-        scene = Scene(grid, xr.Dataset(data), atmosphere, optics, valid, _source(files), notes, cut=cut)
+        optics = {} if aerosol is None else {"aerosol": aerosol.optics}
+        atmosphere, cut = _background(aerosol, notes), columns.laid.selection.cut
+        scene = Scene(grid, labelled(fields, surface), atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
 
@@ -255,7 +250,7 @@ def _cover_of_wide_cells(columns: Columns, levels: Levels, fields: dict[str, F32
         columns.notes.append(XU_RANDALL)
 
 
-def _aerosol(columns: Columns, levels: Levels) -> Any:
+def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
     """Aerosol species in the file as extinction at 550 nm; None where there are none."""
     humidity = None
     if levels.specific_humidity is not None:
@@ -287,15 +282,12 @@ def _aerosol(columns: Columns, levels: Levels) -> Any:
     return total
 
 
-def _background(aerosol: Any, notes: list[str]) -> Any:
-    from openswim.scene.atmosphere import AerosolProfile, Atmosphere
-
+def _background(aerosol: AerosolSum | None, notes: list[str]) -> Atmosphere:
     if aerosol is None:
         notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
         return Atmosphere.us_standard()
     notes.append("gas background: US standard atmosphere; no aerosol but the model's")
-    character = AerosolProfile(optical_depth=0.0, angstrom_exponent=aerosol.angstrom)
-    return Atmosphere.us_standard(aerosol=character)
+    return Atmosphere.us_standard(aerosol=aerosol.instead_of_background)
 
 
 def _surface(columns: Columns) -> dict[str, F32]:
@@ -335,9 +327,7 @@ def _turn_wind(surface: dict[str, F32], columns: Columns, grid: Grid) -> None:
     if "wind_east_10m" not in surface or east is None or east.attrs.get("standard_name") not in along:
         return
     angle = grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
-    u, v = surface["wind_east_10m"], surface["wind_north_10m"]
-    surface["wind_east_10m"] = (u * np.cos(angle) - v * np.sin(angle)).astype(np.float32)
-    surface["wind_north_10m"] = (v * np.cos(angle) + u * np.sin(angle)).astype(np.float32)
+    surface |= air.wind_along_axes(surface["wind_east_10m"], surface["wind_north_10m"], angle)
 
 
 def _say_absent(columns: Columns, surface: dict[str, F32], fields: dict[str, F32], grid: Grid) -> None:

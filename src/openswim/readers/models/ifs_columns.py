@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import check_size, check_sizes
 from openswim.readers.fields.air import standard_height_m
 from openswim.readers.gridded.reader import GriddedReader
+from openswim.scene.times import since_1970_s
 
 _COPIES = 7  # columns of the curtain either side of the meridian
 _VISIBLE_BAND = 2  # .44-.69 um of the IFS's six albedo bands
@@ -85,8 +86,7 @@ class IFSColumnsReader(GriddedReader):
         }
         when = _time(str(data.attrs.get("comment", "")), str(data.attrs.get("history", "")))
         if when is not None:
-            seconds = (when - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s")
-            coords["time"] = ((), float(seconds), {"units": "seconds since 1970-01-01"})
+            coords["time"] = ((), since_1970_s(when), {"units": "seconds since 1970-01-01"})
         notes = [
             f"columns along a meridian: the sky is the same {step * _COPIES:.0f} degrees east and west of it",
             "no orography in the file: the height at which the standard atmosphere has the surface pressure, where "

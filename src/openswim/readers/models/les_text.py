@@ -16,11 +16,7 @@ from openswim.readers.common.base import (
     SceneInfo,
     Time,
     check_size,
-    levels_text,
     naming,
-    projection_text,
-    shape_text,
-    spacing_text,
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -94,13 +90,10 @@ class LESTextReader:
         scene = self.read(path)
         grid = scene.grid
         assert grid is not None
-        return SceneInfo(
+        return SceneInfo.on(
+            grid,
             path=str(path),
             model="large-eddy cloud field in text",
-            grid=shape_text(grid),
-            projection=projection_text(grid),
-            spacing=spacing_text(grid),
-            levels=levels_text(grid),
             times=[],
             species=["liquid (lwc, reff)"],
             surface=[],

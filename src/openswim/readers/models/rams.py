@@ -19,6 +19,7 @@ from openswim.readers.fields.particles import Category, together
 from openswim.readers.gridded.reader import GriddedReader
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.times import since_1970_s
 
 F32 = NDArray[np.float32]
 HEAT_CAPACITY = 1004.0  # J kg-1 K-1, as in RAMS
@@ -115,8 +116,8 @@ class RAMSReader(GriddedReader):
         }
         when, dated = _time(path, header, _mean_longitude(lon))
         if when is not None:
-            seconds = (when - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s")
-            coords["time"] = ((), float(seconds), {"units": "seconds since 1970-01-01", "standard_name": "time"})
+            said = {"units": "seconds since 1970-01-01", "standard_name": "time"}
+            coords["time"] = ((), since_1970_s(when), said)
         attrs = {"title": "RAMS analysis", "openswim_notes": "\n".join(notes + dated)}
         return xr.Dataset(out, coords=coords, attrs=attrs)
 

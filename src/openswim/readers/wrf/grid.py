@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.base import cells_off
 from openswim.readers.wrf.file import FULL_LEVELS, SURFACE, WRFFile
 from openswim.scene import Grid
 
@@ -175,8 +176,7 @@ def _axes_from_lonlat(
 
 
 def _check_against(file: WRFFile, grid: Grid, lon: NDArray[np.float64], lat: NDArray[np.float64]) -> None:
-    ix, iy = grid.index(lon, lat)
-    off = np.hypot(ix - np.arange(grid.x.size), iy - np.arange(grid.y.size)[:, None]).max()
+    off = cells_off(grid, lon, lat)
     if not off < _TOLERANCE_CELLS:
         raise UserError(
             f"{file.path}: XLAT/XLONG lie up to {off:.3g} cells off any regular grid in the projection that "

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
@@ -14,16 +12,15 @@ from openswim.readers.common.base import (
     SceneInfo,
     Time,
     iso,
-    levels_text,
+    labelled,
     naming,
     place_text,
-    spacing_text,
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
 from openswim.readers.fields.aerosol_species import AerosolSum
-from openswim.readers.fields.air import relative_humidity
+from openswim.readers.fields.air import relative_humidity, wind_along_axes
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf.particles import (
@@ -36,8 +33,8 @@ from openswim.readers.wrf.particles import (
     hydrometeors,
     mixing_ratio,
 )
-from openswim.scene import Grid, Optics, Scene
-from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
+from openswim.scene import Grid, Scene
+from openswim.scene.atmosphere import Atmosphere
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
 _CALLED = {
@@ -90,13 +87,11 @@ class WRFReader:
             surface = _surface(file, grid, notes)
             notes += _absences(file)
             notes += low_top(grid.height_m)
-            fields: dict[str, Any] = {name: (LEVEL_DIMS, values) for name, values in levels.items()}
-            fields |= {name: (SURFACE_DIMS, values) for name, values in surface.items()}
             return Scene(
                 grid,
-                xr.Dataset(fields),
+                labelled(levels, surface),
                 _atmosphere(notes, haze),
-                _optics(haze),
+                {} if haze is None else {"aerosol": haze.optics},
                 time=valid,
                 source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
                 notes=notes,
@@ -133,13 +128,12 @@ class WRFReader:
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
-            return SceneInfo(
+            return SceneInfo.on(
+                grid,
                 path=str(path),
                 model=str(file.attr("TITLE", "WRF")).strip(),
                 grid=f"{nx} x {ny} x {nz} (x, y, z)",
                 projection=PROJECTIONS[kind] + place_text(grid),
-                spacing=spacing_text(grid),
-                levels=levels_text(grid),
                 times=times,
                 species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file]
                 + [f"aerosol ({name})" for name in AEROSOL if name in file],
@@ -215,9 +209,7 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
             notes.append("ALBEDO is not filled in at this time: surface albedo from the ground map")
     if "U10" in file and "V10" in file:
         u, v = file.field("U10", SURFACE, "m s-1"), file.field("V10", SURFACE, "m s-1")
-        angle = grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
-        fields["wind_east_10m"] = (u * np.cos(angle) - v * np.sin(angle)).astype(np.float32)
-        fields["wind_north_10m"] = (v * np.cos(angle) + u * np.sin(angle)).astype(np.float32)
+        fields |= wind_along_axes(u, v, grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None]))
     return fields
 
 
@@ -240,20 +232,10 @@ def _absences(file: WRFFile) -> list[str]:
     return notes + no_ground([name for name, there in known.items() if there], called=_CALLED)
 
 
-def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Any:
+def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Atmosphere:
     """The default gas; the default aerosol where the model has none, and under the model's smoke."""
-    from openswim.scene.atmosphere import AerosolProfile, Atmosphere
-
     if haze is None or haze.labels == ["smoke"]:
         notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
         return Atmosphere.us_standard()
     notes.append("gas background: US standard atmosphere")
-    return Atmosphere.us_standard(aerosol=AerosolProfile(optical_depth=0.0, angstrom_exponent=haze.angstrom))
-
-
-def _optics(haze: AerosolSum | None) -> dict[str, Optics]:
-    if haze is None:
-        return {}
-    from openswim.scene.phase import HenyeyGreenstein
-
-    return {"aerosol": Optics(haze.albedo, HenyeyGreenstein(haze.asymmetry), "aerosol")}
+    return Atmosphere.us_standard(aerosol=haze.instead_of_background)

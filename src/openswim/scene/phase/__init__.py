@@ -9,7 +9,7 @@ from openswim.scene.phase.functions import (
     Rayleigh,
     phases_at,
 )
-from openswim.scene.phase.saved import phase_from_dict, phases_from_dict
+from openswim.scene.phase.saved import by_wavelength, phase_from_dict, phases_from_dict
 from openswim.scene.phase.tables import AerosolPhase, TablePhase
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "PhaseFunction",
     "Rayleigh",
     "TablePhase",
+    "by_wavelength",
     "phase_from_dict",
     "phases_at",
     "phases_from_dict",

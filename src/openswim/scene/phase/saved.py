@@ -7,7 +7,6 @@ from typing import Any
 
 from openswim.arguments import shown
 from openswim.errors import UserError
-from openswim.scene.particles import by_wavelength
 from openswim.scene.phase.functions import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh
 from openswim.scene.phase.tables import AerosolPhase, TablePhase
 
@@ -47,3 +46,11 @@ def phases_from_dict(saved: Any) -> PhaseFunction | dict[float, PhaseFunction]:
     if not (isinstance(saved, Mapping) and isinstance(spectral := saved.get("spectral"), Mapping)):
         return phase_from_dict(saved)
     return {wavelength: phase_from_dict(each) for wavelength, each in by_wavelength("phase function", spectral).items()}
+
+
+def by_wavelength(what: str, saved: Mapping[str, Any]) -> dict[float, Any]:
+    """{wavelength_nm: value} of a mapping whose keys are text, as JSON's are."""
+    try:
+        return {float(wavelength): value for wavelength, value in saved.items()}
+    except ValueError:
+        raise UserError(f"{what} must have wavelengths in nanometres, got {', '.join(saved)}") from None

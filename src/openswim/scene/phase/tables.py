@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.scene.phase.functions import PhaseFunction
+from openswim.tables import named_arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -96,11 +95,9 @@ class AerosolPhase(TablePhase):
         return {"type": "aerosol", "name": self.name, "wavelength_nm": self.wavelength_nm}
 
 
-@cache
 def aerosol_tables() -> dict[str, FloatArray]:
     """By "wavelength_nm": "<type>_log_value" at "angle_deg", "<type>_albedo" and "<type>_efficiency"."""
-    with (files("openswim.scene") / "data" / "mie_aerosol.npz").open("rb") as stream:
-        return dict(np.load(stream))
+    return named_arrays("scene", "mie_aerosol")
 
 
 def legendre(mu: FloatArray, n: int) -> Iterator[FloatArray]:

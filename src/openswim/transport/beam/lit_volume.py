@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
-from openswim.transport.beam.sun_sweep import depths_to_sun, inside
+from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
 from openswim.transport.beam.within_cells import bend_cells
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
@@ -99,6 +99,15 @@ class Beams(NamedTuple):
     beams: list[F32]
     shadow_m: F64
     ridge_m: F64
+
+
+def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
+    """`sun_sweep` of a medium, a field for each row of ``weights`` (n, ns) of its species."""
+    extinction = weighted(medium.extinction, weights, medium.periodic)
+    return sun_sweep(
+        extinction, exact, local_sun, medium.levels_m, medium.level_lookup, np.array(medium.cell_m, float),
+        medium.frame.radius_m, medium.periodic,
+    )  # fmt: skip
 
 
 def _forward(medium: Medium, nw: int) -> F32:

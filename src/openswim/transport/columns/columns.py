@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +21,11 @@ from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mo
 from openswim.transport.engine.eye_ways import columns_of
 from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.medium import WIDE_CELL_M, Medium
-
-if TYPE_CHECKING:
-    from openswim.transport.ground_light.fluxes import Lighting
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

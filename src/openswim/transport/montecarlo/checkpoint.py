@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 import openswim
 from openswim.errors import UserError
+from openswim.options import Options
 from openswim.scene.files import check_target, written_whole
 from openswim.transport.montecarlo.sums import Sums
-from openswim.transport.options import Options
 
 F64 = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
@@ -24,7 +25,6 @@ from openswim.transport.montecarlo.phase import Phases
 from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.sun_guess import shaded
 from openswim.transport.montecarlo.world import World, build_world
-from openswim.transport.options import Options
 from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]

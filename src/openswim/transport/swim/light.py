@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam
-from openswim.transport.beam.sun_sweep import beyond_sides, depths_to_sun, inside
+from openswim.transport.beam.lit_volume import depths_to_sun
+from openswim.transport.beam.sun_sweep import beyond_sides, inside
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
-from openswim.transport.lit_grid import GridLight
+from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.empty_space import beside, occupied
 from openswim.transport.march.volume import Shells, Volume
 from openswim.transport.medium.medium import Medium

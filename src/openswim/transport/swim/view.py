@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from openswim.transport.air.shells import without_light
 from openswim.transport.beam.direct import shell_transmission
 from openswim.transport.ground_light.fluxes import ground_flux, sky_flux
-from openswim.transport.lit_grid import LitGrid
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M, Shells, Volume, blank_fields
 from openswim.transport.medium.medium import Medium

@@ -14,7 +14,7 @@ from openswim.ground import water
 from openswim.scene.rays import Rays
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit_grid import LitGrid
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import FAR_M
 
 F32 = NDArray[np.float32]

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.lit_grid import LitGrid
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.march import DARK
 from openswim.transport.march.volume import FAR_M
 from openswim.transport.view.seen import Seen

@@ -18,7 +18,7 @@ from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import SKY_AZIMUTHS, SKY_MU, Lighting, sky_flux
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit_grid import LitGrid
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
 from openswim.transport.view.beyond_sides import Beyond

@@ -12,7 +12,7 @@ from openswim.transport.engine.eye_ways import columns_of, wide
 from openswim.transport.engine.ordinates import harmonic_matrix, lebedev
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.lit_grid import GridLight, LitGrid
+from openswim.transport.lit.lit_grid import GridLight, LitGrid
 from openswim.transport.march.empty_space import beside
 from openswim.transport.march.volume import DEGREE, Volume
 from openswim.transport.medium.medium import Medium

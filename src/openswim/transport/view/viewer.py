@@ -19,7 +19,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit_grid import CLEAR_STEP, LitGrid
+from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells, no_volume
@@ -24,14 +25,13 @@ from openswim.transport.columns.columns import columns_of_grid, fluxes_of_column
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid, Once
+from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid, Once
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.chart import columns_on
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
-from openswim.transport.options import Options
 from openswim.transport.swim import light as swim
 from openswim.transport.view.seen import View
 from openswim.transport.view.viewer import Viewer, skies_for

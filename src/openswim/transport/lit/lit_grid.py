@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.matter import Air
+from openswim.options import Options
 from openswim.scene.frame import Frame
 from openswim.transport.beam.lit_volume import Channels
 from openswim.transport.columns.columns import Columns
@@ -24,7 +25,6 @@ from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
-from openswim.transport.options import Options
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
