@@ -20,7 +20,9 @@ from openswim.cameras.pixels import Pixels
 from openswim.errors import UserError
 from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.images import add_errors, dataset
+from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
+from openswim.lights.daylight import Daylight
 from openswim.observer import SPACE_M, check_observer, ground_below, place_of
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
@@ -33,15 +35,6 @@ F64 = NDArray[np.float64]
 
 _QUADRATURE = 32  # .3 % off 64 under broken clouds, where 8 are 5 %
 _SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
-
-
-@dataclass(frozen=True)
-class Daylight:
-    """The sun over a scene: ``direction`` (3,) in the scene frame, distance (au) and angular radius (degrees)."""
-
-    direction: F64
-    distance_au: float = 1.0
-    angular_radius_deg: float = 0.2666
 
 
 @dataclass(frozen=True)
@@ -69,9 +62,7 @@ class LitScene:
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
-        from openswim.kept_light import save_light
-
-        save_light(self, path)
+        save_light(self.scene, self.field, self.daylight, self.time, path)
 
 
 @dataclass(frozen=True, eq=False)
