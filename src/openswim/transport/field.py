@@ -28,6 +28,7 @@ from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import Medium, air_of
 from openswim.transport.medium.surface import Surface
+from openswim.transport.plan import Plan
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
 from openswim.transport.view.nested import Core, Seen
@@ -68,6 +69,7 @@ class Field:
     """The solved light of a scene; `view` turns it into radiance along rays. Wavelengths are held in packs."""
 
     packs: list[PackField]
+    plan: Plan | None = None  # what was decided: another scene solved by it gives light that differs by values alone
 
     @property
     def _first(self) -> PackField:

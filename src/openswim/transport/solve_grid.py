@@ -13,7 +13,7 @@ from openswim.progress import job
 from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance
 from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
-from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
+from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above
 from openswim.transport.columns.discrete_ordinates import solve_layers
 from openswim.transport.diffuse import multigrid as two_grids
 from openswim.transport.diffuse import spectral
@@ -22,6 +22,7 @@ from openswim.transport.diffuse.absorbed_beam import beam_around
 from openswim.transport.diffuse.inflow import Clear, SweptAround, light_through_sides
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
@@ -30,8 +31,9 @@ from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
-from openswim.transport.medium.medium import Medium, build_medium, halved_medium, with_air_above, with_soft_top
+from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.surface import Surface
+from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
 from openswim.transport.view.beyond_sides import Beyond
 from openswim.transport.view.nested import Core, shade_from
@@ -45,18 +47,16 @@ _NARROW = 0.5  # of its height, a period's width in which level light goes round
 
 
 def grid_field(
-    options: Options, matter: Matter, surface: Surface, sun: F64, count: int, wider: PackField | None, innermost: bool
-) -> PackField:
-    """Field of one grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
+    options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
+    wider: PackField | None, innermost: bool,
+) -> PackField:  # fmt: skip
+    """Field of one grid at a ``pack`` of wavelengths: sun sweep, then diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
     started = time.perf_counter()
     fast = options.name == "fast"
-    setting = options.setting
     frame, wl = matter.frame, matter.wavelengths_nm
-    medium = build_medium(matter, surface, float(sun[2]), refine=fast, divide=setting.divide)
-    if fast and setting.halved and not medium.divided and not stand_alone(medium):
-        medium = halved_medium(medium)
-    if fast:
-        medium = with_air_above(with_soft_top(medium))
+    drawn, decide = plan.medium, plan.decisions(pack)
+    assert drawn is not None
+    medium = build_medium(drawn, matter, surface)
     landscape = landscape_of(surface, medium)
     lighting = Lighting.of_grid(surface, medium)
     lighting.place_sun(sun)
@@ -69,7 +69,9 @@ def grid_field(
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
-    volume, depths = sunlit_volume(medium, coefficients, local_sun, None if fast else swim.backscatter_weights(medium))
+    volume, depths = sunlit_volume(
+        medium, coefficients, local_sun, plan.of_all_packs(), None if fast else swim.backscatter_weights(medium)
+    )
     if wider is not None:
         shade_from(wider, medium, volume, depths, local_sun)
         wider.depths = None
@@ -93,16 +95,16 @@ def grid_field(
         result.wider, result.core = wider, Core.of(medium)
         if landscape is not None:
             landscape.wider = wider.landscape
-    if fast and not medium.layered:
+    if fast and not drawn.layered:
         result.volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
-    if fast and medium.layered:
+    if fast and drawn.layered:
         _light_layers(light, lighting, sun, count)
-    elif fast and stand_alone(medium):
+    elif fast and drawn.stands_alone:
         _light_columns(light, volume, lighting, shells, local_sun, sun, wider is None)
     elif fast:
         ends = wider is None and not matter.cut and not medium.periodic
         result.volume = result.volume._replace(per_extinction=True)
-        result.sweeps = _diffuse(options, light, lighting, shells, sun, wl, count, ends, _swept(wider))
+        result.sweeps = _diffuse(options, decide, light, lighting, shells, sun, wl, count, ends, _swept(wider))
         if wider is None and not medium.periodic:
             result.beyond = Beyond(light, shells, ends)
     else:
@@ -174,8 +176,8 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 
 def _diffuse(
-    options: Options, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64, count: int, ends: bool,
-    wider: SweptAround | None,
+    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64,
+    count: int, ends: bool, wider: SweptAround | None,
 ) -> list[list[int]]:
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
     compiling.wait()
@@ -193,6 +195,7 @@ def _diffuse(
         np.array(medium.cell_m, float), medium.periodic, ends, medium.ground_node, light.coefficients[0],
         light.beams[0],
     )  # fmt: skip
+    first = first.decided(decide)
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
     beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
@@ -208,11 +211,12 @@ def _diffuse(
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(
-                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w
+                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w, decide.within("sides")
                 )
-            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides)
+            of_this = decide.within("wavelength")
+            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides, of_this)
             properties = spectral.properties_of(sweeper)
-            others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()))
+            others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()), of_this)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = two_grids.Solution(

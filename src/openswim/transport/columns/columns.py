@@ -19,13 +19,13 @@ from openswim.transport.beam.sun_sweep import beyond_sides
 from openswim.transport.columns.column_light import column_light
 from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mode_tables
 from openswim.transport.engine.eye_ways import columns_of
-from openswim.transport.engine.pack import LANES, PACK
+from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 from openswim.transport.medium.coefficients import Coefficients
-from openswim.transport.medium.medium import WIDE_CELL_M, Medium
+from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -64,11 +64,6 @@ class Columns:
             columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once,
             np.array(part, np.int64), fields, self.down, self.up,
         )  # fmt: skip
-
-
-def stand_alone(medium: Medium) -> bool:
-    """Whether a grid's cells are so wide that its columns are lit each by itself."""
-    return not medium.periodic and min(medium.cell_m) >= WIDE_CELL_M and medium.shape[2] >= LANES
 
 
 def columns_of_grid(
