@@ -16,7 +16,8 @@ from pyproj import CRS
 
 import openswim
 from openswim.colour import save
-from openswim.rendering import light, render
+from openswim.lighting import light
+from openswim.rendering import render
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.procedural.noise import blur, fractal_noise, lattice_noise, sample, smoothstep
 

@@ -21,7 +21,7 @@ import xarray as xr
 
 from openswim import Camera, Solver, render, to_rgb
 from openswim.colour.rgb import auto_exposure
-from openswim.rendering import light
+from openswim.lighting import light
 from openswim.scene.procedural import demo_scene
 from openswim.validation import cases3d
 from openswim.validation.metrics import LIT, Score, block_means, image_score, score

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from tests.ground.test_maps import rasterio, write
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, medium_of, toward
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, aimed_at, grid_scene, medium_of, toward
 
 import openswim
 from openswim.cameras import Rays
@@ -147,18 +147,17 @@ def test_steep_slopes_see_less_of_the_sky(tmp_path) -> None:
 def test_rays_told_where_the_ground_is_see_what_those_see_that_find_it() -> None:
     """Air light and transmission up to a distance are those up to the ground at that distance."""
     scene = scene_with(None, "", air=True)
-    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).packs[0]
-    pack.landscape = None
+    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).lit[0]
     eye = pack.frame.position(LAT, LON, BASE_M + 1500.0)
+    volume = aimed_at(pack, eye).volume
     direction = fan(30.0, np.linspace(-1.2, 0.6, 60))
-    pack.view(Rays(eye, direction))
-    own = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5)
+    own = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5)
     ends = np.where(own.distance_m >= 0, own.distance_m, FAR_M)
-    told = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=ends)
+    told = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5, ends=ends)
     np.testing.assert_allclose(told.distance_m, own.distance_m, rtol=1e-9)
     np.testing.assert_allclose(told.radiance[:, 0], own.radiance[:, 0], rtol=2e-3)
     np.testing.assert_allclose(told.full[:, 0], own.full[:, 0], rtol=2e-3)
-    nearer = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=0.5 * ends)
+    nearer = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5, ends=0.5 * ends)
     met = own.distance_m >= 0
     assert (nearer.radiance[met, 0] < own.radiance[met, 0]).all()
     assert (nearer.full[met, 0] > own.full[met, 0]).all()
@@ -167,13 +166,12 @@ def test_rays_told_where_the_ground_is_see_what_those_see_that_find_it() -> None
 def test_under_the_terrain_of_the_grid_there_is_air(tmp_path) -> None:
     """Into a gorge 800 m deep, which the model fills: more air is looked through, and ever more light added."""
     scene = scene_with(None, "", air=True, terrain_m=1000.0)
-    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).packs[0]
-    pack.landscape = None
+    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).lit[0]
     eye = pack.frame.position(LAT, LON, 1200.0)
+    volume = aimed_at(pack, eye).volume
     down = np.array([[0.0, 0.0, -1.0]])
-    pack.view(Rays(eye, down))
     through = [
-        march_rays(eye, down, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=np.array([end]))
+        march_rays(eye, down, pack.sun, pack.table, pack.shells, volume, 0.5, ends=np.array([end]))
         for end in (200.0, 600.0, 1000.0)
     ]
     depth = -np.log([t.full[0, 0] for t in through])
@@ -364,11 +362,11 @@ def test_terrain_that_ends_at_the_domains_side_is_no_wall(azimuth_deg: float) ->
     field = np.zeros((12, 24, 24), np.float32)
     field[10] = 1e-9
     scene = grid_scene(field, field.shape, (500.0, 500.0, 300.0), curved=True, air=True, terrain_m=terrain)
-    pack = Solver("swim").solve(scene, toward(azimuth_deg, 12.0), [WAVELENGTH_NM]).packs[0]
+    pack = Solver("swim").solve(scene, toward(azimuth_deg, 12.0), [WAVELENGTH_NM]).lit[0]
     assert pack.lighting.ground_m == 0
     rim = pack.medium.place[8:16, 0].astype(float)
     near, far = rim - np.array([300.0, 0.0, 0.0]), rim - np.array([20e3, 0.0, 0.0])
     for place in (near, far):
         place[:, 2] = np.sqrt(pack.frame.radius_m**2 - (place[:, :2] ** 2).sum(1)) - pack.frame.radius_m
     for place in (near, rim, far):
-        np.testing.assert_allclose(pack.through_clouds(place), 1.0, rtol=1e-4)
+        np.testing.assert_allclose(aimed_at(pack).through_clouds(place), 1.0, rtol=1e-4)

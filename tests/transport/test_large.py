@@ -15,6 +15,7 @@ from openswim.transport import tiled as large
 from openswim.transport.air.shells import no_volume
 from openswim.transport.medium.levels import large_levels
 from openswim.transport.medium.tiles import Window, spread_on_levels
+from openswim.transport.tiled import LargeViewer
 
 EYE_M = 3.6e7
 CELL_M = (3000.0, 3000.0, 400.0)
@@ -132,10 +133,8 @@ def test_no_light_is_lost() -> None:
 def _fluxes(scene: Scene, zenith_deg: float) -> tuple[float, float]:
     """Up at the top and down at the ground, in the middle of a domain."""
     pack = Solver().solve(scene, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0]
-    assert isinstance(pack, large.LargeField)
-    part = pack._part(Window(0, 24, 0, 24))
-    assert part.light is not None
-    part.light.aim(part.volume, np.array([0.0, 0.0, EYE_M]), False)
+    assert isinstance(pack, large.LitDomain)
+    part = pack.part(Window(0, 24, 0, 24))
     middle = (slice(10, 14), slice(10, 14))
     down = part.lighting.direct_horizontal(0)[middle] + part.lighting.diffuse[0][middle]
     return float(part.lighting.up_top[0][middle].mean()), float(down.mean())
@@ -147,7 +146,7 @@ def test_parts_leave_no_seam(clouds: Scene, monkeypatch: pytest.MonkeyPatch) -> 
     for columns in (10**6, 300):
         monkeypatch.setattr(large, "_PART_COLUMNS", columns)
         field = Solver().solve(clouds, sun, [WAVELENGTH_NM])
-        assert len(list(field.packs[0]._parts(rays))) == (1 if columns > 300 else 24)
+        assert len(list(LargeViewer(field.packs[0])._parts(rays))) == (1 if columns > 300 else 24)
         seen.append(field.view(rays))
     # rays set their steps by the cloud around them, as far as the part reaches
     np.testing.assert_allclose(seen[1].radiance, seen[0].radiance, rtol=6e-3)
@@ -161,7 +160,7 @@ def test_parts_stay_small_and_show_every_ray_once(clouds: Scene, monkeypatch: py
     monkeypatch.setattr(large, "_MOST_SLANT", 20)
     rays = _rays(clouds, 40, 30)
     for zenith_deg in (10.0, 89.5, 95.0):
-        parts = list(Solver().solve(clouds, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0]._parts(rays))
+        parts = list(LargeViewer(Solver().solve(clouds, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0])._parts(rays))
         sizes = [(w.east - w.west) * (w.north - w.south) for w, _ in parts]
         assert max(sizes) <= (18 + 2 * 20) ** 2
         assert max(sizes) < 1.7 * 300 or zenith_deg > 80
@@ -201,7 +200,7 @@ def test_swim_is_seen_in_parts_too(clouds: Scene, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(large, "_PART_COLUMNS", 1500)
     parts = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM])
     seen = parts.view(rays).radiance
-    assert parts.packs[0].volume.fields.size == no_volume().fields.size  # nothing of the parts is kept
+    assert parts.lit[0].volume.fields.size == no_volume().fields.size  # nothing of the parts is kept
     monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 10**6)
     whole = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM]).view(rays).radiance
     assert np.sqrt(((seen - whole) ** 2).mean()) < 0.15 * whole.mean()  # levels differ

@@ -28,7 +28,7 @@ from tests.validation.fakes import single_scattering
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.rendering import daylight
+from openswim.lighting import daylight
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame

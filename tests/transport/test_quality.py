@@ -51,7 +51,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     for quality in SETTINGS:
         field = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM])
         seen = field.view(rays).radiance.reshape(PIXELS, PIXELS)
-        out[quality] = image_score(seen, image, sigma), field.packs[0].sweeps
+        out[quality] = image_score(seen, image, sigma), field.lit[0].sweeps
     return out
 
 
@@ -117,9 +117,9 @@ def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> No
     field[2:4, 5:12, 5:12] = 1e-3
     scene = grid_scene(field, field.shape, (3000.0, 3000.0, 500.0))
     standard, high = (
-        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).packs[0].volume for quality in ("standard", "high")
+        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).lit[0].channels for quality in ("standard", "high")
     )
-    assert high.fields.shape == standard.fields.shape
+    assert high.beam.shape == standard.beam.shape
 
 
 def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:

@@ -75,8 +75,8 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce, swept
+    from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
-    from openswim.rendering import WAVELENGTHS_NM
     from openswim.transport import warm_up as compiling
 
     solver = solver_of(request)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +14,14 @@ from openswim.options import Options
 from openswim.progress import job
 from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance
-from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
-from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above
+from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.beam.wider_shadow import DepthsAround, shade_from
+from openswim.transport.columns.columns import (
+    clear_beam,
+    columns_of_grid,
+    fluxes_of_columns,
+    light_from_above,
+)
 from openswim.transport.columns.discrete_ordinates import solve_layers
 from openswim.transport.diffuse import multigrid as two_grids
 from openswim.transport.diffuse import spectral
@@ -26,18 +34,16 @@ from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
-from openswim.transport.field import CLEAR_REACH_DEG, PackField
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
+from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
+from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.surface import Surface
 from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
-from openswim.transport.view.beyond_sides import Beyond
-from openswim.transport.view.nested import Core, shade_from
-from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,18 +52,27 @@ _WITHIN_ZONE = 4  # directions in which a level ordinate looks out of the grid
 _NARROW = 0.5  # of its height, a period's width in which level light goes round too often
 
 
-def grid_field(
+class Solved(NamedTuple):
+    """A grid's light, and what grids within it ask for before they are solved."""
+
+    lit: LitGrid
+    depths: DepthsAround
+
+
+def light_of_grid(
     options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
-    wider: PackField | None, innermost: bool,
-) -> PackField:  # fmt: skip
-    """Field of one grid at a ``pack`` of wavelengths: sun sweep, then diffuse sweeps (`fast`) or Eqs 4-8 (`swim`)."""
+    around: Solved | None,
+) -> Solved:  # fmt: skip
+    """Light of one grid at a ``pack`` of wavelengths: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`);
+    ``around``: a wider grid."""
     started = time.perf_counter()
     fast = options.name == "fast"
     frame, wl = matter.frame, matter.wavelengths_nm
-    drawn, decide = plan.medium, plan.decisions(pack)
+    wider = None if around is None else around.lit
+    drawn = plan.medium
     assert drawn is not None
     medium = build_medium(drawn, matter, surface)
-    landscape = landscape_of(surface, medium)
+    landscape = landscape_of(surface, medium, None if wider is None else wider.landscape)
     lighting = Lighting.of_grid(surface, medium)
     lighting.place_sun(sun)
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + medium.place[..., 2].min() / frame.radius_m)))
@@ -72,48 +87,40 @@ def grid_field(
     volume, depths = sunlit_volume(
         medium, coefficients, local_sun, plan.of_all_packs(), None if fast else swim.backscatter_weights(medium)
     )
-    if wider is not None:
-        shade_from(wider, medium, volume, depths, local_sun)
-        wider.depths = None
+    if around is not None:
+        shade_from(around.depths, medium, volume, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
     beams = beams_and_shadows(
-        medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count,
-        landscape is not None,
-    )  # fmt: skip
-    light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
-    result = PackField(
-        options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, timings
+        medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count, landscape is not None
     )
-    result.landscape = landscape
-    result.light = light
-    result.reach_deg = float(reach)
-    result.depths = None if innermost else depths
-    del depths  # large, and nothing to the sweeps
-    if wider is not None:
-        result.wider, result.core = wider, Core.of(medium)
-        if landscape is not None:
-            landscape.wider = wider.landscape
+    light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
-        result.volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
+        volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
+    ends = wider is None and not matter.cut and not medium.periodic
+    sweeps: list[list[int]] = []
     if fast and drawn.layered:
-        _light_layers(light, lighting, sun, count)
+        light = _with_layers(light, lighting, sun, count)
     elif fast and drawn.stands_alone:
-        _light_columns(light, volume, lighting, shells, local_sun, sun, wider is None)
+        light = _with_columns(light, volume, lighting, shells, sun, wider is None)
     elif fast:
-        ends = wider is None and not matter.cut and not medium.periodic
-        result.volume = result.volume._replace(per_extinction=True)
-        result.sweeps = _diffuse(options, decide, light, lighting, shells, sun, wl, count, ends, _swept(wider))
-        if wider is None and not medium.periodic:
-            result.beyond = Beyond(light, shells, ends)
+        volume = volume._replace(per_extinction=True)
+        light, sweeps = _with_moments(
+            options, plan.decisions(pack), light, lighting, shells, sun, wl, count, ends, _swept(wider)
+        )
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+    channels, volume = channels_of(volume, not fast), without_fields(volume)
     timings["diffuse"] = time.perf_counter() - started
-    return result
+    lit = LitGrid(
+        options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, light, channels,
+        float(reach), landscape, wider, None if wider is None else Core.of(medium), ends, sweeps, timings,
+    )  # fmt: skip
+    return Solved(lit, DepthsAround(medium, depths, volume, channels))
 
 
-def _swept(wider: PackField | None) -> SweptAround | None:
+def _swept(wider: LitGrid | None) -> SweptAround | None:
     """The wider grid around one, if its light is known at its nodes."""
     if wider is None or wider.light is None or not wider.light.moments:
         return None
@@ -121,24 +128,24 @@ def _swept(wider: PackField | None) -> SweptAround | None:
     return SweptAround(wider.medium, wider.light.moments, wider.light.coarser)
 
 
-def _light_columns(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64, ends: bool
-) -> None:  # fmt: skip
-    """The light of wide cells, every column by itself; aimed once, for the fluxes."""
+def _with_columns(
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, ends: bool
+) -> GridLight:
+    """The light of wide cells, every column by itself."""
     count = light.count
     inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
-    light.columns = columns_of_grid(
-        light.medium, light.coefficients, lighting, local_sun, inflow, lacking, count, False, ends
+    columns = columns_of_grid(
+        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, ends
     )
-    light.aim(volume, np.array([0.0, 0.0, -1.0]), True)
-    lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
+    fluxes_of_columns(columns, volume, lighting)
     lighting.clear_sky = clear_sky_table(shells, sun)
+    return replace(light, columns=columns)
 
 
-def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> None:
+def _with_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> GridLight:
     """The light of a scene without sides, at every wavelength."""
     extinction = light.medium.extinction[:, :, 0, 0].astype(float)
-    light.layers = []
+    every = []
     for w in range(count):
         c = light.coefficients[w]
         layers = solve_layers(
@@ -146,9 +153,10 @@ def _light_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) ->
             light.beams[w][:, 0, 0].astype(float), sun, float(lighting.albedo[w, 0, 0]),
             float(lighting.direct_horizontal(w)[0, 0]),
         )  # fmt: skip
-        light.layers.append(layers)
+        every.append(layers)
         lighting.diffuse[w], lighting.up_top[w] = layers.down, layers.up
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
+    return replace(light, layers=every)
 
 
 def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
@@ -175,11 +183,12 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
     return radiance[:count]
 
 
-def _diffuse(
+def _with_moments(
     options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64,
     count: int, ends: bool, wider: SweptAround | None,
-) -> list[list[int]]:
-    """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
+) -> tuple[GridLight, list[list[int]]]:
+    """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
+    `OpticalGrid`."""
     compiling.wait()
     medium = light.medium
     nz, ny, nx = medium.shape
@@ -236,13 +245,14 @@ def _diffuse(
             found[w] = spectral.Known(float(wl[w]), properties, solution)
             meter.advance()
     solutions = [found[min(w, count - 1)].solution for w in range(PACK)]
-    light.moments = [solution.moments for solution in solutions]
-    light.coarser = [solution.coarser for solution in solutions]
-    light.ratios = [solution.ratio for solution in solutions]
     for w, solution in enumerate(solutions):
         lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
     lighting.correct_quadrature(ordinates, inflow, shells, sun)
-    return [solution.sweeps for solution in solutions[:count]]
+    solved = replace(
+        light, moments=[solution.moments for solution in solutions],
+        coarser=[solution.coarser for solution in solutions], ratios=[solution.ratio for solution in solutions],
+    )  # fmt: skip
+    return solved, [solution.sweeps for solution in solutions[:count]]
 
 
 def sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,13 @@ from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells, no_volume
-from openswim.transport.beam.lit_volume import beams_and_shadows, sunlit_volume
-from openswim.transport.columns.columns import columns_of_grid, light_from_above
+from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
-from openswim.transport.field import CLEAR_REACH_DEG, PackField, View
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
+from openswim.transport.ground_light.relief import Relief
+from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid, Once
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.chart import columns_on
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
@@ -34,7 +35,8 @@ from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
 from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
-from openswim.transport.view.toward_eye import GridLight
+from openswim.transport.view.seen import View
+from openswim.transport.view.viewer import Viewer, skies_for
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,50 +48,106 @@ _LEAST_HEIGHT_M = 1e5  # of the eye
 _SEEN_AT_M = 4000.0  # height at which rays are given to parts
 
 
-@dataclass
-class LargeField(PackField):
-    """`PackField` of a large domain: light is solved anew for every view, part by part, and forgotten."""
+@dataclass(frozen=True, eq=False)
+class LitDomain:
+    """What all parts of a large domain share, and all eyes: ``lit`` has its medium and the clear air around, the light
+    from above is ``inflow`` and ``lacking`` (`columns.light_from_above`), ``cover`` (nz, ny, nx) that of its clouds.
+    Diffuse light is solved anew for every view, part by part, and forgotten."""
 
-    inflow: F32 = field(default_factory=lambda: np.zeros((0, 0, 2), np.float32))
-    cover: F32 | None = None
-    lacking: F32 = field(default_factory=lambda: np.zeros((0, 0, 0, 0), np.float32))
+    lit: LitGrid
+    inflow: F32
+    lacking: F32
+    cover: F32 | None
 
     @property
     def quality(self) -> str:
-        """See `PackField.quality`."""
-        return "columns" if self.solver.name == "fast" else self.solver.quality
+        """See `LitGrid.quality`."""
+        return "columns" if self.lit.options.name == "fast" else self.lit.options.quality
 
-    def view(self, rays: Rays, more: bool = False) -> View:
-        """See `Field.view`; for eyes in space, to whom water mirrors the clear sky."""
+    @property
+    def whole(self) -> Medium:
+        """The medium, of which parts are filled."""
+        assert self.lit.medium is not None
+        return self.lit.medium
+
+    def part(self, window: Window) -> LitGrid:
+        """The light of a window's columns."""
         started = time.perf_counter()
-        n = len(rays)
-        if self.frame.latlon(rays.origins()[0])[2] < _LEAST_HEIGHT_M:
+        lit, whole = self.lit, self.whole
+        fast, sun, shells, count = lit.options.name == "fast", lit.sun, lit.shells, lit.count
+        medium = part_of_medium(whole, self.cover, window)
+        wider = window.grown((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), whole.shape[1:])
+        ground = lit.surface.window(*wider.slices)
+        lighting = Lighting.of_grid(ground, medium)
+        lighting.clear_sky = lit.lighting.clear_sky
+        lighting.place_sun(sun)
+        local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
+        coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
+        timings = {"air": time.perf_counter() - started}
+        started = time.perf_counter()
+        backscatter = None if fast else swim.backscatter_weights(medium)
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), backscatter)
+        beams = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
+        light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
+        timings["sun"] = time.perf_counter() - started
+        if fast:
+            columns = columns_of_grid(
+                medium, coefficients, lighting, local_sun, self.inflow, self.lacking, count, True
+            )
+            fluxes_of_columns(columns, volume, lighting)
+            light = replace(light, columns=columns)
+        else:
+            swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+        return replace(
+            lit, surface=ground, volume=without_fields(volume), lighting=lighting, medium=medium, light=light,
+            channels=channels_of(volume, not fast), timings=timings, once=Once(),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class LargeViewer:
+    """An eye in space over a large domain; to it water mirrors the clear sky. See `Viewer`."""
+
+    domain: LitDomain
+
+    @classmethod
+    def of(cls, domain: LitDomain, rays: Rays) -> LargeViewer:
+        """The viewer of some rays from space."""
+        if domain.lit.frame.latlon(rays.origins()[0])[2] < _LEAST_HEIGHT_M:
             raise UserError(
                 "a domain of so many columns is lit for eyes in space alone: open the part around the observer, "
                 "open_scene(path, around=(lat, lon))"
             )
-        self.space_shells = self._shells_for(rays)
+        return cls(domain)
+
+    @property
+    def lit(self) -> LitGrid:
+        return self.domain.lit
+
+    def of_others(self, rays: Rays, relief: Relief | None) -> LargeViewer:
+        """See `Viewer.of_others`."""
+        return LargeViewer.of(self.domain, rays)
+
+    def view(self, rays: Rays) -> View:
+        """See `Viewer.view`."""
+        n, lit = len(rays), self.lit
+        skies = skies_for(lit, rays)
         out = View(
-            np.zeros((n, self.count), np.float32), np.zeros((n, self.count), np.float32), np.zeros(n, bool),
+            np.zeros((n, lit.count), np.float32), np.zeros((n, lit.count), np.float32), np.zeros(n, bool),
             np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(len(self.whole.species), 1)), np.float32), 0,
         )  # fmt: skip
         with job("light and view", n) as meter:
             for window, which in self._parts(rays):
-                part = self._part(window)
-                seen = part.view(rays[which])
+                seen = Viewer.of(self.domain.part(window), rays[which], None, skies).view(rays[which])
                 out.samples += seen.samples
                 for name in ("radiance", "transmittance", "hit", "position", "distance_m", "species_depth"):
                     getattr(out, name)[which] = getattr(seen, name)
-                for name, seconds in part.timings.items():
-                    self.timings[name] = self.timings.get(name, 0.0) + seconds
                 meter.advance(len(which))
-        self.timings["whole"] = time.perf_counter() - started
         return out
 
     @property
     def whole(self) -> Medium:
-        assert self.medium is not None
-        return self.medium
+        return self.domain.whole
 
     def _parts(self, rays: Rays) -> Iterator[tuple[Window, NDArray[np.int64]]]:
         """Windows of the domain, and the rays that each shows."""
@@ -112,7 +170,7 @@ class LargeField(PackField):
 
     def _indices(self, rays: Rays) -> tuple[F64, F64]:
         """Fractional columns where rays pass the height of clouds, or come nearest to it."""
-        frame, grid = self.frame, self.whole.grid
+        frame, grid = self.whole.frame, self.whole.grid
         ix, iy = np.empty(len(rays)), np.empty(len(rays))
         centre = np.array([0.0, 0.0, frame.radius_m])
         for a in range(0, len(rays), 200_000):
@@ -131,8 +189,8 @@ class LargeField(PackField):
         top = float(self.whole.levels_m[-1] - self.whole.levels_m[0])
         y = np.linspace(core.south, core.north - 1, 3).astype(int)
         x = np.linspace(core.west, core.east - 1, 3).astype(int)
-        axes, place = columns_on(self.whole.grid, self.frame, np.ix_(y, x))
-        sun = np.einsum("jiab,b->jia", axes.astype(float), self.sun).reshape(-1, 3)
+        axes, place = columns_on(self.whole.grid, self.whole.frame, np.ix_(y, x))
+        sun = np.einsum("jiab,b->jia", axes.astype(float), self.domain.lit.sun).reshape(-1, 3)
         eye = rays.origins()[0]
         back = eye - place.reshape(-1, 3)
         back /= np.linalg.norm(back, axis=-1, keepdims=True)
@@ -146,44 +204,10 @@ class LargeField(PackField):
             found.append((min(int(-low) + 3, _MOST_SLANT), min(int(high) + 3, _MOST_SLANT)))
         return found[0], found[1]
 
-    def _part(self, window: Window) -> PackField:
-        """The light of a window's columns."""
-        started = time.perf_counter()
-        fast = self.solver.name == "fast"
-        medium = part_of_medium(self.whole, self.cover, window)
-        wider = window.grown((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), self.whole.shape[1:])
-        ground = self.surface.window(*wider.slices)
-        lighting = Lighting.of_grid(ground, medium)
-        lighting.clear_sky = self.lighting.clear_sky
-        lighting.place_sun(self.sun)
-        local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), self.sun)
-        coefficients = [coefficients_of(medium, self.shells, w, fast) for w in range(PACK)]
-        timings = {"air": time.perf_counter() - started}
-        started = time.perf_counter()
-        backscatter = None if fast else swim.backscatter_weights(medium)
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), backscatter)
-        beams = beams_and_shadows(
-            medium, lighting, self.shells, volume, depths, coefficients, local_sun, self.sun, self.count
-        )
-        light = GridLight(medium, *beams, coefficients, local_sun, self.sun, self.count)
-        timings["sun"] = time.perf_counter() - started
-        part = PackField(
-            self.solver, ground, self.air, self.frame, self.sun, self.wavelengths_nm, self.count, self.shells, volume,
-            self.table, lighting, medium, timings,
-        )  # fmt: skip
-        part.light, part.reach_deg, part.space_shells = light, self.reach_deg, self.space_shells
-        if fast:
-            light.columns = columns_of_grid(
-                medium, coefficients, lighting, local_sun, self.inflow, self.lacking, self.count, True
-            )
-        else:
-            swim.light_grid(light, volume, lighting, self.shells, local_sun, self.sun)
-        return part
-
 
 def solve_large(
     options: Options, plan: Plan, matter: Matter, surface: Surface, sun: F64, count: int
-) -> LargeField:
+) -> LitDomain:
     """What all views and parts share: optics on levels, the clear air around."""
     started = time.perf_counter()
     assert plan.medium is not None
@@ -206,7 +230,8 @@ def solve_large(
     table = forward_tables(medium, options.name == "fast")
     coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
     inflow, lacking = light_from_above(medium, coefficients, shells, count)
-    return LargeField(
+    lit = LitGrid(
         options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
-        medium, {"air": time.perf_counter() - started}, reach_deg=reach, inflow=inflow, cover=cover, lacking=lacking,
+        medium, reach_deg=reach, timings={"air": time.perf_counter() - started},
     )  # fmt: skip
+    return LitDomain(lit, inflow, lacking, cover)

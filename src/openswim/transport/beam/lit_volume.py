@@ -36,6 +36,56 @@ F64 = NDArray[np.float64]
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
+class Channels(NamedTuple):
+    """What `Volume.fields` hold of a grid but its species and its sources toward an eye, on the nodes (nz, ny, nx).
+
+    beam (..., PACK): root of the delta-scaled beam, air included; forward_depth (n, ...): depths to the sun, as
+    `Volume.forward_channel` counts them; source (..., PACK): where it is alike to all eyes, as with "swim".
+    """
+
+    beam: F32
+    forward_depth: F32
+    source: F32 | None = None
+
+
+def channels_of(volume: Volume, with_source: bool) -> Channels:
+    """What a volume that is lit has in its channels."""
+    first = 2 * PACK + volume.species
+    source = volume.fields[..., PACK : 2 * PACK].copy() if with_source else None
+    forward = np.moveaxis(volume.fields[..., first : volume.cloud_channel], -1, 0)
+    return Channels(volume.fields[..., :PACK].copy(), np.ascontiguousarray(forward), source)
+
+
+def without_fields(volume: Volume) -> Volume:
+    """All of a volume but what stands at its nodes' channels."""
+    return volume._replace(fields=blank_fields((1, 1, 1), 1))
+
+
+def with_fields(volume: Volume, medium: Medium, channels: Channels) -> Volume:
+    """The volume with its nodes' channels filled in, without sources but those that are alike to all eyes."""
+    ns, nz = volume.species, medium.shape[0]
+    fields = blank_fields(medium.shape, volume.cloud_channel + 1)
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            fields[k, ..., :PACK] = channels.beam[k]
+            if channels.source is not None:
+                fields[k, ..., PACK : 2 * PACK] = channels.source[k]
+            _fill_level(fields[k], medium, k, ns, volume.cloud_channel, channels.forward_depth[:, k])
+
+    in_threads(fill)
+    return volume._replace(fields=fields)
+
+
+def _fill_level(out: F32, medium: Medium, k: int, ns: int, cloud_channel: int, forward_depth: F32) -> None:
+    """Species, forward depths and their sum of level ``k`` into ``out`` (ny, nx, channels)."""
+    for s in range(ns):
+        out[..., 2 * PACK + s] = medium.extinction[s, k]
+    out[..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
+    for n, depth in enumerate(forward_depth):
+        out[..., 2 * PACK + ns + n] = depth
+
+
 class SunDepth(NamedTuple):
     """Optical depths to the sun, see `sun_sweep`, and which of them each wavelength reads (PACK,)."""
 
@@ -104,11 +154,7 @@ def sunlit_volume(
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
-            for s in range(ns):
-                fields[k, ..., 2 * PACK + s] = medium.extinction[s, k]
-            fields[k, ..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
-            for n, channel in forward_channel.items():
-                fields[k, ..., channel] = inside(depth[n, k])
+            _fill_level(fields[k], medium, k, ns, cloud_channel, np.stack([inside(depth[n, k]) for n in kept]))
 
     in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)

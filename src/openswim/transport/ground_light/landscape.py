@@ -7,7 +7,7 @@ so that a step is about as wide as a pixel wherever one looks; the finest has th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +38,13 @@ _BAND = 250_000  # nodes worked out at a time
 _WIDEST_EDGE_M = 3000.0  # over which elevation models fade into the coarser
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Landscape:
     """The heights of the ground, and what of them an eye sees."""
 
     surface: Surface
     medium: Medium
     wider: Landscape | None = None  # of the grid around it
-    _built: tuple[F64, float, F64, Relief] | None = field(default=None, repr=False)
 
     def ground_m(self, lat: float, lon: float) -> float:
         """Height of the ground at a place, at the resolution of the finest elevation model."""
@@ -65,9 +64,7 @@ class Landscape:
         widths = np.asarray(rays.width_rad, float)
         width = max(float(widths.min()), 1 / _NODES[1]) if widths.max() > 0 else 1 / _NODES[0]
         box = _seen_box(rays.directions() @ frame.enu(lat, lon).T)
-        if self._built is None or not _serves(self._built, eye, width, box):
-            self._built = eye, width, box, self._relief(lat, lon, height_m, width, box)
-        return self._built[3]
+        return self._relief(lat, lon, height_m, width, box)
 
     def _relief(self, lat: float, lon: float, height_m: float, width_rad: float, box: F64) -> Relief:
         medium = self.medium
@@ -216,11 +213,11 @@ class Lattice:
         return np.asarray(v).ravel()
 
 
-def landscape_of(surface: Surface, medium: Medium) -> Landscape | None:
-    """The landscape of a grid on the round Earth; None where its own terrain says it all."""
+def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = None) -> Landscape | None:
+    """The landscape of a grid on the round Earth; None where its own terrain says it all. ``wider``: that around."""
     if not medium.frame.curved:
         return None
-    found = Landscape(surface, medium)
+    found = Landscape(surface, medium, wider)
     if surface.mapped:
         return found
     if not surface.mountains:
@@ -228,12 +225,6 @@ def landscape_of(surface: Surface, medium: Medium) -> Landscape | None:
     reach = float(np.abs(medium.place[..., :2]).max()) + _REACH_M
     side = np.linspace(-reach, reach, 100)
     return found if float(surface.earth_m(*found._latlon(np.eye(3), side, side)).max()) > _FLAT_M else None
-
-
-def _serves(built: tuple[F64, float, F64, Relief], eye: F64, width_rad: float, box: F64) -> bool:
-    """Whether what was built for an eye, its pixels' width and what it sees will do for another."""
-    inside = (built[2][:2] <= box[:2]).all() and (built[2][2:] >= box[2:]).all()
-    return bool(inside and built[1] < 2.5 * width_rad and np.abs(eye - built[0]).max() < 1e-3)
 
 
 def _seen_box(local: F64) -> F64:

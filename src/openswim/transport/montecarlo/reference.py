@@ -15,7 +15,6 @@ from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.field import View
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.plan import MediumPlan
@@ -27,6 +26,7 @@ from openswim.transport.montecarlo.phase import Phases
 from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.sun_guess import shaded
 from openswim.transport.montecarlo.world import World, build_world
+from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ from openswim.transport.beam.sun_sweep import beyond_sides, inside
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
+from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.empty_space import beside, occupied
 from openswim.transport.march.volume import Shells, Volume
 from openswim.transport.medium.medium import Medium
@@ -23,7 +24,6 @@ from openswim.transport.swim.layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
-from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
