@@ -38,7 +38,10 @@ def solve(
     plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it.
     """
     sun = sun / np.linalg.norm(sun)
-    plan = plan_of(options, matter, surface, sun) if plan is None else plan
+    if plan is None:
+        plan = plan_of(options, matter, surface, sun)
+    else:
+        plan.check(options, matter)
     if options.name == "reference":
         if matter.wider is not None:
             warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=3)

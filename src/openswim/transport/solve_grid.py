@@ -116,6 +116,7 @@ def light_of_grid(
     lit = LitGrid(
         options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, light, channels,
         float(reach), landscape, wider, None if wider is None else Core.of(medium), ends, sweeps, timings,
+        decide=plan.decisions(pack).within("view"),
     )  # fmt: skip
     return Solved(lit, DepthsAround(medium, depths, volume, channels))
 

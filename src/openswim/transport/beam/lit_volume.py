@@ -27,7 +27,8 @@ from openswim.transport.march.volume import (
     reach,
     tidy,
 )
-from openswim.transport.medium.coefficients import Coefficients, on_levels
+from openswim.transport.medium.coefficients import on_levels
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]

@@ -24,7 +24,7 @@ from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]

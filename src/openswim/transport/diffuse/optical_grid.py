@@ -11,7 +11,7 @@ from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.empty_space import beside
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
