@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -61,6 +62,15 @@ class LitScene:
         ground_m = ground_below(self.scene, self.field, camera)
         pixels = camera.pixels()
         return Viewpoint(self, camera, ground_m, pixels, camera.rays(self.field.frame, ground_m, pixels))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Keep the light and its scene as a Zarr folder, from which `openswim.open_light` makes the same pictures.
+
+        Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
+        """
+        from openswim.kept_light import save_light
+
+        save_light(self, path)
 
 
 @dataclass(frozen=True, eq=False)
