@@ -11,33 +11,32 @@ from openswim.solver import Solver
 from openswim.transport import Field
 from openswim.transport.engine.decisions import Decisions
 
-SHAPE = (14, 20, 20)
+SHAPE, CELL_M = (14, 28, 28), 60.0
 SUN = np.array([0.6, 0.2, 0.775])
 SUN /= np.linalg.norm(SUN)
 
 
 def cumuli(share: float = 1.0) -> Scene:
-    """Flat-based clouds of up to a gram of water per cubic metre, times a share, in air over the Earth."""
+    """Flat-based clouds of up to a fifth of a gram of water per cubic metre, times a share, in air over the Earth."""
     nz, ny, nx = SHAPE
-    z, y, x = np.meshgrid(100.0 * np.arange(nz), 100.0 * (np.arange(ny) - 9.5), 100.0 * (np.arange(nx) - 9.5),
-                          indexing="ij")  # fmt: skip
+    z, y, x = CELL_M * np.mgrid[0:nz, 0:ny, 0:nx]
     rng, water = np.random.default_rng(5), np.zeros(SHAPE)
     for _ in range(9):
-        (cx, cy), r = rng.uniform(-700, 700, 2), rng.uniform(150, 400)
+        (cx, cy), r = rng.uniform(300, 1300, 2), rng.uniform(100, 300)
         wide = np.clip(1 - ((x - cx) ** 2 + (y - cy) ** 2) / r**2, 0, 1)
-        water += 1e-3 * wide * np.clip((z - 400) / 600, 0, 1) * (z < 500 + 1.5 * r)
+        water += 1.65e-4 * wide * np.clip((z - 200) / 400, 0, 1) * (z < 300 + 1.5 * r)
     fields = {"liquid_content": (share * water).astype(np.float32)}
-    return grid_scene({}, SHAPE, curved=True, air=True, surface_albedo=0.2, fields=fields)
+    return grid_scene({}, SHAPE, (CELL_M,) * 3, curved=True, air=True, surface_albedo=0.2, fields=fields)
 
 
-def seen(field: Field) -> np.ndarray:
+def seen(field: Field) -> list[np.ndarray]:
     """L' of some hundred pixels, from the ground, from aloft and from space."""
     cameras = (
         Camera.panorama(LAT, LON, size=(24, 12)),
         Camera.perspective(LAT, LON, 3000.0, 0.0, -60.0, 50.0, size=(12, 9)),
         Camera.satellite(LAT, LON, 3e5, 0.5, 10),
     )
-    return np.concatenate([field.view(c.rays(field.frame)).radiance.ravel() for c in cameras]).astype(float)
+    return [field.view(c.rays(field.frame)).radiance.ravel().astype(float) for c in cameras]
 
 
 def solved(scene: Scene, **more: object) -> Field:
@@ -49,7 +48,8 @@ def solved(scene: Scene, **more: object) -> Field:
 def test_light_by_its_own_plan_is_the_same_bit_for_bit() -> None:
     first = solved(cumuli())
     again = solved(cumuli(), plan=first.plan)
-    np.testing.assert_array_equal(seen(again), seen(first))
+    for ours, theirs in zip(seen(again), seen(first), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
     for name, flux in first.fluxes().items():
         np.testing.assert_array_equal(again.fluxes()[name], flux)
 
@@ -95,10 +95,18 @@ def test_decisions_are_made_once() -> None:
 
 
 def test_light_is_smooth_by_a_plan() -> None:
-    """Water changed by up to 5 %: what a cubic leaves of L', by the plan of the middle; without it steps remain."""
+    """What a cubic leaves of L', water changed by up to 5 %: without the plan levels and halvings change on the way.
+
+    From the ground the aureole, up to 70 times as bright as the mean, is read from a table of peaks in single precision.
+    """
     change = np.linspace(-0.05, 0.05, 21)
     plan = solved(cumuli()).plan
-    values = np.array([seen(solved(cumuli(1 + x), plan=plan)) for x in change])
     powers = np.vander(change / 0.05, 4)
-    left = values - powers @ np.linalg.lstsq(powers, values, rcond=None)[0]
-    assert np.abs(left).max() < 1e-5 * values.mean()
+    views = [seen(solved(cumuli(1 + x), plan=plan)) for x in change]
+    for values, bound in zip(map(np.array, zip(*views, strict=True)), (4.8e-5, 1e-5, 1e-5), strict=True):
+        left = np.abs(values - powers @ np.linalg.lstsq(powers, values, rcond=None)[0]).max(axis=0)
+        light = np.maximum(values.mean(axis=0), values.mean()) if bound > 1e-5 else values.mean()
+        assert (left / light).max() < bound
+    ends = [seen(solved(cumuli(1 + x)))[1] for x in change[[0, -1]]]
+    steps = [np.abs(free - planned[1]).max() for free, planned in zip(ends, (views[0], views[-1]), strict=True)]
+    assert max(steps) > 1e-3 * views[10][1].mean()

@@ -63,7 +63,9 @@ def properties_of(sweeper: Sweeper) -> F64:
     return np.concatenate([np.log(extinction) / _SPECIES, moments.ravel() / _SPECIES, lost / _ALBEDO, ground])
 
 
-def on_both_sides(wavelength_nm: float, properties: F64, known: Sequence[Known], decide: Decisions) -> list[Known]:
+def on_both_sides(
+    wavelength_nm: float, properties: F64, known: Sequence[Known], decide: Decisions | None = None
+) -> list[Known]:
     """The nearest of the ``known`` wavelengths on both sides with their shares; none where they do not tell of it."""
     able = [k for k in known if k.solution.told is not None]
     shorter = [k for k in able if k.wavelength_nm <= wavelength_nm]
@@ -73,6 +75,7 @@ def on_both_sides(wavelength_nm: float, properties: F64, known: Sequence[Known],
     a = max(shorter, key=lambda k: k.wavelength_nm)
     b = min(longer, key=lambda k: k.wavelength_nm)
     t = (wavelength_nm - a.wavelength_nm) / (b.wavelength_nm - a.wavelength_nm)
+    decide = decide or Decisions()
     off = np.abs(properties - (1 - t) * a.properties - t * b.properties).max()
     if not decide("between", lambda: bool(off <= 1 and b.wavelength_nm <= _WIDEST * a.wavelength_nm)):
         return []
