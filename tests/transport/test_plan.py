@@ -97,7 +97,7 @@ def test_decisions_are_made_once() -> None:
 def test_light_is_smooth_by_a_plan() -> None:
     """What a cubic leaves of L', water changed by up to 5 %: without the plan levels and halvings change on the way.
 
-    From the ground the aureole, up to 70 times as bright as the mean, is read from a table of peaks in single precision.
+    From the ground the aureole, up to 70 times as bright as the mean, is read from a table of peaks in float32.
     """
     change = np.linspace(-0.05, 0.05, 21)
     plan = solved(cumuli()).plan
