@@ -145,9 +145,7 @@ def test_links_lead_somewhere(name: str) -> None:
             continue
         path, _, anchor = link.partition("#")
         target = page if not path else page.parent / path
-        if not target.exists():
-            wrong.append(link)
-        elif anchor and anchor not in map(_anchor, re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE)):
+        if not target.exists() or (anchor and anchor not in map(_anchor, re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE))):
             wrong.append(link)
     assert wrong == []
 
