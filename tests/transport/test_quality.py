@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
@@ -13,8 +11,6 @@ from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.validation.metrics import Score, image_score
-from openswim.validation.phases import PhaseTables
-from openswim.validation.reference import read_reference
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
@@ -71,17 +67,6 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
     assert len(preview) == len(standard)
     assert sum(preview) < sum(standard)
     assert preview[-1] <= standard[-1]
-
-
-def test_preview_of_cumulus(shared: Path) -> None:
-    """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
-    from openswim.validation.cases3d import compare
-
-    for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
-        reference = read_reference(shared / "reference" / "clouds" / name)
-        for row in compare(reference, Solver(quality="preview"), PhaseTables([])):
-            assert row.relative_rmse < 0.05, row
-            assert abs(row.bias) < 0.015, row
 
 
 @pytest.mark.parametrize("periodic", [False, True])
