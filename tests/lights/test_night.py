@@ -142,7 +142,7 @@ def test_the_catalogue_is_whole():
     assert stars.magnitude[0] == -1.46
     # the sky to 6.5 is even but for the Milky Way: neither hemisphere is missing a part
     assert np.mean(stars.declination_deg > 0) == pytest.approx(0.5, abs=0.04)
-    assert len(stars.brighter(1.5)) == 22
+    assert len(stars.brighter(1.5)) == 23  # the 22 of the first magnitude, and the companion of Alpha Centauri
 
 
 def test_nearby_stars_move():

@@ -32,10 +32,9 @@ def sun_position(
     """The apparent sun at a place on the WGS84 ellipsoid.
 
     Parameters: `time` UTC (before 1972 UT1); `lat`, `lon` geographic, degrees; `height_m` above the ellipsoid;
-    `pressure_pa` and `temperature_k` of the air at the observer, for the refraction (None: 1010 hPa at sea level and less
-    above; Bennett 1982, about 0.1' above 15 degrees, minutes of arc at the horizon, none below -1 degree).
-    Accuracy: about 0.0003 degree (DE421; the limit is UT1, extrapolated after skyfield's built-in table
-    ends).
+    `pressure_pa` and `temperature_k` of the air at the observer, for the refraction (None: 1010 hPa at sea level and
+    less above; Bennett 1982, about 0.1' above 15 degrees, minutes of arc at the horizon, none below -1 degree).
+    Accuracy: about 0.0003 degree (DE421; the limit is UT1, extrapolated after skyfield's built-in table ends).
     """
     t = skyfield_time(time)
     apparent = observer(lat, lon, height_m).at(t).observe(bodies()["sun"]).apparent()
