@@ -16,7 +16,10 @@ ABOVE = ("ground", "sea level")
 _PLACE = ("lat", "lon", "x_m", "y_m")
 _NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 MAX_SIZE = 20_000
-WIDEST_FOV_DEG = {"allsky": 360.0, "panorama": 360.0, "perspective": 175.0}
+WIDEST_FOV_DEG = {
+    "allsky": 360.0, "panorama": 360.0, "perspective": 175.0, "fisheye": 360.0, "pinhole": 360.0, "map": 360.0,
+    "rays": 360.0,
+}  # fmt: skip
 
 
 def require(condition: bool, message: str) -> None:
@@ -64,6 +67,10 @@ def check_view(camera: "Camera") -> None:
     check_shape(camera.shape)
     views = ", ".join(WIDEST_FOV_DEG)
     require(camera.view in tuple(WIDEST_FOV_DEG), f"camera view {shown(camera.view)} is unknown: choose one of {views}")
+    lens = camera.view in ("fisheye", "pinhole")
+    require(lens == (camera.lens_optics is not None), f"view {camera.view}: use Camera.fisheye or Camera.pinhole")
+    listed = camera.view in ("map", "rays")
+    require(listed == (camera.given is not None), f"view {camera.view}: use Camera.from_map or Camera.from_rays")
     widest = WIDEST_FOV_DEG[camera.view]
     require(
         0 < camera.fov_deg <= widest,

@@ -103,6 +103,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
 )
+@click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path),
+    help="TOML file of a real camera (docs/cameras.md), in place of --view; --lat, --lon, --height go before its own.",
+)  # fmt: skip
 @click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
 @click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
 @click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
