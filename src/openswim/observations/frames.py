@@ -17,6 +17,16 @@ from openswim.scene.times import Time, parse_time
 
 
 @dataclass(frozen=True)
+class FrameInfo:
+    """Which frame it is, without its counts."""
+
+    path: Path
+    time: np.datetime64
+    time_source: str
+    shape: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class SkyFrame:
     """Counts (ny, nx) or (ny, nx, 3: red, green, blue) as stored, row 0 on top, and the time (UTC)."""
 
@@ -30,6 +40,11 @@ class SkyFrame:
     @property
     def shape(self) -> tuple[int, int]:
         return self.counts.shape[0], self.counts.shape[1]
+
+    @property
+    def info(self) -> FrameInfo:
+        """All but the counts."""
+        return FrameInfo(self.path, self.time, self.time_source, self.shape)
 
     @property
     def green(self) -> NDArray[np.float32]:
