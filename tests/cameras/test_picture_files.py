@@ -116,3 +116,42 @@ def test_damaged_files_are_refused_in_one_line(tmp_path):
     for path in (tmp_path / "missing.png", tmp_path, "/dev/zero"):
         with pytest.raises(UserError):
             read_picture(path)
+
+
+def dng(counts, black, white):
+    """The least Digital Negative: one strip of 16-bit counts behind red, green, green, blue filters."""
+    rows, columns = counts.shape
+    ascii_, short, long_, byte, signed, ratio = 2, 3, 4, 1, 10, 5
+    unit = b"".join(struct.pack("<ii", int(i == j), 1) for i in range(3) for j in range(3))
+    tags = [
+        (254, long_, 1, 0), (256, long_, 1, columns), (257, long_, 1, rows), (258, short, 1, 16), (259, short, 1, 1),
+        (262, short, 1, 32803), (271, ascii_, 5, b"Test\0"), (272, ascii_, 5, b"Test\0"), (273, long_, 1, "strip"),
+        (277, short, 1, 1), (278, long_, 1, rows), (279, long_, 1, counts.size * 2), (284, short, 1, 1),
+        (33421, short, 2, struct.pack("<HH", 2, 2)), (33422, byte, 4, b"\0\1\1\2"), (50706, byte, 4, b"\1\4\0\0"),
+        (50708, ascii_, 5, b"Test\0"), (50714, short, 1, black), (50717, short, 1, white), (50721, signed, 9, unit),
+        (50728, ratio, 3, struct.pack("<IIIIII", 1, 1, 1, 1, 1, 1)), (50778, short, 1, 21),
+    ]  # fmt: skip
+    start = 8 + 2 + 12 * len(tags) + 4
+    extra = b"".join(v + b"\0" * (len(v) % 2) for *_, v in tags if isinstance(v, bytes) and len(v) > 4)
+    strip, entries, at = start + len(extra), b"", start
+    for tag, kind, count, value in tags:
+        if isinstance(value, bytes) and len(value) > 4:
+            field, at = struct.pack("<I", at), at + len(value) + len(value) % 2
+        elif isinstance(value, bytes):
+            field = value.ljust(4, b"\0")
+        else:
+            field = struct.pack("<I", strip if value == "strip" else value)
+        entries += struct.pack("<HHI", tag, kind, count) + field
+    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + b"\0" * 4 + extra + counts.astype("<u2").tobytes()
+
+
+def test_raw_files_are_linear(tmp_path):
+    """Counts above black, as shares of those from black to white: no white balance, no gamma."""
+    pytest.importorskip("rawpy")
+    counts = np.empty((64, 80), np.uint16)
+    counts[::2, ::2], counts[1::2, 1::2] = 1512, 2512  # red, blue
+    counts[::2, 1::2] = counts[1::2, ::2] = 3512
+    (tmp_path / "a.dng").write_bytes(dng(counts, 512, 4512))
+    picture = read_picture(tmp_path / "a.dng")
+    assert picture.counts.shape == (64, 80, 3)
+    np.testing.assert_allclose(picture.counts[20:40, 20:40].mean(axis=(0, 1)) / 65535, [0.25, 0.75, 0.5], atol=0.002)

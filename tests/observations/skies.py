@@ -18,7 +18,8 @@ def star_frame(path, optics, time, shape=(700, 720), lat=LAT, lon=LON, seed=0, p
     row, column = optics.project(horizon_vector(stars.azimuth_deg, stars.refracted_altitude_deg))
     light = 3000.0 * 10 ** (-0.4 * (stars.catalogue.magnitude - 2.5))
     if peaks is not None:
-        row, column, light = random.uniform(10, shape[0] - 10, peaks), random.uniform(10, shape[1] - 10, peaks), light[:peaks]
+        row, column = (random.uniform(10, n - 10, peaks) for n in shape)
+        light = light[:peaks]
     y, x = np.mgrid[-6:7, -6:7]
     for r, c, amount in zip(row, column, light, strict=True):
         if not (8 <= r < shape[0] - 8 and 8 <= c < shape[1] - 8):
@@ -42,7 +43,8 @@ def spot_frame(path, optics, time, body="sun", shape=(480, 500), lat=LAT, lon=LO
 
 
 def mounted(lens, **options):
-    settings = {"centre_row": 340.0, "centre_column": 371.0, "rotation_deg": 77.0, "tilt_deg": 2.0, "tilt_azimuth_deg": 130.0}
+    settings = {"centre_row": 340.0, "centre_column": 371.0, "rotation_deg": 77.0, "tilt_deg": 2.0}
+    settings |= {"tilt_azimuth_deg": 130.0}
     return Optics(lens, **(settings | options))
 
 

@@ -32,7 +32,7 @@ def worst_deg(camera, optics, lowest_deg=15.0):
     [
         (EQUISOLID, {}, "equisolid"),
         (Lens("stereographic", 225.0), {"mirrored": True, "rotation_deg": -140.0, "tilt_deg": 0.0}, "stereographic"),
-        (Lens("kannala-brandt", 230.0, (0.03, -0.015)), {"tilt_deg": 4.0, "centre_row": 365.0}, "polynomial, 2 coefficients"),
+        (Lens("kannala-brandt", 230.0, (0.03, -0.015)), {"tilt_deg": 4.0}, "polynomial, 2 coefficients"),
     ],
 )
 def test_a_known_camera_is_found_again(tmp_path, lens, options, name):
@@ -48,8 +48,8 @@ def test_a_known_camera_is_found_again(tmp_path, lens, options, name):
 def test_frames_of_two_nights_are_fitted_together_and_one_checks_the_other(tmp_path):
     optics = mounted(EQUISOLID)
     frames = [
-        star_frame(tmp_path / f"sky_{time}.png", optics, np.datetime64(iso), seed=i)
-        for i, (time, iso) in enumerate((("20240115_220000", "2024-01-15T22:00"), ("20240320_200000", "2024-03-20T20:00")))
+        star_frame(tmp_path / f"sky_{time.translate({45: None, 58: None})}00.png", optics, time, seed=seed)
+        for seed, time in enumerate((NIGHT, "2024-03-20T20:00"))
     ]
     settings = FrameSettings(utc_offset_h=0.0)
     both = calibrate(frames, LAT, LON, settings=settings)
@@ -132,7 +132,7 @@ def test_what_gives_no_camera_is_refused(tmp_path):
         calibrate(grey, LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="found in 3 of 4"):
         calibrate([*frames[:3], grey], LAT, LON, settings=UTC)
-    with pytest.raises(UserError, match="spans|needs"):
+    with pytest.raises(UserError, match=r"spans|needs"):
         calibrate(frames[4:6] * 4, LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="neither sun nor stars"):
         calibrate(frames[0], LAT, LON, time="2024-06-10T19:45")
@@ -140,7 +140,7 @@ def test_what_gives_no_camera_is_refused(tmp_path):
     names = [path.rename(tmp_path / f"x{i}.png") for i, path in enumerate(scrambled)]
     for i, k in enumerate(np.random.default_rng(3).permutation(len(names))):
         names[k].rename(scrambled[i])
-    with pytest.raises(UserError, match="follow the sun's way|left out lie"):
+    with pytest.raises(UserError, match=r"follow the sun's way|left out lie"):
         calibrate(scrambled, LAT, LON, settings=UTC)
 
 
@@ -237,7 +237,7 @@ def test_the_camera_of_happy_jack(shared, tmp_path):
 
 @pytest.mark.parametrize("name", ["twilight", "cloud before the moon"])
 def test_hopeless_frames_are_refused(shared, name):
-    with pytest.raises(UserError, match="match|bright points"):
+    with pytest.raises(UserError, match=r"match|bright points"):
         real(shared, name)
 
 
@@ -254,3 +254,25 @@ def test_the_camera_of_hungriger_wolf(shared):
     for name in ("Image_20160527_144000_UTCp1_3.jpg", "Image_20160527_144000_UTCp1_4.jpg"):
         with pytest.raises(UserError, match="no sun in this frame"):
             calibrate(wolf / name, 53.99777, 9.56673)
+
+
+def test_the_sun_of_bretigny(shared, tmp_path):
+    """Asked for: 1.0 degree, by the makers' own map; measured .87, of which most is upward: trees cut the spot."""
+    from openswim.lights import sun_position
+    from openswim.observations import read_frame
+    from openswim.observations.sun_spot import find_spot
+
+    folder = shared / "data/sky/bretigny"
+    maps = {"azimuth": "0.005625", "zenith": "0.00140625"}
+    (tmp_path / "camera.toml").write_text(
+        'openswim_camera = 1\n[place]\nlat = 48.6005\nlon = 2.3468\n[frame]\nutc_offset_h = 0\n[view]\nkind = "map"\n'
+        + "".join(f'{n} = "{folder}/{n}_visible.jp2"\n{n}_deg_per_count = {s}\n' for n, s in maps.items())
+        + "outside_count = 65535\n"
+    )
+    content = read_camera(tmp_path / "camera.toml")
+    frame = read_frame(folder / "image_20250215080830.jp2", settings=content.frames)
+    spot = find_spot(frame)
+    sun = sun_position(frame.time, 48.6005, 2.3468)
+    seen = horizon_vector(*content.camera.direction_of(spot.row, spot.column))
+    true = horizon_vector(sun.azimuth_deg, sun.refracted_altitude_deg)
+    assert np.degrees(np.linalg.norm(seen - true)) < 1.0

@@ -198,12 +198,15 @@ class Lens:
             turning = power * (1.0 - np.arange(power.size))  # of the angle's derivative: z - r dz/dr
             farthest = min(_first_root(turning), 100 * f)
             return float(np.arctan2(farthest, poly.polyval(farthest, power))), farthest
-        limit = min(_first_root(poly.polyder(power)), np.pi)
-        return limit, float(poly.polyval(limit, power))
+        limit = min(np.sqrt(_first_root(power[1::2] * np.arange(1, power.size, 2))), np.pi)  # of dr/dt, in t^2
+        return float(limit), float(poly.polyval(limit, power))
 
 
 def _first_root(power: Any) -> float:
     """The smallest positive root of a polynomial; infinity where there is none."""
+    if len(power) <= 2:  # most fits have one coefficient
+        a, b = float(power[0]), float(power[1]) if len(power) == 2 else 0.0
+        return -a / b if b * a < 0 else np.inf
     roots = poly.polyroots(np.trim_zeros(np.asarray(power, float), "b")) if np.any(power[1:]) else np.empty(0)
     real = roots.real[(np.abs(roots.imag) < 1e-9 * np.maximum(np.abs(roots), 1e-300)) & (roots.real > 0)]
     return float(real.min()) if real.size else np.inf

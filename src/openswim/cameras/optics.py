@@ -1,5 +1,6 @@
 """A lens on its mount: from pixel to direction in the horizon frame, and back."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,18 +72,19 @@ class Optics:
 
     def axes(self) -> F64:
         """Rows right, up, forward of the camera in the horizon frame (east, north, up)."""
-        north = -self.rotation_deg
-        level = np.stack([horizon_vector(north - 90.0, 0.0), horizon_vector(north, 0.0), [0.0, 0.0, 1.0]])
-        return np.asarray(level @ self._leaning().T)
+        north = -math.radians(self.rotation_deg)
+        c, s = math.cos(north), math.sin(north)
+        return np.array([[-c, s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ self._leaning().T
 
     def _leaning(self) -> F64:
-        """Matrix that leans the zenith onto the axis."""
-        toward = horizon_vector(self.tilt_azimuth_deg, 0.0)
-        across = horizon_vector(self.tilt_azimuth_deg + 90.0, 0.0)
-        zenith = np.array([0.0, 0.0, 1.0])
-        c, s = np.cos(np.radians(self.tilt_deg)), np.sin(np.radians(self.tilt_deg))
-        leant = np.outer(c * toward - s * zenith, toward) + np.outer(s * toward + c * zenith, zenith)
-        return np.asarray(leant + np.outer(across, across))
+        """Matrix that leans the zenith onto the axis: a turn about the horizontal across `tilt_azimuth_deg`."""
+        tilt, toward = math.radians(self.tilt_deg), math.radians(self.tilt_azimuth_deg)
+        c, s, east, north = math.cos(tilt), math.sin(tilt), math.sin(toward), math.cos(toward)
+        return np.array([
+            [north * north + c * east * east, (c - 1) * east * north, s * east],
+            [(c - 1) * east * north, east * east + c * north * north, s * north],
+            [-s * east, -s * north, c],
+        ])  # fmt: skip
 
     def project(self, direction: ArrayLike) -> tuple[F64, F64]:
         """Row and column, fractional, of directions (..., 3) in the horizon frame; NaN where they are not seen."""

@@ -154,7 +154,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]")
 @click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime).")
 @click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC.")
-@click.option("--by", type=click.Choice(("stars", "sun", "moon")), help="What to go by.  [default: sun by day, else stars]")
+@click.option("--by", type=click.Choice(("stars", "sun", "moon")), help="What to go by.  [default: stars, sun by day]")
 @click.option("--mask", type=click.Path(path_type=Path), help="Picture of a frame's size, black where no sky is seen.")
 @click.option("--name", default="", help="What to call the camera.")
 @click.option("--camera", "camera_file", type=click.Path(path_type=Path), help="Check this camera; nothing is fitted.")

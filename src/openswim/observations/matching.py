@@ -30,17 +30,20 @@ def pairs(optics: Optics, direction: F64, peaks: F64, tolerance_px: float) -> Pa
     return seen[mutual], peak[mutual]
 
 
-def refined(start: Optics, direction: F64, peaks: F64, freedom: Freedom, size: float) -> tuple[Optics, Pairs]:
+def refined(
+    start: Optics, direction: F64, peaks: F64, freedom: Freedom, size: float,
+    tolerances_px: tuple[float, ...] = TOLERANCES_PX,
+) -> tuple[Optics, Pairs]:
     """Match, fit, and again with a smaller tolerance; `size`: of the frame's pixels, relative to those of 1040 rows."""
     optics = start
-    for tolerance in TOLERANCES_PX:
+    for tolerance in tolerances_px:
         star, peak = pairs(optics, direction, peaks, tolerance * size)
         if star.size < LEAST_PAIRS:
             break
         # tilt and lens only once the match is close: before, they follow the wrong pairs
         free = freedom if tolerance < 30 else Freedom(centre=True, tilt=False)
         optics = fit(optics, direction[star], peaks[peak], free, scale_px=max(tolerance / 8, 1.0) * size)
-    return optics, pairs(optics, direction, peaks, TOLERANCES_PX[-1] * size)
+    return optics, pairs(optics, direction, peaks, tolerances_px[-1] * size)
 
 
 def expected_by_chance(direction: F64, optics: Optics, peaks: F64, tolerance_px: float) -> float:

@@ -91,8 +91,8 @@ def _overlays(calibration: Calibration, fitted: F64, most: int) -> list[str]:
         picture = drawn(frame, calibration.camera, seen, expected, pairs, magnify=10.0)
         data = base64.b64encode(jpeg(picture)).decode()
         text = (
-            f"{info.path.name}, {str(info.time)[:19]} UTC ({info.time_source}). Green: matched, with the miss ten times "
-            "as long; yellow crosses: points found; red: stars that were not found; rings every 15 degrees of altitude."
+            f"{info.path.name}, {str(info.time)[:19]} UTC ({info.time_source}). Green: matched, the miss ten times as "
+            "long; yellow crosses: points found; red: stars that were not found; rings every 15 degrees of altitude."
         )
         out.append(f'<figure><img alt="overlay" src="data:image/jpeg;base64,{data}">'
                    f"<figcaption>{escape(text)}</figcaption></figure>")  # fmt: skip

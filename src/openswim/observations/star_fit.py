@@ -23,6 +23,7 @@ LOWEST_DEG = 12.0  # refraction and extinction are sure above
 LEAST_MATCHES = 15
 TIMES_THE_NEXT = 1.4  # right solutions had 1.6 to 12 times the matches of the next distinct one, wrong ones 1.0 to 1.2
 WORST_PX = 3.0  # held-out median; right ones had .3 to 2.3, wrong ones 5 to 8
+GO_ON = 12  # of the guesses that have been refined coarsely, so many finely
 SIGMAS = 5.0  # above what chance would match
 RINGS_DEG = (0.0, 40.0, 78.0)
 POLYNOMIAL_GAIN = 2.5  # a named lens is kept unless a polynomial is so many times nearer
@@ -92,7 +93,7 @@ def fit_stars(skies: Sequence[Sky]) -> StarFit:
         )
     found = _solutions(richest, shape, size)
     best = found[0]
-    following = next((count for count, optics in found[1:] if _distinct(optics, best[1], min(shape) / 2)), 0)
+    following = found[1][0] if len(found) > 1 else 0
     results = [_result(best[1], model, n, skies, size) for model, n in CANDIDATES]
     lenses = [r for r in results if r is not None]
     chance = expected_by_chance(richest.direction, best[1], richest.peaks.place, TOLERANCES_PX[-1] * size)
@@ -112,13 +113,22 @@ def fit_stars(skies: Sequence[Sky]) -> StarFit:
 
 
 def _solutions(sky: Sky, shape: tuple[int, int], size: float) -> list[tuple[int, Optics]]:
-    """Numbers of matches and solutions, best first."""
-    found = []
-    for start in starts(sky.direction, sky.peaks.place, shape):
-        flexible = with_lens(start.optics, "polynomial", 1)
-        optics, (star, _) = refined(flexible, sky.direction, sky.peaks.place, Freedom(coefficients=1), size)
-        found.append((int(star.size), optics))
-    return sorted(found, key=lambda each: -each[0])
+    """Numbers of matches and distinct solutions, best first."""
+    found = [
+        (0, with_lens(start.optics, "polynomial", 1)) for start in starts(sky.direction, sky.peaks.place, shape)
+    ]
+    for tolerances, most in ((TOLERANCES_PX[:3], len(found)), (TOLERANCES_PX[3:], GO_ON)):
+        better = []
+        for _, start in found[:most]:
+            optics, (star, _) = refined(
+                start, sky.direction, sky.peaks.place, Freedom(coefficients=1), size, tolerances
+            )
+            better.append((int(star.size), optics))
+        found = []
+        for count, optics in sorted(better, key=lambda each: -each[0]):
+            if all(_distinct(optics, other, min(shape) / 2) for _, other in found):
+                found.append((count, optics))
+    return found
 
 
 def _distinct(one: Optics, other: Optics, half: float) -> bool:
