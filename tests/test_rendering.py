@@ -14,11 +14,12 @@ from tests.transport.scenes import LAT, LON, box, grid_scene
 
 import openswim
 from openswim import Camera, Scene, UserError
+from openswim.lighting import daylight, light
 from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
-from openswim.readers.beyond import far_m
-from openswim.readers.neighbourhood import Neighbourhood, part_of, reach_m
-from openswim.rendering import _check_observer, daylight, light
-from openswim.transport import Solver
+from openswim.observer import check_observer
+from openswim.readers.domain.cutting import part_of
+from openswim.readers.domain.neighbourhood import Neighbourhood, far_m, reach_m
+from openswim.solver import Solver
 
 TIME = np.datetime64("2024-05-04T09:30")
 SUN = (130.0, 40.0)
@@ -268,10 +269,10 @@ def test_corners_of_a_domain_are_inside() -> None:
     scene = Scene.from_arrays({}, x, y, [0.0, 1e3], crs=CRS.from_proj4("+proj=longlat +R=6371000"))
     corners = [(lat, lon) for lat in (40.0, 50.0) for lon in (0.0, 30.0)]
     for lat, lon in corners:
-        _check_observer(scene, Camera.allsky(lat, lon, size=4), "fast")
-        _check_observer(scene, Camera.allsky(lat, lon + 1e-9 * np.sign(lon - 15), size=4), "fast")
+        check_observer(scene, Camera.allsky(lat, lon, size=4), "fast")
+        check_observer(scene, Camera.allsky(lat, lon + 1e-9 * np.sign(lon - 15), size=4), "fast")
         with pytest.raises(UserError, match="outside the domain"):
-            _check_observer(scene, Camera.allsky(lat + 0.001 * np.sign(lat - 45), lon, size=4), "fast")
+            check_observer(scene, Camera.allsky(lat + 0.001 * np.sign(lat - 45), lon, size=4), "fast")
     assert np.isfinite(openswim.render(scene, Camera.allsky(50.0, 0.0, size=4), "swim", sun=SUN).radiance[1, 1]).all()
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from openswim.cameras import Camera
-from openswim.cameras.files import read_camera
+from openswim.cameras.files import load_camera, read_camera
 from openswim.cameras.lenses import MODELS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text()
@@ -40,7 +39,7 @@ def test_the_files_are_read(tmp_path):
         counts = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
         Image.fromarray(counts).save(tmp_path / f"{name}_visible.jp2")
     (tmp_path / "map.toml").write_text(mapped)
-    assert Camera.load(tmp_path / "map.toml").shape == (3, 4)
+    assert load_camera(tmp_path / "map.toml").shape == (3, 4)
 
 
 def test_every_lens_is_listed():

@@ -111,9 +111,10 @@ def test_options_make_the_camera(world, options: list[str], expected: dict) -> N
 
 def test_a_camera_file_in_place_of_a_view(world, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from openswim.cameras import Camera
+    from openswim.cameras.files import save_camera
 
     roof = Camera.fisheye(47.0, 11.0, size=(60, 80), lens="equisolid", rotation_deg=20, tilt_deg=2)
-    roof.save(tmp_path / "roof.toml")
+    save_camera(roof, tmp_path / "roof.toml")
     for more in ([], ["--lat", "48", "--height", "30"], ["--size", "40"]):
         assert run(["render", "f.nc", "--camera", "roof.toml", *more, "-o", "x.png"]) == 0
     whole, moved, small = world.cameras

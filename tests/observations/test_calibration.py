@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.observations.skies import EQUISOLID, LAT, LON, mounted, spot_frame, star_frame
 
-from openswim.cameras import Camera, Lens
-from openswim.cameras.files import FrameSettings, read_camera, write_camera
+from openswim.cameras import Lens
+from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
 from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.observations.calibration import calibrate, check
@@ -156,7 +156,7 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     content = read_camera("roof.toml")
     assert content.calibration["lens"] == "equisolid"
     assert content.calibration["held_out_px"] < 0.15
-    assert worst_deg(Camera.load("roof.toml"), optics) < 0.02
+    assert worst_deg(load_camera("roof.toml"), optics) < 0.02
     page = (tmp_path / "roof.html").read_text()
     assert "roof &lt;1&gt;" in page
     assert "src=\"data:image/jpeg" in page

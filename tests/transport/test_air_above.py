@@ -7,8 +7,8 @@ from tests.transport.scenes import toward
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
-from openswim.transport.shells import shell_levels
+from openswim.solver import Solver
+from openswim.transport.air.shells import shell_levels
 
 SUN = toward(90.0, 30.0)
 PLACES = np.array([[0, 0, 1500.0], [0, 0, 1500.0], [0, 0, 8000.0], [0, 0, 2e5]])

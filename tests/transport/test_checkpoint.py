@@ -12,7 +12,8 @@ from tests.transport.scenes import WAVELENGTH_NM, cloud_scene, down_on, grid_sce
 
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.transport import Solver, montecarlo
+from openswim.solver import Solver
+from openswim.transport.montecarlo import reference as montecarlo
 
 
 def solve(scene: Scene, **options):

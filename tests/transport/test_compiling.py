@@ -7,7 +7,12 @@ _COMPARE = """
 import numpy as np
 from openswim.scene.procedural import demo_scene
 from openswim.cameras import Rays
-from openswim.transport import Solver, bend, compiling, eye_source, moments, sweep
+from openswim.solver import Solver
+from openswim.transport.beam import within_cells as bend
+from openswim.transport import warm_up as compiling
+from openswim.transport.view import source_function as eye_source
+from openswim.transport.diffuse import moments
+from openswim.transport.diffuse import sweep
 names = [(sweep, "share_rows"), (sweep, "share_ordinates"), (moments, "prolong"), (moments, "restrict"),
          (moments, "add_scaled"), (moments, "squares"), (moments, "weighted_change"), (moments, "inner_product"),
          (eye_source, "view_source"), (bend, "bend_cells")]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from openswim.transport.free import beside, free_cubes, occupied
-from openswim.transport.walk import _cells_free
+from openswim.transport.march.empty_space import beside, free_cubes, occupied
+from openswim.transport.march.walk import _cells_free
 
 
 def _counted(full, periodic, place, octant):

@@ -12,13 +12,13 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import down_on, sky_directions, toward
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
-from openswim.transport.montecarlo import ReferenceField
-from openswim.transport.montecarlo_cells import cell_majorants, cells_of, free_cells
-from openswim.transport.montecarlo_clear import clear_m
-from openswim.transport.montecarlo_flat import cell_at, depth_to_sun
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
+from openswim.transport.montecarlo.cell_track import cell_at, depth_to_sun
+from openswim.transport.montecarlo.cells import cell_majorants, cells_of, free_cells
+from openswim.transport.montecarlo.first_cloud import clear_m
+from openswim.transport.montecarlo.reference import ReferenceField
 
 X, Y = 100.0 * np.arange(14) - 650.0, 80.0 * np.arange(12) - 440.0
 Z = np.concatenate([[0.0, 300.0], 300.0 + np.cumsum(np.random.default_rng(6).uniform(50.0, 150.0, 8))])

@@ -7,13 +7,15 @@ import pytest
 from numba import njit
 
 from openswim.ground import SurfaceSample, bidirectional_reflectance
+from openswim.ground.surface import surface_of
 from openswim.optics import mie
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport.montecarlo_cells import cell_majorants, free_cells
-from openswim.transport.montecarlo_ground import mirrored, mirrored_density, reflectance, seen_ground
-from openswim.transport.montecarlo_phase import (
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
+from openswim.transport.montecarlo.cells import cell_majorants, free_cells
+from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflectance, seen_ground
+from openswim.transport.montecarlo.phase import (
     drawn_q,
     exponential,
     phase_place,
@@ -23,8 +25,8 @@ from openswim.transport.montecarlo_phase import (
     uniform,
     unit_circle,
 )
-from openswim.transport.montecarlo_track import air_beam
-from openswim.transport.montecarlo_world import BLOCK, block_majorants, build_world
+from openswim.transport.montecarlo.track import air_beam
+from openswim.transport.montecarlo.world import BLOCK, block_majorants, build_world
 
 PHASES = [HenyeyGreenstein(0.85), HenyeyGreenstein(-0.3), Rayleigh(), mie.phase_function("liquid", 546.0)]
 
@@ -203,7 +205,7 @@ def test_beam_through_the_air_is_the_integral() -> None:
     for altitude in (90.0, 20.0, 1.0, -1.0):
         a = np.radians(altitude)
         sun = np.array([np.cos(a), 0.0, np.sin(a)])
-        world, _, _, _ = build_world(scene, sun, np.array([450.0]))
+        world, _, _, _ = build_world(matter_of(scene, 450.0), surface_of(scene, 450.0), sun)
         for height in (0.0, 137.0, 15_300.0, 41_000.0):
             beam = np.zeros(1)
             air_beam(0.0, 0.0, height, height, world, beam)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim.transport.noise import Octave
+from openswim.transport.medium.noise import Octave
 
 RADIUS_M = 6.371e6
 

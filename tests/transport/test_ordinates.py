@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
 
-from openswim.transport.ordinates import (
+from openswim.transport.engine.ordinates import (
     double_gauss,
     harmonic_matrix,
     hemisphere_product,

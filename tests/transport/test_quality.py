@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, toward
+from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
 
 from openswim.errors import UserError
+from openswim.options import SETTINGS
 from openswim.scene import Scene
-from openswim.transport import Solver
-from openswim.transport.medium import build_medium, halved_medium
-from openswim.transport.quality import SETTINGS
-from openswim.validate.metrics import Score, image_score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import read_reference
+from openswim.solver import Solver
+from openswim.transport.medium.medium import halved_medium
+from openswim.validation.metrics import Score, image_score
+from openswim.validation.phases import PhaseTables
+from openswim.validation.reference import read_reference
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
@@ -52,7 +52,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     for quality in SETTINGS:
         field = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM])
         seen = field.view(rays).radiance.reshape(PIXELS, PIXELS)
-        out[quality] = image_score(seen, image, sigma), field.packs[0].sweeps
+        out[quality] = image_score(seen, image, sigma), field.lit[0].sweeps
     return out
 
 
@@ -76,7 +76,7 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
 
 def test_preview_of_cumulus(shared: Path) -> None:
     """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
-    from openswim.validate.cases3d import compare
+    from openswim.validation.cases3d import compare
 
     for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
         reference = read_reference(shared / "reference" / "clouds" / name)
@@ -88,8 +88,8 @@ def test_preview_of_cumulus(shared: Path) -> None:
 @pytest.mark.parametrize("periodic", [False, True])
 def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    finer = halved_medium(scene, medium)
+    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
+    finer = halved_medium(medium)
     _, ny, nx = medium.shape
     assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
     assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
@@ -107,12 +107,12 @@ def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
 
 def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     sideless = slab(2.0)
-    medium = build_medium(sideless, np.array([WAVELENGTH_NM]), 0.7)
-    assert halved_medium(sideless, medium) is medium
+    medium = medium_of(sideless, np.array([WAVELENGTH_NM]), 0.7)
+    assert halved_medium(medium) is medium
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    monkeypatch.setattr("openswim.transport.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
-    assert halved_medium(scene, medium) is medium
+    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
+    monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    assert halved_medium(medium) is medium
 
 
 def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:
@@ -121,9 +121,9 @@ def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> No
     field[2:4, 5:12, 5:12] = 1e-3
     scene = grid_scene(field, field.shape, (3000.0, 3000.0, 500.0))
     standard, high = (
-        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).packs[0].volume for quality in ("standard", "high")
+        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).lit[0].channels for quality in ("standard", "high")
     )
-    assert high.fields.shape == standard.fields.shape
+    assert high.beam.shape == standard.beam.shape
 
 
 def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:

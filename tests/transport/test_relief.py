@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from openswim.transport.relief import HeightField, Relief, first_root
-from openswim.transport.volume import FAR_M
+from openswim.transport.ground_light.relief import HeightField, Relief, first_root
+from openswim.transport.march.volume import FAR_M
 
 RADIUS = 6_371_000.0
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from openswim.transport import scalar
+from openswim.transport.engine import scalar
 
 F = np.float32
 STEP_M = F(100.0)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
-from openswim.transport.diffuse import pairs
-from openswim.transport.sides import Columns
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
+from openswim.transport.diffuse.inflow import Columns
+from openswim.transport.diffuse.sweeper import pairs
 
 SUN = np.array([-0.8138, -0.2962, 0.5])
 SUN = SUN / np.linalg.norm(SUN)

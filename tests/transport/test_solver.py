@@ -24,10 +24,11 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
-from openswim.transport import Field, Solver
+from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
+from openswim.solver import Solver
+from openswim.transport import Field
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0])

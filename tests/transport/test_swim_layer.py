@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim.transport.swim_layer import (
+from openswim.transport.swim.layer import (
     absorbed_transmittance,
     diffuse_albedo,
     layer_albedo,

@@ -16,13 +16,13 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.optics.aerosol import aerosol_type, spectral_phase
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
-from openswim.transport.scalar import share_of_step
-from openswim.transport.swim_phase import anisotropy, broadened, shaded_phase, thin_phase
-from openswim.transport.swim_view import clear_share
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
+from openswim.solver import Solver
+from openswim.transport.engine.scalar import share_of_step
+from openswim.transport.swim.phase import anisotropy, broadened, shaded_phase, thin_phase
+from openswim.transport.swim.view import clear_share
 
 SWIM = Solver("swim")
 

@@ -11,12 +11,12 @@ import time
 import numba
 import pytest
 
-from openswim.transport.threads import in_threads
+from openswim.transport.engine.threads import in_threads
 
 FORKED = """
 import os, warnings
 from numba import set_num_threads
-from openswim.transport.threads import in_threads
+from openswim.transport.engine.threads import in_threads
 warnings.simplefilter("ignore", DeprecationWarning)
 seen = []
 in_threads(lambda t, threads: seen.append(t))

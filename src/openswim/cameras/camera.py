@@ -1,30 +1,40 @@
 """Cameras on the ground, in the air and in space."""
 
-import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from openswim.arguments import number
 from openswim.cameras import panorama
-from openswim.cameras.checks import check_place, check_view, make_numbers, require
+from openswim.cameras.checks import (
+    check_altitude_range,
+    check_height,
+    check_place,
+    check_pointing,
+    check_shape,
+    check_view,
+    require,
+)
 from openswim.cameras.given import Given
 from openswim.cameras.lenses import Lens
 from openswim.cameras.obstacles import Mask, checked_horizon, open_sky
 from openswim.cameras.optics import Optics
 from openswim.cameras.pixels import Pixels
-from openswim.cameras.rays import Rays
 from openswim.cameras.real import RealCameras
 from openswim.cameras.sizes import Size, rows_of, shape_of, whole_disc_fov_deg
 from openswim.errors import UserError
 from openswim.scene.frame import horizon_vector
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.rays import Rays
 
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
 View = Literal["allsky", "panorama", "perspective", "fisheye", "pinhole", "map", "rays"]
+_PLACE = ("lat", "lon", "x_m", "y_m")
+_NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 
 
 @dataclass(frozen=True)
@@ -34,7 +44,8 @@ class Camera(RealCameras):
     Place: `lat`, `lon` in degrees on a curved Earth, or `x_m`, `y_m` in a flat scene.  `height_m` counts from
     the ground or from sea level (`above`).  `view` names the projection, whose settings are the remaining
     fields; use the constructors (`allsky`, `panorama`, `sphere`, `perspective`, `satellite`,
-    `geostationary`; `fisheye`, `pinhole`, `from_map` and `from_rays` for real cameras), or `load` a file.
+    `geostationary`; `fisheye`, `pinhole`, `from_map` and `from_rays` for real cameras), or read a file by
+    `openswim.load_camera`.
 
     Row 0, column 0 is the centre of the first pixel, on the top left.
     """
@@ -58,9 +69,15 @@ class Camera(RealCameras):
     mask: Mask | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        make_numbers(self)
-        check_place(self)
-        check_view(self)
+        given = [name for name in _PLACE if getattr(self, name) is not None]
+        for name in (*given, *_NUMBERS):
+            object.__setattr__(self, name, number(f"camera: {name}", getattr(self, name)))
+        check_place(self.lat, self.lon, self.x_m, self.y_m)
+        check_height(self.height_m, self.above)
+        check_shape(self.shape)
+        check_view(self.view, self.fov_deg, self.lens_optics is not None, self.given is not None)
+        check_altitude_range(self.altitude_range_deg)
+        check_pointing(self.azimuth_deg, self.altitude_deg, self.roll_deg)
         object.__setattr__(self, "horizon_deg", checked_horizon(self.horizon_deg))
 
     @classmethod
@@ -269,19 +286,6 @@ class Camera(RealCameras):
             given=None if self.given is None else self.given.resized(shape),
             mask=mask,
         )
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str], **place: Any) -> "Camera":
-        """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's."""
-        from openswim.cameras.files import read_camera
-
-        return read_camera(path, **place).camera
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the TOML file that `load` reads."""
-        from openswim.cameras.files import CameraFile, write_camera
-
-        write_camera(CameraFile(self), path)
 
     def rays(self, frame: Any, ground_height_m: float = 0.0, pixels: Pixels | None = None) -> Rays:
         """Rays of the inside pixels, row by row, in the frame of a scene (`openswim.scene.frame.Frame`).

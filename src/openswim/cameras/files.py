@@ -78,6 +78,16 @@ def read_camera(path: str | os.PathLike[str], **place: Any) -> CameraFile:
         raise UserError(text if str(path) in text else f"{path}: {text}") from None
 
 
+def load_camera(path: str | os.PathLike[str], **place: Any) -> Camera:
+    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's."""
+    return read_camera(path, **place).camera
+
+
+def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
+    """Write the TOML file that `load_camera` reads."""
+    write_camera(CameraFile(camera), path)
+
+
 def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     """Write a camera's file; maps go into a file beside it."""
     path = Path(path)

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
+from openswim.options import SETTINGS
 from openswim.progress import PATIENCE_S
-from openswim.transport.large import LIGHT_OF_COLUMNS, lit_in_parts
-from openswim.transport.medium import WIDE_CELL_M, build_medium, drawn_shape
-from openswim.transport.medium_levels import MOST_RESOLVED_NODES
-from openswim.transport.pack import PACK
-from openswim.transport.quality import SETTINGS
+from openswim.transport.engine.pack import PACK
+from openswim.transport.medium.levels import MOST_RESOLVED_NODES
+from openswim.transport.medium.medium import WIDE_CELL_M, build_medium, drawn_shape
+from openswim.transport.medium.tiles import LIGHT_OF_COLUMNS, lit_in_parts
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera
@@ -69,7 +70,7 @@ def estimate(
         return Estimate(
             inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - 2e8 - pixels_bytes
         )
-    if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
+    if solver != "reference" and _large(scene):
         return _estimate_large(scene, camera, wavelengths)
     nodes, wide, divided = _drawn(scene, solver == "fast", SETTINGS[quality].divide)
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
@@ -95,17 +96,23 @@ def _drawn(scene: "Scene", fast: bool, divide: bool = True) -> tuple[int, bool, 
     if grid is None:
         return 0, False, False
     if grid.curved:
-        shape, cell_m, divided = drawn_shape(scene, fast, divide)
+        matter = matter_of(scene, REFERENCE_NM)
+        shape, cell_m, divided = drawn_shape(matter, surface_of(scene, REFERENCE_NM).terrain_m, fast, divide)
         return math.prod(shape), fast and cell_m >= WIDE_CELL_M, divided
     if not fast or math.prod(grid.shape) > MOST_RESOLVED_NODES:
         return math.prod(grid.shape), False, False
-    medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0, divide=divide)  # quick without a map
+    matter, surface = matter_of(scene, REFERENCE_NM), surface_of(scene, REFERENCE_NM)
+    medium = build_medium(matter, surface, 1.0, divide=divide)  # quick without a map
     return math.prod(medium.shape), False, medium.divided
 
 
 def swept(scene: "Scene") -> bool:
     """Whether `fast` lights a scene by sweeps: clear skies need none, nor do columns that are solved each by itself."""
-    return scene.grid is not None and not lit_in_parts(scene) and not _drawn(scene, True)[1]
+    return scene.grid is not None and not _large(scene) and not _drawn(scene, True)[1]
+
+
+def _large(scene: "Scene") -> bool:
+    return scene.grid is not None and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
 
 
 def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:
@@ -125,7 +132,7 @@ def announce(
     """Print the estimate of a large job to stderr."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
-    if solver == "fast" and scene.grid is not None and lit_in_parts(scene):
+    if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
     expected = estimate(scene, camera, solver, paths=paths, quality=quality)
     if expected.large:

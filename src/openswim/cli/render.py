@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera
     from openswim.readers import Neighbourhood
     from openswim.scene import Scene
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
@@ -77,9 +77,9 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce, swept
+    from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
-    from openswim.rendering import WAVELENGTHS_NM
-    from openswim.transport import compiling
+    from openswim.transport import warm_up as compiling
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps
@@ -124,15 +124,11 @@ def sun_of(text: str | None) -> dict[str, Any]:
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
     """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
-    from openswim.readers.beyond import far_m
-    from openswim.readers.neighbourhood import Neighbourhood, reach_m
+    from openswim.readers import Neighbourhood
 
     if camera.lat is None or camera.lon is None:
         return None
-    swept = request.solver != "reference"
-    return Neighbourhood(
-        camera.lat, camera.lon, reach_m(camera.height_m), True, swept, far_m(camera.height_m) if swept else 0.0
-    )
+    return Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, request.solver != "reference")
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":
@@ -152,7 +148,7 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
 
 def solver_of(request: RenderRequest) -> "Solver":
     """The solver that the options describe."""
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
     given = {"--paths": request.paths, "--error": request.error_percent, "--checkpoint": request.checkpoint}
     if request.quality is not None and request.solver != "fast":
@@ -201,13 +197,13 @@ def camera_of(request: RenderRequest) -> "Camera":
 
 
 def _camera_of_file(request: RenderRequest, path: Path) -> "Camera":
-    from openswim.cameras import Camera
+    from openswim.cameras.files import load_camera
 
     for name in ("azimuth_deg", "altitude_deg", "fov_deg"):
         if getattr(request, name) is not None:
             raise UserError(f"--camera says where its camera looks: leave out --{name.removesuffix('_deg')}")
     place = {name: getattr(request, name) for name in ("lat", "lon", "x_m", "y_m", "height_m")}
-    camera = Camera.load(path, **place)
+    camera = load_camera(path, **place)
     return camera if request.size is None else camera.resized(parse_size(request.size))
 
 

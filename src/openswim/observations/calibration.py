@@ -77,7 +77,7 @@ def calibrate(
     """
     lat, lon, height_m = number("latitude", lat), number("longitude", lon), number("height", height_m)
     settings = settings or FrameSettings()
-    check_place(Camera.allsky(lat, lon))
+    check_place(lat, lon, None, None)
     require(by is None or by in WAYS, f"calibrate: by {by!r} is unknown: choose one of {', '.join(WAYS)}")
     given = [Path(path) for path in paths("frames", frames)]
     require(bool(given), "calibrate: give at least one frame")

@@ -1,0 +1,1 @@
+"""The sun's beam through the grid, and within its cells."""

@@ -1,0 +1,335 @@
+"""Optical depth from every node of a grid to the sun, along the rays of LANES neighbours at a time.
+
+`sun` is the direction to the sun in each column's own axes. Grids are (nz, ny, nx), lengths in metres.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import get_num_threads, njit
+from numpy.typing import NDArray
+
+from openswim.transport.engine.pack import (
+    LANES,
+    choose_above,
+    largest,
+    put,
+    read_quadruple,
+    spread_quadruple,
+    write,
+)
+from openswim.transport.engine.scalar import table_index
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.march.volume import SUN_RADIUS_RAD
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_LANE = np.arange(LANES, dtype=np.float32)
+BEYOND = LANES  # nodes beyond a row's ends, where packs of rays that leave it or wrap around may read
+_FAR_M = 1e30
+_ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
+_APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
+_GAP = 3  # levels free of cloud that part one layer from another
+_DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
+_MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
+
+
+@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
+def _within(x, least, most, count, periodic):
+    """Where a ray is on an axis, or where it left: lanes beside it may stay a little longer."""
+    return x - math.floor(x / count) * count if periodic else min(max(x, least), most)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
+    """LANES nodes of field n of (fields, nz, ny, nodes and what lies beyond), from fractional (x, y) on, bilinear, each
+    a little aside."""
+    width = grid.shape[3]
+    j = min(int(y), ny - 1)
+    i = min(math.floor(x), nx)
+    a, b = np.float32(x - i) + aside_x, np.float32(y - j) + aside_y
+    up = width
+    if j + 1 >= ny:
+        up = -j * width if periodic else 0
+    at = ((n * grid.shape[1] + level) * ny + j) * width + BEYOND + i
+    low = read_quadruple(grid, at)
+    low += a * (read_quadruple(grid, at + 1) - low)
+    high = read_quadruple(grid, at + up)
+    high += a * (read_quadruple(grid, at + up + 1) - high)
+    return low + b * (high - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _way_up_m(mu, bend, rise_m):
+    """Distance after which a ray has risen by so much."""
+    root = math.sqrt(mu * mu + 4.0 * bend * rise_m)
+    return 2.0 * rise_m / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _ways_out(nodes, count, per_m):
+    """Distances from packs of nodes to the end of an axis that they go to, at so many cells per metre; none of nodes
+    beyond it."""
+    along = np.float32(_ALONG_PER_M)
+    fast = choose_above(per_m, _ZERO, per_m, -_ONE * per_m)
+    left = choose_above(per_m, _ZERO, np.float32(count - 1) - nodes, nodes)
+    ways = choose_above(left, _ZERO, left, _ZERO) / choose_above(fast, along, fast, along)
+    return choose_above(fast, along, ways, np.float32(_FAR_M))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _depths_to_sun(
+    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m, level_table,
+    radius_m, nx, periodic, total, below,
+):  # fmt: skip
+    """Optical depths from LANES nodes (k, j, i on) toward the sun up to level ``last``, then what is known there, into
+    ``total`` (fields, LANES); ``below``: scratch as large.
+
+    Samples where the rays meet a level and, between levels, once a cell, until they leave an open domain. ``ray``:
+    cells per metre along x and y, and the cosine of the zenith angle, of the node ``middle``; ``turn``: by how much
+    they change from one node to the next, of which only the first order counts.
+    """
+    fields, nz, ny, width = extinction.shape
+    vx, vy, mu = ray[0], ray[1], ray[2]
+    bend = (1.0 - mu * mu) / (2.0 * radius_m)
+    fastest = max(abs(vx), abs(vy))
+    off = read_quadruple(_LANE, 0) - np.float32(middle - i)
+    leave = spread_quadruple(np.float32(_FAR_M))
+    gone = _FAR_M  # the last of them
+    if not periodic:
+        leave_x = _ways_out(read_quadruple(_LANE, 0) + np.float32(i), nx, np.float32(vx) + np.float32(turn[0]) * off)
+        leave_y = _ways_out(spread_quadruple(np.float32(j)), ny, np.float32(vy) + np.float32(turn[1]) * off)
+        leave = choose_above(leave_x, leave_y, leave_y, leave_x)
+        gone = float(largest(leave))
+    for n in range(fields):
+        write(below, n * LANES, read_quadruple(extinction, ((n * nz + k) * ny + j) * width + BEYOND + i))
+        write(total, n * LANES, spread_quadruple(_ZERO))
+    s, at = 0.0, k
+    for level in range(k + 1, last + 1):
+        if not (filled[level] or filled[level - 1]) and (mu > 0.0 or level > k + 1):
+            continue
+        if at < level - 1:
+            s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), gone)
+        end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), gone)
+        longer = _longer(mu, bend, levels_m[level] - levels_m[k], turn[2])
+        stretch = np.float32(longer) * off + _ONE
+        at = level
+        count = int(fastest * (end - s)) + 1
+        if periodic:
+            count = min(count, _MOST_STEPS)
+        ds = (end - s) / count
+        for piece in range(1, count + 1):
+            left, step = leave - np.float32(s) * stretch, np.float32(ds) * stretch
+            left = choose_above(left, step, step, left)
+            half = _HALF * choose_above(left, _ZERO, left, _ZERO)
+            s += ds
+            x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
+            y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
+            aside_x = np.float32(s * (turn[0] + vx * longer)) * off
+            aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+            m, g = level, _ZERO
+            if piece < count or end >= gone:
+                fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
+                m = min(int(fk), nz - 2)
+                g = np.float32(fk - m)
+            for n in range(fields):
+                here = _nodes_at(extinction, n, m, x, y, aside_x, aside_y, ny, nx, periodic)
+                if g > _ZERO:
+                    here += g * (_nodes_at(extinction, n, m + 1, x, y, aside_x, aside_y, ny, nx, periodic) - here)
+                added = half * (read_quadruple(below, n * LANES) + here)
+                write(total, n * LANES, read_quadruple(total, n * LANES) + added)
+                write(below, n * LANES, here)
+        if end >= gone:
+            return
+    rise = levels_m[last] - levels_m[k]
+    if at < last:
+        s = _way_up_m(mu, bend, rise)
+        if s >= gone:
+            return
+    longer = _longer(mu, bend, rise, turn[2])
+    x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
+    y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
+    aside_x = np.float32(s * (turn[0] + vx * longer)) * off
+    aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+    for n in range(fields):
+        beyond = _nodes_at(depth, n, last, x, y, aside_x, aside_y, ny, nx, periodic)
+        beyond = choose_above(leave, np.float32(s) * (np.float32(longer) * off + _ONE), beyond, _ZERO)
+        write(total, n * LANES, read_quadruple(total, n * LANES) + beyond)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _fill_beyond(row, nx, periodic):
+    """Nodes beyond the ends of a row: the other end's where periodic, else the end itself."""
+    for n in range(1, BEYOND + 1):
+        row[BEYOND - n] = row[BEYOND + ((-n) % nx if periodic else 0)]
+        row[BEYOND + nx - 1 + n] = row[BEYOND + ((n - 1) % nx if periodic else nx - 1)]
+    row[nx + 2 * BEYOND] = row[nx + 2 * BEYOND - 1]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _longer(mu, bend, rise_m, turn):
+    """Share by which the way up changes where the cosine of the zenith angle does by ``turn``."""
+    return -turn / max(math.sqrt(max(mu * mu + 4.0 * bend * rise_m, 0.0)), 1e-9)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _pieces(ray, turn, rise_m, radius_m, nodes):
+    """In how many pieces so many nodes go up by ``rise_m``, that their rays stay side by side and are about as long;
+    ``ray``, ``turn``: see `_depths_to_sun`."""
+    bend = (1.0 - ray[2] * ray[2]) / (2.0 * radius_m)
+    way, longer = _way_up_m(ray[2], bend, rise_m), _longer(ray[2], bend, rise_m, turn[2])
+    apart = way * max(abs(turn[0] + ray[0] * longer), abs(turn[1] + ray[1] * longer))
+    return int(min(nodes * max(apart / _APART, abs(longer) / _LONGER) + 1.0, float(nodes)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _dip(above_m, radius_m):
+    """Cosine of the zenith angle of a ray that starts so high above the level that it touches."""
+    return -math.sqrt(2.0 * above_m / (radius_m + 2.0 * above_m))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _aim(sun, cell_m, lowest, ray):
+    """``ray`` of `_depths_to_sun` toward a sun, or to where its cosine is the ``lowest``."""
+    ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], max(sun[2], lowest)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _row_to_sun(
+    k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m,
+    radius_m, periodic, depth, scratch, ray, turn,
+):  # fmt: skip
+    """The nodes of a row, LANES at a time: along rays beside that of the middle one or, where the Earth bends and they
+    part, of the middle one of each of some pieces. Once for those that follow their rays, once for those that do not,
+    if a pack has both."""
+    fields, nz, ny, width = depth.shape
+    nx = exact.shape[2]
+    above_m = levels_m[k] - levels_m[0]
+    deepest = _dip(above_m + _DEEPEST_M, radius_m)
+    dark = min(deepest, _dip(above_m, radius_m) - SUN_RADIUS_RAD)
+    lowest = 0.0 if periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
+    for first in range(0, nx, LANES):
+        i = max(min(first, nx - LANES), 0)
+        end = min(i + LANES, nx)
+        steps = max(end - 1 - i, 1)
+        turn[0] = (sun[j, end - 1, 0] - sun[j, i, 0]) / (cell_m[0] * steps)
+        turn[1] = (sun[j, end - 1, 1] - sun[j, i, 1]) / (cell_m[1] * steps)
+        turn[2] = (sun[j, end - 1, 2] - sun[j, i, 2]) / steps
+        for follow in (True, False):
+            last = followed[k] if follow else passed[k]
+            if sun[j, (i + end) // 2, 2] < dark:
+                continue
+            _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
+            pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
+            for piece in range(pieces):
+                one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
+                middle = (one + next_one) // 2
+                count = 0
+                for m in range(one, next_one):
+                    count += exact[k, j, m] == follow
+                if count == 0:
+                    continue
+                _aim(sun[j, middle], cell_m, lowest, ray)
+                _depths_to_sun(
+                    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m,
+                    level_table, radius_m, nx, periodic, scratch[0], scratch[1],
+                )  # fmt: skip
+                for n in range(fields):
+                    at = ((n * nz + k) * ny + j) * width + BEYOND
+                    for m in range(one, next_one):
+                        if exact[k, j, m] == follow:
+                            put(depth, at + m, scratch[0, n, m - i])
+    for n in range(fields):
+        _fill_beyond(depth[n, k, j], nx, periodic)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _share_level(
+    t, threads, k, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m,
+    level_table, cell_m, radius_m, periodic, depth, scratch,
+):  # fmt: skip
+    """Thread t's rows of level k: see `sun_sweep`."""
+    ray, turn = np.empty(3), np.empty(3)
+    for j in range(t, exact.shape[1], threads):
+        _row_to_sun(
+            k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table,
+            cell_m, radius_m, periodic, depth, scratch[t], ray, turn,
+        )  # fmt: skip
+
+
+def sun_sweep(
+    extinction: F32, exact: NDArray[np.bool_], sun: F64, levels_m: F64, lookup: tuple[float, float, F64], cell_m: F64,
+    radius_m: float, periodic: bool,
+) -> F32:  # fmt: skip
+    """Optical depths of fields of ``extinction`` from every node to the sun, both as `beyond_sides` makes them.
+
+    ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
+    that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
+    level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
+    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth hides the sun.
+    """
+    filled = np.array([bool(extinction[:, k].any()) for k in range(len(levels_m))])
+    followed, passed, gates = _stops(filled)
+    exact = exact.copy()
+    exact[gates] = True
+    depth = np.zeros(extinction.shape, np.float32)  # which touches no memory yet
+    scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), np.float32)
+    for k in range(len(levels_m) - 2, -1, -1):
+        in_threads(
+            _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,
+            periodic, depth, scratch,
+        )  # fmt: skip
+    return depth
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _weigh(t, threads, extinction, weights, periodic, out):
+    """Thread t's levels of `weighted`."""
+    ns, nz, ny, nx = extinction.shape
+    for k in range(t, nz, threads):
+        for n in range(weights.shape[0]):
+            for j in range(ny):
+                row = out[n, k, j]
+                for s in range(ns):
+                    for i in range(nx):
+                        row[BEYOND + i] += weights[n, s] * extinction[s, k, j, i]
+                _fill_beyond(row, nx, periodic)
+
+
+def beyond_sides(fields: int, shape: tuple[int, int, int]) -> F32:
+    """Zeros (fields, nz, ny, BEYOND + nx + BEYOND + 1), for what `sun_sweep` gives and takes on a grid (nz, ny, nx)."""
+    return np.zeros((fields, *shape[:2], shape[2] + 2 * BEYOND + 1), np.float32)
+
+
+def inside(fields: F32) -> F32:
+    """What of the last axis is no `beyond_sides`."""
+    return fields[..., BEYOND : -BEYOND - 1]
+
+
+def weighted(extinction: F32, weights: F32, periodic: bool) -> F32:
+    """Sums of species, ``extinction`` (ns, nz, ny, nx), a field for each row of ``weights`` (n, ns), as `sun_sweep`
+    takes them."""
+    out = beyond_sides(len(weights), (extinction.shape[1], extinction.shape[2], extinction.shape[3]))
+    in_threads(_weigh, np.require(extinction, np.float32, ["C", "W"]), np.array(weights, np.float32), periodic, out)
+    return out
+
+
+def _stops(filled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], list[int]]:
+    """To which level nodes of each level follow their ray exactly; to which they just go; levels that end a gap."""
+    top = len(filled) - 1
+    levels = np.flatnonzero(filled)
+    breaks = np.flatnonzero(np.diff(levels) > _GAP) + 1
+    layers = [(int(part[0]), int(part[-1])) for part in np.split(levels, breaks) if part.size]
+    gates = [max(first - 1, 0) for first, _ in layers]
+    ends = [*gates[1:], min(int(levels[-1]) + 1, top)] if layers else []
+    followed, passed = np.full(top + 1, top), np.minimum(np.arange(top + 1) + 1, top)
+    for gate, (_, last), end in reversed(list(zip(gates, layers, ends, strict=True))):
+        followed[: last + 1] = end
+        passed[:gate] = gate
+        passed[gate : last + 1] = np.arange(gate, last + 1) + 1
+    return followed, np.minimum(passed, top), gates

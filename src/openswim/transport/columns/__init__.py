@@ -1,0 +1,1 @@
+"""Columns that are lit each by itself, and layers without sides."""

@@ -1,0 +1,1 @@
+"""Light that is scattered many times, by sweeps along discrete ordinates."""

@@ -1,0 +1,159 @@
+"""One row of nodes of a sweep: light carried from the upstream points to the nodes, LANES of them at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
+_SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
+_SHORT = np.float32(0.1)
+ALONG_X, ALONG_Y, ALONG_Z = 0, 1, 2  # the axis whose cells an ordinate crosses fastest
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def step_weights(extinction, extinction_up, ds):
+    """(trans, near, far) of a step: radiance = trans upstream + near source + far source_up; scalars or packs.
+
+    The same step as `step_emission`, source and extinction linear between, written with a single division since
+    divisions are what it costs.
+    """
+    tau = (extinction + extinction_up) * (_HALF * ds)
+    y = tau * _SIXTEENTH
+    p = y * (_HALF + y * (_SIXTH + y * (np.float32(1 / 24) + y * np.float32(1 / 120)))) + _ONE
+    p = y * p + _ONE
+    q = tau * _TWO + _TWELVE
+    d = choose_above(tau, _SHORT, tau, _SHORT)
+    pq = p * q
+    r = _ONE / (pq * d)
+    t = r * q * d  # e^(-tau/16), see `transmission`
+    t = t * t
+    t = t * t
+    t = t * t
+    t = t * t
+    series = _ONE - tau * (_HALF - tau * (_SIXTH - tau * np.float32(1 / 24)))
+    mean = choose_above(tau, _SHORT, (_ONE - t) * (r * pq), series) * ds
+    c = (r * p * d) * ds
+    return t, mean * (_HALF + extinction_up * c), mean * (_HALF - extinction * c)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e):
+    """The first upstream corners of a row, in the order of `carry_row`'s weights: `ALONG_Z` has all on the plane
+    before, the others two on each."""
+    first = aside if axis == ALONG_Y else row
+    second = row if axis == ALONG_Z else aside
+    third = row if axis == ALONG_X else aside
+    at[0], at_e[0] = near + first, near_e + first
+    at[1], at_e[1] = near + second + sx, near_e + second + sx
+    at[2], at_e[2] = last + third, last_e + third
+    at[3], at_e[3] = last + aside + sx, last_e + aside + sx
+    if axis == ALONG_X:
+        at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def between_corners(array, a, b, c, d, wa, wb, wc, wd):
+    """Bilinear values at the upstream points of LANES nodes, from the corners' four rows."""
+    low = wa * read_quadruple(array, a) + wb * read_quadruple(array, b)
+    return low + (wc * read_quadruple(array, c) + wd * read_quadruple(array, d))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def carry_row(
+    intensity, source, extinction, out, out_e, at, at_e, recurrent, step, cloudy, packs, nx, shift, entry, inflow, work,
+    room,
+):  # fmt: skip
+    """One row of an ordinate, whose first node is flat element ``out`` of the buffers, ``out_e`` of ``extinction``.
+
+    at, at_e (4,): the first upstream node of each corner. recurrent: corner a is the neighbour in this very row; all
+    but its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_step`;
+    ``cloudy``, from flat element ``packs`` on: the packs of nodes whose steps differ. entry: the node where ``inflow``
+    enters the row from beside, there is no medium upstream of it; or -1. ``work``: scratch of two rows, from flat
+    element ``room`` on.
+    """
+    share = room + intensity.shape[3]
+    wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
+    trans, near, far = flat(step, 5), flat(step, 6), flat(step, 7)
+    known = _ZERO if recurrent else wa
+    a, b, c, d = flat(at, 0), flat(at, 1), flat(at, 2), flat(at, 3)
+    e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)
+    ghost = flat(intensity, out + nx)  # the last pack may reach over it
+    for i in range(0, nx, LANES):
+        up = between_corners(intensity, a + i, b + i, c + i, d + i, known, wb, wc, wd)
+        source_up = between_corners(source, a + i, b + i, c + i, d + i, wa, wb, wc, wd)
+        own = read_quadruple(source, out + i)
+        if flat(cloudy, packs + i // LANES):
+            extinction_up = between_corners(extinction, e_a + i, e_b + i, e_c + i, e_d + i, wa, wb, wc, wd)
+            t, w_near, w_far = step_weights(read_quadruple(extinction, out_e + i), extinction_up, ds)
+            up = t * up + (w_near * own + w_far * source_up)
+            if recurrent:
+                write(work, share + i, wa * t)
+        else:
+            up = trans * up + (near * own + far * source_up)
+            if recurrent:
+                write(work, share + i, spread_quadruple(wa * trans))
+        if recurrent:
+            write(work, room + i, up)
+        else:
+            write(intensity, out + i, up)
+    if recurrent:
+        if entry >= 0:
+            put(work, room + entry, inflow)
+            put(work, share + entry, _ZERO)
+        _recur(intensity, out, work, room, share, nx, shift)
+    else:
+        put(intensity, out + nx, ghost)
+        if entry >= 0:
+            put(intensity, out + entry, inflow)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _recur(out, at, work, room, share, nx, shift):
+    """out[i] = known[i] + share[i] out[upstream neighbour], from the ghost node on.
+
+    ``work`` holds what is known, from flat element ``room`` on, and the shares, from ``share`` on. Four stretches of
+    the row at once, each from zero, since one alone waits for its own last node; what enters a stretch, times the
+    product of the shares on the way, is added after.
+    """
+    quarter = nx // 4
+    # node n of the way lies at `begin` + n `way`
+    way = -1 if shift > 0 else 1
+    begin = nx - 1 if shift > 0 else 0
+    r0, r1, r2, r3 = flat(out, at + begin + shift), _ZERO, _ZERO, _ZERO
+    p1, p2, p3 = _ONE, _ONE, _ONE
+    for n in range(quarter):
+        a = begin + way * n
+        b = a + way * quarter
+        c = b + way * quarter
+        d = c + way * quarter
+        r0 = r0 * flat(work, share + a) + flat(work, room + a)
+        r1 = r1 * flat(work, share + b) + flat(work, room + b)
+        r2 = r2 * flat(work, share + c) + flat(work, room + c)
+        r3 = r3 * flat(work, share + d) + flat(work, room + d)
+        p1 *= flat(work, share + b)
+        p2 *= flat(work, share + c)
+        p3 *= flat(work, share + d)
+        put(out, at + a, r0)
+        put(out, at + b, r1)
+        put(out, at + c, r2)
+        put(out, at + d, r3)
+        put(work, share + b, p1)
+        put(work, share + c, p2)
+        put(work, share + d, p3)
+    last = r0
+    if quarter > 0:
+        for part in range(1, 4):
+            end = begin + way * ((part + 1) * quarter - 1)
+            low = min(begin + way * (part * quarter), end)
+            for i in range(low, low + quarter):
+                put(out, at + i, flat(out, at + i) + last * flat(work, share + i))
+            last = flat(out, at + end)
+    for n in range(4 * quarter, nx):
+        a = begin + way * n
+        last = last * flat(work, share + a) + flat(work, room + a)
+        put(out, at + a, last)

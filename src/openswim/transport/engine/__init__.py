@@ -1,0 +1,1 @@
+"""What kernels share: packs of wavelengths, threads, scratch, ordinates, and the cache of what is compiled."""

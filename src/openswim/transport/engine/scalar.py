@@ -1,0 +1,185 @@
+"""Small pure functions of scalars and packs: the physics of one step, one place, one look-up.
+
+Every kernel is built of these and nothing else, so that a GPU back end or a hand-written adjoint can
+reuse them. Units are in the names; none of them keeps state.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.engine.pack import PACK, choose_above, flat
+
+__all__ = ["PACK", "flat"]  # beside what stands here
+
+_F1 = np.float32(1.0)
+_MOST_DEGREE = 12
+
+
+def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients of the normalised Legendre recurrences, [l, m] and [m]: roots are too dear for a kernel."""
+    a = np.zeros((_MOST_DEGREE, _MOST_DEGREE))
+    b = np.zeros((_MOST_DEGREE, _MOST_DEGREE))
+    for m in range(_MOST_DEGREE):
+        for ell in range(m + 1, _MOST_DEGREE):
+            a[ell, m] = math.sqrt((4.0 * ell * ell - 1.0) / (ell * ell - m * m))
+            b[ell, m] = math.sqrt(((ell - 1.0) ** 2 - m * m) / (4.0 * (ell - 1.0) ** 2 - 1.0))
+    m = np.arange(_MOST_DEGREE)
+    return a, b, -np.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0))
+
+
+UP, BACK, ALONG = _recurrence()
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def transmission(optical_depth):
+    """exp(-optical_depth) for any depth >= 0, absolute error below 2e-5; vectorises, unlike exp.
+
+    The Taylor polynomial of exp at a sixteenth of the depth, inverted and squared four times.
+    """
+    y = optical_depth * np.float32(0.0625)
+    p = _F1 + y * (
+        _F1 + y * (np.float32(0.5) + y * (np.float32(1 / 6) + y * (np.float32(1 / 24) + y * np.float32(1 / 120))))
+    )
+    t = _F1 / p
+    t = t * t
+    t = t * t
+    t = t * t
+    return t * t
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def step_emission(depth, trans, step_m, source_near, source_far, extinction_near, extinction_far):
+    """Light that one step adds at its near end, extinction and source linear along it.
+
+    (1 - e^-tau)/tau ds [(S_n + S_f)/2 + (S_n beta_f - S_f beta_n) ds/(12 + 2 tau)], docs/fast.md, F9;
+    right in the thin and the thick limit. ``depth`` = (beta_n + beta_f) ds/2, ``trans`` = e^-depth.
+    """
+    mean_transmission = choose_above(
+        depth, np.float32(0.01), (_F1 - trans) / depth, _F1 - depth * (np.float32(0.5) - depth * np.float32(1 / 6))
+    )
+    slope = (source_near * extinction_far - source_far * extinction_near) * step_m
+    return (
+        mean_transmission
+        * step_m
+        * (np.float32(0.5) * (source_near + source_far) + slope / (np.float32(12.0) + np.float32(2.0) * depth))
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
+    """Share (0..1) of a step after which ``optical_depth`` is met, extinction linear along it; it must be met."""
+    depth_per_m = optical_depth / step_m
+    square = extinction_near * extinction_near + np.float32(2.0) * (extinction_far - extinction_near) * depth_per_m
+    return min(np.float32(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, np.float32(0.0)))), _F1)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def height_m(x, y, z, radius_m):
+    """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
+    return height_of_square_m(x * x + y * y + z * (2.0 * radius_m + z), radius_m)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True)
+def height_of_square_m(q, radius_m):
+    """Height h from q = (R + h)^2 - R^2: near the ground by the series of the root, to 1e-9 of the height."""
+    x = q / (radius_m * radius_m)
+    if abs(x) < 0.04:
+        xx = x * x
+        return (
+            q
+            / (2.0 * radius_m)
+            * ((1.0 - 0.25 * x) + xx * ((0.125 - 0.078125 * x) + xx * (0.0546875 - 0.041015625 * x)))
+        )
+    return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def shadow_fraction(mu, mu_horizon, sun_radius_rad):
+    """Share of the sun's disc above the horizon (0..1), mu and mu_horizon being cosines of zenith angles."""
+    x = (mu - mu_horizon) / sun_radius_rad
+    if x >= 1.0:
+        return 1.0
+    if x <= -1.0:
+        return 0.0
+    return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def level_at(t, table):
+    """Entry t of a table, interpolated linearly (ends clamped)."""
+    n = table.shape[0] - 1
+    t = min(max(t, 0.0), n * 1.0)
+    i = min(int(t), n - 1)
+    low = flat(table, i)
+    return low + (t - i) * (flat(table, i + 1) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def table_index(value, origin, per_unit, table):
+    """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
+    return level_at((value - origin) * per_unit, table)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+def smoothstep(x):
+    """0 below 0, 1 above 1, smooth between."""
+    if x <= 0.0:
+        return 0.0
+    if x >= 1.0:
+        return 1.0
+    return x * x * (3.0 - 2.0 * x)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def harmonics(x, y, z, degree, out):
+    """Real orthonormal spherical harmonics Y_lm(x, y, z), l < degree, into out[l*l + l + m]."""
+    # P_mm and the upward recurrence in l, without the factor sin(theta)^m, which (x + iy)^m carries
+    c = 1.0
+    s = 0.0
+    pmm = 0.28209479177387814
+    for m in range(degree):
+        p0 = 0.0
+        p1 = pmm
+        for ell in range(m, degree):
+            if ell > m:
+                p2 = UP[ell, m] * (z * p1 - BACK[ell, m] * p0)
+                p0 = p1
+                p1 = p2
+            if m == 0:
+                out[ell * ell + ell] = p1
+            else:
+                out[ell * ell + ell + m] = 1.4142135623730951 * p1 * c
+                out[ell * ell + ell - m] = 1.4142135623730951 * p1 * s
+        pmm *= ALONG[m]
+        c, s = c * x - s * y, s * x + c * y
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def harmonics_symmetric(mu, cos_azimuth, degree, out):
+    """The harmonics even in azimuth (m >= 0) of a direction, into out[l*(l+1)/2 + m].
+
+    In the spherically symmetric atmosphere the field is even about the plane of sun and zenith, and the
+    cosine harmonics are all there is. The azimuth is taken from the sun's.
+    """
+    sin_theta = math.sqrt(max(0.0, 1.0 - mu * mu))
+    x = sin_theta * cos_azimuth
+    y = sin_theta * math.sqrt(max(0.0, 1.0 - cos_azimuth * cos_azimuth))
+    c = 1.0
+    s = 0.0
+    pmm = 0.28209479177387814
+    for m in range(degree):
+        p0 = 0.0
+        p1 = pmm
+        norm = 1.0 if m == 0 else 1.4142135623730951
+        for ell in range(m, degree):
+            if ell > m:
+                p2 = UP[ell, m] * (mu * p1 - BACK[ell, m] * p0)
+                p0 = p1
+                p1 = p2
+            out[ell * (ell + 1) // 2 + m] = norm * p1 * c
+        pmm *= ALONG[m]
+        c, s = c * x - s * y, s * x + c * y

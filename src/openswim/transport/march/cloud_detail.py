@@ -1,0 +1,211 @@
+"""Detail: what clouds of liquid water are like below a grid, for eyes that come near (docs/decisions/0017).
+
+A node holds a mean. Where a fractal noise exceeds the quantile that the mean asks for, there is cloud, elsewhere clear
+air. What rays are too wide to see of the noise blurs the edge between the two: as normal distributions add up, the mean
+stays what it is at any distance, and far away nothing is left to change.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from openswim.transport.engine.pack import PACK, flat, put, read, read_bytes, spread, write
+from openswim.transport.engine.scalar import smoothstep, transmission
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+# The noise: nodes of its period, a power of two; domes in it, each way; its integers per standard deviation
+TILE, _DOMES, _STEPS = 64, 11, 32
+_OCTAVES, _RATIO, _SHORTEST_M = 5, 2.17, 5.0
+_LONGEST_M = 2000.0  # cells of shallow convection are no larger, however wide those of the grid
+_PER_CELL = 1.4  # wavelength of the first octave: a grid tells what is two cells long, vaguely
+_EDGE = 0.2  # standard deviation of the octaves that are left out
+# Extinction within cloud over the greatest mean around, less one, so that no cloud is quite even; the less, the longer
+# waves are: holes as wide as a deck is thick would go through it
+_SURPLUS, _SURPLUS_M = 0.1, 500.0
+_THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
+_QUANTILES = 256
+_SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
+# Scratch: the octaves' weights, what `noise_at` finds; extinction, forward peaks and source where a detailed step
+# ended, and whether the next begins there
+NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 6 * PACK, 7 * PACK
+
+
+class Detail(NamedTuple):
+    """How clouds are refined below a grid; without octaves not at all."""
+
+    tile: NDArray[np.int8]  # (TILE, TILE, TILE, PACK) noise N(0, 1), and its slopes along the axes, of unit variance
+    turn: F64  # (octaves, 3, 3) from metres along the grid's axes to nodes of the tile
+    sun: F32  # (octaves, PACK) 1, then the direction to the sun in the tile's axes
+    wavelength_m: F64  # (octaves,)
+    weight: F32  # (octaves,) standard deviation
+    quantile: F32  # of the normal distribution, by share of the mean in `in_cloud`
+    refined: F32  # (species,) 1 for those that are
+    in_cloud: F32  # (nz, ny, nx) greatest extinction around each node, 1/m
+
+
+NO_DETAIL = Detail(
+    np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), np.float32), np.zeros(0),
+    np.zeros(0, np.float32), np.zeros(2, np.float32), np.zeros(1, np.float32), np.zeros((1, 1, 1), np.float32),
+)  # fmt: skip
+
+
+@cache
+def _tile() -> NDArray[np.int8]:
+    """Noise of domes with creases between them, as cauliflower has: distance to the nearest of scattered points, one
+    for each dome (Worley 1996), made normal by rank."""
+    from scipy.ndimage import map_coordinates
+    from scipy.spatial import cKDTree
+    from scipy.special import ndtri
+
+    rng = np.random.default_rng(17)
+    cells, nodes = (np.argwhere(np.ones((n, n, n))).astype(float) for n in (_DOMES, TILE))
+    points = (cells + rng.random(cells.shape)) * (TILE / _DOMES)
+    distance, _ = cKDTree(points % TILE, boxsize=TILE).query(nodes, workers=-1)
+    rank = np.empty(distance.size)
+    rank[np.argsort(-distance, kind="stable")] = (np.arange(distance.size) + 0.5) / distance.size
+    value = ndtri(rank).reshape(TILE, TILE, TILE)
+    # between nodes it varies less
+    value /= map_coordinates(value, rng.random((3, 100_000)) * TILE, order=1, mode="grid-wrap").std()
+    slopes = [np.roll(value, -1, axis) - np.roll(value, 1, axis) for axis in range(3)]
+    every = np.stack([value, *(s / s.std() for s in slopes)], axis=-1)
+    return np.ascontiguousarray(np.clip(np.round(_STEPS * every), -127, 127), np.int8)
+
+
+def first_wavelength_m(cell_m: float) -> float:
+    """Of the noise below a grid."""
+    return min(_PER_CELL * cell_m, _LONGEST_M)
+
+
+def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
+    """Detail of a grid of cells ``cell_m`` wide: extinction (nz, ny, nx) of all species (ns,) that are ``refined``, and
+    the direction to the sun along the grid's axes."""
+    from scipy.ndimage import maximum_filter
+    from scipy.special import ndtri
+
+    wavelength = first_wavelength_m(cell_m) / _RATIO ** np.arange(_OCTAVES)
+    wavelength = wavelength[(wavelength >= _SHORTEST_M) | (np.arange(_OCTAVES) == 0)]
+    rng = np.random.default_rng(71)
+    turns = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in wavelength])
+    weight = wavelength ** (1 / 3)  # k^-5/3
+    weight *= np.sqrt((1 - _EDGE**2) / (weight**2).sum())
+    most = 1.0 + _SURPLUS * min(1.0, _SURPLUS_M / wavelength[0])
+    share = np.linspace(0, 1, _QUANTILES) ** _THINNING
+    least = 0.5 / _QUANTILES
+    return Detail(
+        _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
+        np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(np.float32), wavelength,
+        weight.astype(np.float32), ndtri(np.clip(share, least, 1 - least)).astype(np.float32), refined,
+        np.asarray(np.float32(most) * maximum_filter(extinction, 3, mode="nearest"), np.float32),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def normal_share(x):
+    """Share of a normal distribution below x, within 2e-4 (Page 1977, Appl. Stat. 26, 75)."""
+    y = x * (np.float32(1.5957691) + np.float32(0.0713548) * x * x)
+    e = transmission(abs(y))
+    return (_ONE if y >= _ZERO else e) / (_ONE + e)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _quantile(share, table):
+    n = table.shape[0] - 1
+    t = min(max(share, _ZERO), _ONE) * np.float32(n)
+    i = min(int(t), n - 1)
+    low = flat(table, i)
+    return low + (t - np.float32(i)) * (flat(table, i + 1) - low)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def thickened(noise, edge, share, table):
+    """Extinction over its mean where the noise is what it is. Its mean is 1 for normal noise of variance 1 - edge^2,
+    for that of Phi((noise + q)/edge) is Phi(q). ``share``: the mean over `Detail.in_cloud`."""
+    q = _quantile(share, table)
+    return normal_share((noise + q) / edge) / normal_share(q)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sunward(slope, depth):
+    """Factor on the beam: more where cloud thins toward the sun, the more, the thicker (``depth``) lumps are. Its mean
+    is 1 at any noise, of which the slope is independent, and as often positive as negative."""
+    return _ONE - _SHADING * depth / (_ONE + depth) * slope / math.sqrt(_ONE + slope * slope)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def lerp(a, b, share):
+    """What lies between."""
+    return a + share * (b - a)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _row(field, n, right, a):
+    return lerp(flat(field, n), flat(field, n + right), a)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def scalar_at(field, ix, iy, level):
+    """A field (nz, ny, nx) at fractional indices within it."""
+    nz, ny, nx = field.shape
+    k, j, i = min(int(level), nz - 2), min(int(iy), ny - 2), min(int(ix), nx - 2)
+    a, b, c = np.float32(ix - i), np.float32(iy - j), np.float32(level - k)
+    n = (k * ny + j) * nx + i
+    m = n + ny * nx
+    return lerp(
+        lerp(_row(field, n, 1, a), _row(field, n + nx, 1, a), b),
+        lerp(_row(field, m, 1, a), _row(field, m + nx, 1, a), b), c,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def seen_octaves(detail, blur_m, scratch):
+    """Note the weight that a blur leaves of every octave. Returns how many are seen, and the standard deviation of what
+    is not."""
+    count = 0
+    left = _ONE
+    for n in range(detail.wavelength_m.shape[0]):
+        seen = np.float32(smoothstep(flat(detail.wavelength_m, n) / blur_m - 1.0)) * flat(detail.weight, n)
+        put(scratch, n, seen)
+        left -= seen * seen
+        if seen > _ZERO:
+            count = n + 1
+    return count, np.float32(math.sqrt(left))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def noise_at(detail, count, x, y, z, scratch):
+    """Noise at a place (metres along the grid's axes) and the three parts of its slope toward the sun, into
+    scratch[NOISE:], by the weights of `seen_octaves`."""
+    total = spread(_ZERO)
+    tile, turn = detail.tile, detail.turn
+    mask = TILE - 1
+    for n in range(count):
+        m = 9 * n
+        u = flat(turn, m) * x + flat(turn, m + 1) * y + flat(turn, m + 2) * z
+        v = flat(turn, m + 3) * x + flat(turn, m + 4) * y + flat(turn, m + 5) * z
+        w = flat(turn, m + 6) * x + flat(turn, m + 7) * y + flat(turn, m + 8) * z
+        fu, fv, fw = math.floor(u), math.floor(v), math.floor(w)
+        a, b, c = np.float32(u - fu), np.float32(v - fv), np.float32(w - fw)
+        i, j, k = int(fu) & mask, int(fv) & mask, int(fw) & mask
+        i1, j1, k1 = ((i + 1) & mask) * TILE * TILE * PACK, ((j + 1) & mask) * TILE * PACK, ((k + 1) & mask) * PACK
+        i, j, k = i * TILE * TILE * PACK, j * TILE * PACK, k * PACK
+        low = lerp(
+            lerp(read_bytes(tile, i + j + k), read_bytes(tile, i + j + k1), c),
+            lerp(read_bytes(tile, i + j1 + k), read_bytes(tile, i + j1 + k1), c), b,
+        )  # fmt: skip
+        up = lerp(
+            lerp(read_bytes(tile, i1 + j + k), read_bytes(tile, i1 + j + k1), c),
+            lerp(read_bytes(tile, i1 + j1 + k), read_bytes(tile, i1 + j1 + k1), c), b,
+        )  # fmt: skip
+        total += np.float32(1 / _STEPS) * flat(scratch, n) * read(detail.sun, n * PACK) * lerp(low, up, a)
+    write(scratch, NOISE, total)

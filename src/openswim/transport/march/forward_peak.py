@@ -1,0 +1,85 @@
+"""The forward peak that delta scaling takes out of the phase function, broadened by repeated scattering.
+
+docs/fast.md, F17: with f = max(chi_M, 0) and r_l = f (l < M), chi_l above, light that meets the forward depth phi on
+its way from the sun to a point and on to the eye is scattered there by what truncation leaves of the phase function,
+R(Theta, phi) = sum_l (2l+1) r_l (exp(-phi (1 - p_l)) - exp(-phi))/(p_l phi) P_l(cos Theta), p_l = min(r_l/f, 1).
+Of n narrow scatterings each is as likely the one at the point: that is the 1/(p phi). See
+docs/decisions/0029-peaks-on-both-ways.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.scene.phase import PhaseFunction
+
+Array = NDArray[np.float64]
+
+_ANGLES = 721
+_DEPTHS = 32
+_MOST_MOMENTS = 900
+_NO_PEAK = 1e-6
+# ice has a peak so narrow that its moments do not end here: cut off, they would draw rings .4 degrees apart
+_TAPER = np.exp(-12.0 * (np.arange(_MOST_MOMENTS) / _MOST_MOMENTS) ** 4)
+
+
+def _legendre(x: Array, count: int) -> Array:
+    """P_l(x), (count, n)."""
+    out = np.empty((count, len(x)))
+    out[0], out[1] = 1, x
+    for ell in range(1, count - 1):
+        out[ell + 1] = ((2 * ell + 1) * x * out[ell] - ell * out[ell - 1]) / (ell + 1)
+    return out
+
+
+def forward_share(moments: Array, degree: int) -> Array:
+    """f of Legendre moments (..., l): what delta scaling counts as not scattered; 0 where there is no forward peak."""
+    return np.maximum(moments[..., degree], 0.0)
+
+
+@lru_cache(maxsize=64)
+def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
+    """R (angle, depth): 721 angles at pi (i/720)^2, 32 depths at phi/(1 + phi) = j/31.
+
+    Column 0 (phi = 0) is the exact phase function less its truncated part: the TMS correction (Nakajima & Tanaka
+    1988). Without a forward peak it is what all the beam is scattered by.
+    """
+    moments = phase.moments(_MOST_MOMENTS)
+    f = forward_share(moments, degree)
+    angle = np.pi * (np.arange(_ANGLES) / (_ANGLES - 1)) ** 2
+    x = np.cos(angle)
+    legendre = _legendre(x, _MOST_MOMENTS)
+    weight = 2 * np.arange(_MOST_MOMENTS) + 1.0
+    low = weight[:degree] * (moments[:degree] - f)
+    table = np.repeat((phase.value(x) - low @ legendre[:degree])[:, None], _DEPTHS, axis=1)
+    if f < _NO_PEAK:
+        return table.astype(np.float32)
+    left = moments.copy()
+    left[:degree] = f
+    p = np.minimum(left / f, 1.0)  # the beam holds no more of a moment than of all its light
+    u = np.arange(1, _DEPTHS) / (_DEPTHS - 1)
+    phi = np.where(u < 1, u / np.maximum(1 - u, 1e-9), 1e6)[:, None]
+    met = phi * p
+    size = np.maximum(np.abs(met), 1e-12)
+    growth = np.exp(np.maximum(met, 0) - phi) * -np.expm1(-size) / size
+    # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
+    growth = (growth - np.exp(-phi)) * _TAPER
+    table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
+    return table.astype(np.float32)
+
+
+def blunted(tables: NDArray[np.float32], angle_deg: float) -> NDArray[np.float32]:
+    """`peak_tables` no higher within an angle of the sun than at it."""
+    first = round((tables.shape[1] - 1) * np.sqrt(angle_deg / 180.0))
+    out = tables.copy()
+    out[:, :first] = out[:, first : first + 1]
+    return out
+
+
+def peak_tables(phases: Sequence[Sequence[PhaseFunction]], degree: int) -> NDArray[np.float32]:
+    """Stacked tables (scatterer, angle, depth, wavelength) for the kernels."""
+    return np.stack([np.stack([peak_table(p, degree) for p in row], axis=-1) for row in phases])

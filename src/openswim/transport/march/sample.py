@@ -1,0 +1,292 @@
+"""Sample: what a point of the grid, or of the shells, does to light on its way to the eye.
+
+Eye rays are dimmed by the delta-scaled extinction; what the forward peaks scatter besides is gathered by itself, for by
+it they broaden (docs/fast.md, F17) and the sun's disc fades.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.engine.pack import (
+    PACK,
+    choose_above,
+    flat,
+    high,
+    low,
+    pack_of,
+    read,
+    read_double,
+    read_lanes,
+    read_quadruple,
+    spread,
+    whole,
+    write,
+)
+from openswim.transport.engine.scalar import harmonics, shadow_fraction, smoothstep, table_index, transmission
+from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
+
+_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+# directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
+SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
+
+# What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol, without the part of
+# its peak that is resolved; what each species scatters of the beam once (RAY on)
+_MOLECULES, _AEROSOL, RAY = 0, PACK, 2 * PACK
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def prepare_ray(cos_angle, table, phase, volume, ray, peak):
+    """Fill in what is constant along a straight ray: phase functions and peaks. Returns the resolved peak's share."""
+    inner, outer = volume.peak_inner, volume.peak_outer
+    share = np.float32(smoothstep((cos_angle - outer) / (inner - outer)))
+    for s in range(volume.species):
+        write(ray, RAY + s * PACK, spread(_ZERO))
+    for kind in range(2):
+        p0, p1 = 1.0, cos_angle
+        total = spread(_ZERO)
+        for ell in range(DEGREE):
+            legendre = np.float32((2 * ell + 1) * p0)
+            total += legendre * read(phase, (kind * DEGREE + ell) * PACK)
+            if kind == 0:
+                for s in range(volume.species):
+                    once = legendre * read(volume.single, (s * DEGREE + ell) * PACK)
+                    write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + once)
+            p0, p1 = p1, ((2 * ell + 3) * cos_angle * p1 - (ell + 1) * p0) / (ell + 2)
+        write(ray, kind * PACK, total)
+    angle = math.acos(min(1.0, max(-1.0, cos_angle)))
+    n = table.shape[1] - 1
+    t = math.sqrt(angle / math.pi) * n
+    i = min(int(t), n - 1)
+    a = np.float32(t - i)
+    depths = table.shape[2] if share > _ZERO else 1
+    stride = table.shape[2] * PACK
+    for s in range(table.shape[0]):
+        start = (s * table.shape[1] + i) * stride
+        for d in range(depths):
+            near = read(table, start + d * PACK)
+            write(peak, s * stride + d * PACK, near + a * (read(table, start + stride + d * PACK) - near))
+    write(ray, _AEROSOL, read(ray, _AEROSOL) + (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
+    for s in range(volume.species):
+        narrow = (_ONE - share) * read(peak, s * stride)
+        write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + narrow)
+    return share
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _lerp(a, b, share):
+    return a + share * (b - a)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _four(array, n, right, up, v00, v01, v10, v11):
+    """Bilinear mean of four quadruple packs of an array, at flat element n, to the right of it, and up."""
+    low_row = v00 * read_quadruple(array, n) + v01 * read_quadruple(array, n + right)
+    return low_row + (v10 * read_quadruple(array, n + up) + v11 * read_quadruple(array, n + up + right))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sun_table_coordinate(mu, mu_horizon, count):
+    """Fractional index on the sun axis of `Shells.slant`: square root of the cosine above the horizon."""
+    t = math.sqrt(max(0.0, (mu - mu_horizon) / (1.0 - mu_horizon))) * (count - 1)
+    return min(t, count - 1.000001)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _peak_place(depth, count):
+    """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth)."""
+    last = np.float32(count - 1)
+    p = depth / (_ONE + depth) * last
+    q = whole(choose_above(p, last - _ONE, last - _ONE, p))
+    return q, p - q
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _peak_at(peak, start, q, part):
+    """A forward peak (depths, PACK) that begins at flat element ``start``."""
+    return _lerp(read_lanes(peak, start, q), read_lanes(peak, start + PACK, q), part)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def turn_ray(dx, dy, dz, volume, ray):
+    """Fill in the harmonics of the ray's direction behind what `prepare_ray` does, where sources are read by them."""
+    if volume.turning.shape[0] > 0:
+        harmonics(dx, dy, dz, DEGREE, ray[RAY + volume.species * PACK :])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
+    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on; of those that do not
+    tell it, toward the eye."""
+    size = DEGREE * DEGREE * PACK
+    first = RAY + volume.species * PACK
+    total = spread(_ZERO)
+    for corner in range(8):
+        at = node + (above if corner >= 4 else 0) + (up if corner & 2 else 0) + (right if corner & 1 else 0)
+        share = (g if corner >= 4 else _ONE - g) * (
+            (v11 if corner & 1 else v10) if corner & 2 else (v01 if corner & 1 else v00)
+        )
+        start = int(flat(volume.turning_row, at)) * size
+        if share > _ZERO:
+            here = read(volume.fields, at * volume.fields.shape[3] + PACK)
+            if start > 0:
+                here = spread(_ZERO)
+                for n in range(DEGREE * DEGREE):
+                    here += flat(ray, first + n) * read(volume.turning, start + n * PACK)
+            total += share * here
+    return total
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes):
+    """A point of the grid, at fractional indices; its channels are left in ``nodes``.
+
+    ahead: forward depth to the eye, but for this point's ``half_step``. Returns packs of extinction, of what the
+    forward peaks scatter besides, of the diffuse source, of what is scattered of the beam, of the beam, and of the
+    air's own extinction; then the species' reference extinction.
+    """
+    nz, ny, nx, nc = volume.fields.shape
+    k = min(int(level), nz - 2)
+    g = np.float32(level - k)
+    i = min(int(ix), nx - 1)
+    j = min(int(iy), ny - 1)
+    a = np.float32(ix - i)
+    b = np.float32(iy - j)
+    right, up = nc, nx * nc
+    if i + 1 >= nx:
+        right = -i * nc if volume.periodic else 0
+    if j + 1 >= ny:
+        up = -j * nx * nc if volume.periodic else 0
+    v11 = a * b
+    v01, v10 = a - v11, b - v11
+    v00 = _ONE - a - v10
+    here = ((k * ny + j) * nx + i) * nc
+    above = here + ny * nx * nc
+    f = volume.fields
+    node = _lerp(_four(f, here, right, up, v00, v01, v10, v11), _four(f, above, right, up, v00, v01, v10, v11), g)
+    write(nodes, 0, node)
+    for base in range(4 * PACK, nc, 4 * PACK):  # only where there are many species
+        lower = _four(f, here + base, right, up, v00, v01, v10, v11)
+        write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
+    air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
+    air, forward = low(low(air_row)), high(high(air_row))
+    resolved, single = spread(_ZERO), spread(_ZERO)
+    root_of_beam = low(low(node))
+    beam = root_of_beam * root_of_beam
+    extinction = air
+    cloud = flat(nodes, volume.cloud_channel)
+    if cloud > _ZERO or volume.shining:
+        for s in range(volume.species if cloud > _ZERO else 0):
+            x = flat(nodes, 2 * PACK + s)
+            extinction += x * read(volume.scaled, s * PACK)
+            forward += x * read(volume.forward, s * PACK)
+        q, part = spread(_ZERO), spread(_ZERO)
+        depths = peak.shape[1]
+        if share > _ZERO:
+            c = volume.forward_channel
+            depth = pack_of(
+                flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
+            )
+            haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
+            q, part = _peak_place(depth + haze + ahead + half_step * forward, depths)
+        # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
+        if volume.shining:
+            # not from the nodes, whose own angles differ from the ray's
+            aerosol = low(high(air_row))
+            single = high(low(air_row)) * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
+            if share > _ZERO:
+                resolved = aerosol * _peak_at(peak, volume.species * depths * PACK, q, part)
+        if cloud > _ZERO:
+            if volume.bend.shape[0] > 0:
+                at = ((k * ny + j) * nx + i) * PACK
+                bend = a * (_ONE - a) * flat(volume.bend, at) + b * (_ONE - b) * flat(volume.bend, at + 1)
+                bend += g * (_ONE - g) * flat(volume.bend, at + 2)
+                beam *= transmission(bend * read(volume.bend_share, 0))
+                beam = choose_above(beam, _ONE, spread(_ONE), beam)
+            for s in range(volume.species):
+                x = flat(nodes, 2 * PACK + s)
+                start = s * depths * PACK
+                single += x * read(ray, RAY + s * PACK)
+                if share > _ZERO:
+                    resolved += x * _peak_at(peak, start, q, part)
+        single += share * resolved
+    source = high(low(node))
+    if volume.turning.shape[0] > 0:
+        at = (k * ny + j) * nx + i
+        source = _turned(at, right // nc, up // nc, ny * nx, v00, v01, v10, v11, g, ray, volume)
+    if volume.per_extinction:
+        source *= extinction
+    return extinction, forward, source, single, beam, air, cloud
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _towards(source, n, share):
+    """Two packs of `Shells.source` that differ in azimuth, between a zenith angle and the next."""
+    near = read_double(source, n)
+    return near + share * (read_double(source, n + SOURCE_AZIMUTHS * PACK) - near)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
+    """What diffuse light the shells scatter toward the eye, by the cosines of the zenith angle and of the azimuth."""
+    x = (cos_angle - mu * mu_sun) / math.sqrt(max(1e-12, (1.0 - mu * mu) * (1.0 - mu_sun * mu_sun)))
+    z = 0.5 * (SOURCE_ZENITHS - 1) * (1.0 + min(max(mu, -1.0), 1.0))
+    x = 0.5 * (SOURCE_AZIMUTHS - 1) * (1.0 + min(max(x, -1.0), 1.0))
+    i, j = min(int(z), SOURCE_ZENITHS - 2), min(int(x), SOURCE_AZIMUTHS - 2)
+    a, b = np.float32(z - i), np.float32(x - j)
+    suns = shells.source.shape[1]
+    place = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
+    m = min(int(place), suns - 2)
+    e = np.float32(place - m)
+    u11 = share * e
+    u01, u10 = e - u11, share - u11
+    u00 = _ONE - share - u01
+    right = SOURCE_ZENITHS * SOURCE_AZIMUTHS * PACK
+    up = suns * right
+    n = (level * suns + m) * right + (i * SOURCE_AZIMUTHS + j) * PACK
+    f = shells.source
+    both = u00 * _towards(f, n, a) + u01 * _towards(f, n + right, a)
+    both += u10 * _towards(f, n + up, a) + u11 * _towards(f, n + up + right, a)
+    return low(both) + b * (high(both) - low(both))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, ahead, half_step, shells, haze):
+    """A point of the shells: see `sample_grid`. ``haze``: row of the aerosol in ``peak``."""
+    above = max(h - shells.ground_m, 0.0)
+    level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
+    k = min(int(level), shells.rows.shape[0] - 2)
+    c = np.float32(level - k)
+    mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), level - k)
+    lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
+    columns = shells.slant.shape[1]
+    t = sun_table_coordinate(mu_sun, mu_horizon, columns)
+    m = int(t)
+    e = np.float32(t - m)
+    v11 = c * e
+    v01, v10 = e - v11, c - v11
+    v00 = _ONE - c - v01
+    right = 2 * PACK
+    up = columns * right
+    n = k * up + m * right
+    slant = (
+        v00 * read_double(shells.slant, n)
+        + v01 * read_double(shells.slant, n + right)
+        + v10 * read_double(shells.slant, n + up)
+        + v11 * read_double(shells.slant, n + right + up)
+    )
+    row = _lerp(read_quadruple(shells.rows, k * 4 * PACK), read_quadruple(shells.rows, (k + 1) * 4 * PACK), c)
+    extinction, molecules = low(low(row)), high(low(row))
+    aerosol, forward = low(high(row)), high(high(row))
+    beam = lit * transmission(low(slant))
+    single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
+    smooth = _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
+    if share > _ZERO:
+        q, part = _peak_place(high(slant) + ahead + half_step * forward, peak.shape[1])
+        single += share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
+    return extinction, forward, smooth, single, beam, extinction

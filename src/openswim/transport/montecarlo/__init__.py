@@ -1,0 +1,1 @@
+"""The reference: paths of photons from the eye backwards."""

@@ -1,0 +1,293 @@
+"""One camera path of the Monte Carlo solver, from the eye to wherever its light came from.
+
+Backward paths with next-event estimation to the sun. All wavelengths share a path: each has its own weight, and what
+is drawn is drawn from the mean of their distributions (Wilkie et al. 2014). Weights never estimate the same light
+twice: directions toward the sun's forward peak are drawn both by the phase function and by aiming at the sun, joined
+by the balance heuristic (detection-directional importance sampling of Buras & Mayer 2011, made a split).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from openswim.transport.montecarlo.cell_track import fly_flat
+from openswim.transport.montecarlo.ground import (
+    mirrored,
+    mirrored_density,
+    mirrored_light,
+    mirrored_share,
+    reflectance,
+)
+from openswim.transport.montecarlo.phase import drawn_q, phase_place, turned, uniform, unit_circle
+from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet, sizes
+from openswim.transport.montecarlo.sun_guess import add_sunlight
+from openswim.transport.montecarlo.track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
+
+_FLAGS = {"contract", "nsz", "arcp"}
+STACK = 48  # split paths that wait
+LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
+LEAST_GROUND = 0.4  # likewise, where it leaves the ground,
+LEAST_RETURN = 0.1  # which is never rarer than this
+_CLEAR = 0.98  # of the sun's light: from ground that has as much, the sun is not aimed at
+LEAST_SOURCE = 0.1  # of a local estimate, likewise
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def scatterers(event, h, world, shares, scattered, nodes):
+    """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
+    nw, ns = sizes(world, scattered)
+    if world.kind.ndim == 3:
+        shares[0, 0] = 1.0
+        return 0, 1
+    if event == CLOUD:
+        for w in range(nw):
+            inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
+            for n in range(ns):
+                shares[n, w] = nodes[n] * world.scattering[n, w] * inverse
+        return 0, ns
+    i, f = air_place(h, world)
+    low, high = world.air[i], world.air[i + 1]
+    for w in range(nw):
+        inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
+        for n in range(2):
+            shares[ns + n, w] = (low[1 + n, w] + f * (high[1 + n, w] - low[1 + n, w])) * inverse
+    return ns, ns + 2
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def mixed_phase(q, w, first, last, nw, shares, phases):
+    """Phase function of the mixture at wavelength w."""
+    i, f = phase_place(q, phases.q)
+    p = 0.0
+    for n in range(first, last):
+        v = phases.value[n * nw + w]
+        p += shares[n, w] * (v[i] + f * (v[i + 1] - v[i]))
+    return p
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def black(ix, iy, straight, ray, seen, world, out):
+    """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
+    nw, _ = sizes(world, out)
+    if straight and not seen.lambertian:
+        return False
+    if not straight:
+        diffuse_albedo(ix, iy, world, out)
+    most = 0.0
+    for w in range(nw):
+        most = max(most, seen.albedo[ray, w] if straight else out[w])
+    return most <= 0.0
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def off_sun(dx, dy, dz, world):
+    """1 - cos of the angle between a direction and the sun's, without cancellation."""
+    x, y, z = dx - world.sun[0], dy - world.sun[1], dz - world.sun[2]
+    return 0.5 * (x * x + y * y + z * z)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def aimed(q, phases):
+    """Density of directions aimed at the sun, mean 1 over the sphere."""
+    i, f = phase_place(q, phases.q)
+    return phases.aim[i] + f * (phases.aim[i + 1] - phases.aim[i])
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out):
+    """As `montecarlo_shade.add_sunlight`, in any world: where it is small, chance decides whether it is looked at."""
+    nw, _ = sizes(world, beam)
+    worth = 0.0
+    for w in range(nw):
+        worth = max(worth, weight[w] * factor[w])
+    chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
+    if worth <= 0.0 or (chance < 1.0 and uniform(rng) >= chance):
+        return
+    for w in range(nw):
+        before[w] = weight[w] * factor[w] / chance
+    if sunlight(x, y, z, h, world, beam, nodes, rng):
+        for w in range(nw):
+            out[w] += before[w] * beam[w]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def trace(
+    ox, oy, oz, dx, dy, dz, ray, eye, seen, boosted, boost, aiming, world, phases, scratch, shares, nodes, stack, rng,
+    out,
+):  # fmt: skip
+    """Add one path's radiance to ``out`` (nw,). ``aiming``: chance to split a path toward the sun at a scattering.
+
+    ``eye``: the ground that the path meets first is seen as ``seen`` says, else as by scattered light.
+    ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK, 7 + nw): work space.
+    """
+    nw, _ = sizes(world, out)
+    weight, scattered, taken, beam, factor, before = (
+        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5],
+    )  # fmt: skip
+    x, y, z = ox, oy, oz
+    straight = eye
+    whole = 0.0
+    for w in range(nw):
+        weight[w] = 1.0
+    waiting = 0
+    while True:
+        if world.kind.ndim > 1:
+            event, s, h, ix, iy = fly_flat(x, y, z, dx, dy, dz, weight, scattered, taken, nodes, world, rng)
+        else:
+            event, s, h, ix, iy = fly(
+                x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
+            )  # fmt: skip
+        alive = event != ESCAPED and not (event == GROUND and black(ix, iy, straight, ray, seen, world, factor))
+        if alive:
+            x, y, z = x + s * dx, y + s * dy, z + s * dz
+            total = 0.0
+            for w in range(nw):
+                total += weight[w]
+            if whole == 0.0:
+                whole = total
+            first, last, bright, by_waves = 0, 0, 0.0, 0.0
+            nx, ny, nz = 0.0, 0.0, 1.0
+            if event == GROUND:
+                nx, ny, nz = facet(ix, iy, x, y, z, h, world)
+                x, y, z = x + NUDGE_M * nx, y + NUDGE_M * ny, z + NUDGE_M * nz
+                h += NUDGE_M * nz
+                toward_sun = nx * world.sun[0] + ny * world.sun[1] + nz * world.sun[2]
+                toward_eye = -(nx * dx + ny * dy + nz * dz)
+                cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
+                if straight:
+                    reflectance(toward_sun, toward_eye, cos_angle, ray, seen, factor)
+                    by_waves = mirrored_share(ray, seen)
+                    if by_waves > 0.0:
+                        bright = total * mirrored_light(toward_eye, ray, seen)
+                else:
+                    diffuse_albedo(ix, iy, world, factor)
+                for w in range(nw):
+                    bright += weight[w] * factor[w]
+                    factor[w] *= 4.0 * max(toward_sun, 0.0)
+            else:
+                first, last = scatterers(event, h, world, shares, scattered, nodes)
+                q = off_sun(dx, dy, dz, world)
+                for w in range(nw):
+                    factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+            lit = 0.0
+            if world.kind.ndim > 1:
+                lit = add_sunlight(
+                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng,
+                    out,
+                )  # fmt: skip
+            else:
+                _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
+            if event == GROUND:
+                chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)
+                alive = uniform(rng) < chance
+                total /= chance
+                for w in range(nw):
+                    weight[w] /= chance
+            # two ways on: by the phase function, and by chance a second photon aimed at the sun
+            density = 0.0
+            if alive and waiting < STACK and not (event == GROUND and lit > _CLEAR):
+                density = aiming
+            split = density > 0.0 and uniform(rng) < density
+            for w in range(nw):
+                before[w] = weight[w]
+            ax, ay, az = dx, dy, dz
+            for way in range(alive + split):
+                own = 0.0
+                if way == 1:
+                    q, _ = drawn_q(uniform(rng), phases.q, phases.aim, phases.aim_chance, phases.aim_guide)
+                    c, e = unit_circle(rng)
+                    dx, dy, dz = turned(world.sun[0], world.sun[1], world.sun[2], q, c, e)
+                elif event == GROUND and by_waves > 0.0 and uniform(rng) < by_waves:
+                    dx, dy, dz = mirrored(ax, ay, az, nx, ny, nz, ray, seen, rng)
+                elif event == GROUND:
+                    c, e = unit_circle(rng)
+                    q = 1.0 - math.sqrt(uniform(rng))
+                    dx, dy, dz = turned(nx, ny, nz, q, c, e)
+                else:
+                    lead = 0
+                    if nw > 1:
+                        pick = uniform(rng) * total
+                        while lead < nw - 1 and pick >= before[lead]:
+                            pick -= before[lead]
+                            lead += 1
+                    n = first
+                    if last - first > 1:
+                        pick = uniform(rng)
+                        while n < last - 1 and pick >= shares[n, lead]:
+                            pick -= shares[n, lead]
+                            n += 1
+                    row = n * nw + lead
+                    q, own = drawn_q(uniform(rng), phases.q, phases.value[row], phases.chance[row], phases.guide[row])
+                    c, e = unit_circle(rng)
+                    dx, dy, dz = turned(ax, ay, az, q, c, e)
+                # densities of this direction: by the photon's own way, and by aiming
+                if event == GROUND:
+                    toward = nx * dx + ny * dy + nz * dz
+                    own = 4.0 * max(toward, 0.0)
+                    if straight:
+                        cos_angle = -(dx * ax + dy * ay + dz * az)
+                        reflectance(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
+                    else:
+                        diffuse_albedo(ix, iy, world, factor)
+                    for w in range(nw):
+                        factor[w] *= own
+                    if by_waves > 0.0:
+                        own *= 1.0 - by_waves
+                        own += by_waves * mirrored_density(ax, ay, az, dx, dy, dz, nx, ny, nz, ray, seen)
+                elif way == 0 and nw == 1 and last - first == 1:
+                    factor[0] = own
+                else:
+                    if way == 1:
+                        ux, uy, uz = dx - ax, dy - ay, dz - az
+                        q = 0.5 * (ux * ux + uy * uy + uz * uz)
+                    own = 0.0
+                    for w in range(nw):
+                        factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+                        own += before[w] * factor[w]
+                    own /= total
+                worth = 0.0
+                toward_sun = aimed(off_sun(dx, dy, dz, world), phases) if density > 0.0 else 0.0
+                both = own + density * toward_sun
+                scale = 1.0 / both if both > 0.0 else 0.0
+                for w in range(nw):
+                    weight[w] = before[w] * factor[w] * scale
+                    worth += weight[w]
+                # a path is worth its weight, and more where the sun's forward peak is near
+                worth *= (1.0 + density * toward_sun) / (LEAST_WORTH * whole)
+                if worth < 1.0:
+                    if worth <= 0.0 or uniform(rng) >= worth:
+                        weight[0] = -1.0
+                    else:
+                        for w in range(nw):
+                            weight[w] /= worth
+                if way == 0:
+                    alive = weight[0] >= 0.0
+                    if split:
+                        # kept while the second way is tried
+                        keep = stack[STACK + 1]
+                        keep[0], keep[1], keep[2] = dx, dy, dz
+                        for w in range(nw):
+                            keep[7 + w] = weight[w]
+                elif weight[0] >= 0.0:
+                    entry = stack[waiting]
+                    entry[0], entry[1], entry[2], entry[3], entry[4], entry[5] = x, y, z, dx, dy, dz
+                    for w in range(nw):
+                        entry[7 + w] = weight[w]
+                    waiting += 1
+            if split:
+                keep = stack[STACK + 1]
+                dx, dy, dz = keep[0], keep[1], keep[2]
+                for w in range(nw):
+                    weight[w] = keep[7 + w]
+            straight = False
+        if not alive:
+            if waiting == 0:
+                return
+            waiting -= 1
+            entry = stack[waiting]
+            x, y, z, dx, dy, dz = entry[0], entry[1], entry[2], entry[3], entry[4], entry[5]
+            for w in range(nw):
+                weight[w] = entry[7 + w]
+            straight = False

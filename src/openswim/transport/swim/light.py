@@ -1,0 +1,99 @@
+"""The `swim` setting, light: scalar irradiance from the optical depth to the sun instead of a solved diffuse field.
+
+Albers et al. 2020, Eqs 4-8 as corrected; `swim_view` makes radiance of it. docs/swim.md lists every equation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.beam.direct import direct_beam
+from openswim.transport.beam.lit_volume import depths_to_sun
+from openswim.transport.beam.sun_sweep import beyond_sides, inside
+from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
+from openswim.transport.lit.lit_grid import GridLight
+from openswim.transport.march.empty_space import beside, occupied
+from openswim.transport.march.volume import Shells, Volume
+from openswim.transport.medium.medium import Medium
+from openswim.transport.swim.layer import (
+    absorbed_transmittance,
+    diffuse_albedo,
+    layer_albedo,
+    multiple_scattering_albedo,
+)
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_CONSERVATIVE = 0.999  # single-scattering albedo above which absorption is not followed
+
+
+def backscatter_weights(medium: Medium) -> F32:
+    """b_i (ns, nw) of Eq. 4, per reference extinction."""
+    rows = [s.backscatter_fraction * s.relative_extinction for s in medium.species]
+    return np.array(rows, np.float32).reshape(len(rows), len(medium.wavelengths_nm))
+
+
+def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64) -> None:
+    """Source beta omega E/E_TOA at every node (Eqs 4-8) and the flux below it at the ground (Sect. 3.7)."""
+    medium = light.medium
+    mu = lighting.mu_sun.ravel()
+    shape = lighting.mu_sun.shape
+    clear_diffuse = sky_flux(shells, mu)
+    lighting.clear_sky = clear_sky_table(shells, sun)
+    ground = (medium.levels_m[:, None, None] < medium.terrain_m).sum(axis=0)
+    ground = np.minimum(ground, len(medium.levels_m) - 1)[None]
+    airs = np.empty((light.count, *medium.shape), np.float32)
+    clears = np.empty((light.count, *shape), np.float32)
+    in_threads(
+        direct_beam, beyond_sides(1, medium.shape), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
+        medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
+    )  # fmt: skip
+    for w in range(len(medium.wavelengths_nm)):
+        if w >= light.count:  # padding
+            volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
+            lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
+            continue
+        air, clear = airs[w], clears[w]
+        backscatter_depth = volume.fields[..., volume.forward_channel[w]]
+        transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
+        reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
+        path = _sun_path(medium, local_sun, w)
+        if path is not None:
+            transmittance *= absorbed_transmittance(*path).astype(np.float32)
+            reflected *= multiple_scattering_albedo(*(np.take_along_axis(x, ground, 0)[0] for x in path))  # Eq. 31
+        scattering = np.zeros(medium.shape, np.float32)
+        for s, extinction in zip(medium.species, medium.extinction, strict=True):
+            scattering += np.float32(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
+        volume.fields[..., PACK + w] = scattering * transmittance * air  # Eq. 8
+        below = np.take_along_axis(transmittance, ground, 0)[0]
+        vertical = np.take_along_axis(backscatter_depth, ground, 0)[0] * np.maximum(lighting.mu_sun, 0.02)
+        total = clear * below * np.maximum(lighting.mu_sun, 0) + clear_diffuse[:, w].reshape(shape) * below
+        # what the ground sends up and the cloud back again (the surface albedo that Eq. 8 leaves for later)
+        total /= 1 - lighting.albedo[w] * np.mean(diffuse_albedo(vertical))
+        lighting.diffuse[w] = np.maximum(total - lighting.direct_horizontal(w), 0)
+        # the air's own light is left out
+        from_ground = lighting.albedo[w] * total * (1 - diffuse_albedo(vertical))
+        lighting.up_top[w] = clear * np.maximum(lighting.mu_sun, 0) * reflected + from_ground
+
+
+def _sun_path(medium: Medium, local_sun: F64, w: int) -> tuple[F64, F64, F64, F64] | None:
+    """Mean omega and g of what lies between every node and the sun, its vertical depth, and mu0; None if all conserve.
+
+    Absorption is what the paper announces ("how dark it becomes ... when heavy smoke and/or thick dust is present").
+    """
+    omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
+    if (omegas > _CONSERVATIVE).all():
+        return None
+    exact = beside(occupied(medium.extinction, medium.levels_m, medium.terrain_m), medium.periodic)
+    relative = np.array([s.relative_extinction[w] for s in medium.species])
+    asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
+    weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
+    whole, scattered, forward = inside(depths_to_sun(medium, weights, exact, local_sun))
+    mu0 = np.broadcast_to(np.clip(local_sun[..., 2], 0.02, 1), medium.shape)
+    omega = np.where(whole > 0, scattered / np.maximum(whole, 1e-12), 1.0)
+    g = np.where(scattered > 0, forward / np.maximum(scattered, 1e-12), 0.0)
+    return omega, g, whole * mu0, mu0

@@ -1,0 +1,1 @@
+"""From solved light to what an eye sees."""

@@ -1,0 +1,112 @@
+"""The first start: another process compiles the sweeps while this one compiles the march and the view.
+
+Numba compiles in one thread. What the other has compiled is found in the cache on disk; where it fails, or there is no
+cache, everything is compiled here as always.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from openswim.transport.air.shells import no_volume
+from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.diffuse.moments import Moments, nothing_coarser, places
+from openswim.transport.diffuse.multigrid import Trace, coarse_to_fine
+from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
+from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.diffuse.sweep import share_ordinates
+from openswim.transport.diffuse.sweeper import Sweeper
+from openswim.transport.engine.eye_ways import columns_of
+from openswim.transport.engine.ordinates import lebedev
+from openswim.transport.engine.pack import LANES, PACK
+from openswim.transport.engine.scratch import Pool
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.march.volume import DEGREE, blank_fields, tidy
+from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.view.source_function import field_at, thickest_around, view_source
+
+_LONGEST_S = 300.0
+_other: subprocess.Popen | None = None
+
+
+def begin() -> None:
+    """Start the other process, unless the sweeps have been compiled before or there is but one core."""
+    global _other
+    if _other is not None or (os.cpu_count() or 1) < 2 or _compiled():
+        return
+    run = f"from {__name__} import compile_sweeps; compile_sweeps()"
+    quiet = subprocess.DEVNULL
+    try:
+        _other = subprocess.Popen([sys.executable, "-c", run], stdin=quiet, stdout=quiet, stderr=quiet)
+    except OSError:
+        return
+    atexit.register(_other.kill)
+
+
+def wait() -> None:
+    """Until the other process has ended, if there is one; meanwhile what a view will need is compiled."""
+    if _other is not None:
+        if _other.poll() is None:
+            compile_view()
+        try:
+            _other.wait(_LONGEST_S)
+        except subprocess.TimeoutExpired:
+            _other.kill()
+
+
+def _compiled() -> bool:
+    cache = share_ordinates.stats.cache_path
+    return cache is not None and any(Path(cache).glob("sweep.share_ordinates*.nbi"))
+
+
+def compile_view() -> None:
+    """The source of a few nodes toward an eye."""
+    shape, f32 = (2, LANES, LANES), np.float32
+    nz, ny, nx = shape
+    moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), f32))
+    axes = np.tile(np.eye(3, dtype=f32), (ny, nx, 1, 1))
+    eye, extinction = np.array([0.0, 0.0, 5e3]), np.zeros((1, *shape), f32)
+    in_threads(
+        view_source, extinction, thickest_around(extinction, False), np.zeros((PACK, 1), f32),
+        np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
+        *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
+        columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, 1,
+        np.array([(0, n) for n in shape]), blank_fields(shape, 2 * PACK),
+    )  # fmt: skip
+
+
+def compile_sweeps() -> None:
+    """A solve of a few nodes at two wavelengths, on three grids: it calls every kernel of the diffuse light. Before it
+    the beam's bend, which the other process will ask for first."""
+    shape, f32 = (4, 48, 48), np.float32
+    in_threads(
+        bend_cells, np.zeros((1, 1, 1, 1), f32), 0, np.ones(1, f32), np.zeros((1, 1, 3)), np.zeros(1), np.ones(2),
+        tidy(no_volume()),
+    )  # fmt: skip
+    nz, ny, nx = shape
+    extinction = np.zeros((1, *shape), f32)
+    extinction[:, 1:3, 8:24, 8:24] = 0.03
+    forward = (0.7 ** np.arange(DEGREE)).astype(f32)
+    coefficients = Coefficients(
+        np.ones(1, f32), forward[None], np.full(nz, 1e-5, f32), np.tile(1e-5 * forward, (nz, 1)).astype(f32)
+    )
+    first = optical_grid(
+        extinction, np.full((ny, DEGREE**2, nx), 0.1, f32), np.linspace(0.0, 300.0, nz), np.full(2, 100.0), False, True,
+        np.zeros((ny, nx), np.int64), coefficients, np.ones(shape, f32),
+    )  # fmt: skip
+    ordinates, pool = lebedev(50), Pool()
+    traces: list[Trace] | None = None
+    for _ in range(2):
+        grid = at_another_wavelength(first, coefficients, np.ones(shape, f32))
+        sweeper = Sweeper.of(
+            grid, np.zeros((len(ordinates.weight), nz), f32), np.zeros((ny, nx), f32), np.ones((ny, nx), f32),
+            ordinates, pool,
+        )  # fmt: skip
+        solution = coarse_to_fine(sweeper, 1e-3, 6, traces)
+        traces = traces or solution.traces
