@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from openswim.colour import to_rgb as to_rgb
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
-    from openswim.kept_light import open_light as open_light
     from openswim.lighting import light as light
+    from openswim.lighting import open_light as open_light
     from openswim.readers import open_scene as open_scene
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
@@ -35,7 +35,7 @@ _HOME = {
     "UserError": "openswim.errors",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
-    "open_light": "openswim.kept_light",
+    "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
     "save_camera": "openswim.cameras.files",

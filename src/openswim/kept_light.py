@@ -15,15 +15,15 @@ import openswim
 from openswim.arguments import check_kind, paths
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
+from openswim.lights.daylight import Daylight
 from openswim.optics.matter import matter_of
 from openswim.progress import job
 from openswim.scene import Ground, Scene
 from openswim.scene.files import written_whole
 from openswim.solver import Solver
-from openswim.transport import Field
+from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
-from openswim.viewpoint import Daylight, LitScene
 
 KIND, VERSION = "openswim light", 1
 _CHUNK = 1 << 23  # bytes of an array that are written together
@@ -31,9 +31,11 @@ _LONGEST_TEXT = 1 << 22  # characters of the description, more than any light ha
 _MOST_MEMORY = 0.8  # share of the memory that is free
 
 
-def save_light(lit: LitScene, path: str | os.PathLike[str]) -> None:
+def save_light(
+    scene: Scene, field: Field | ReferenceField, daylight: Daylight, time: np.datetime64 | None,
+    path: str | os.PathLike[str],
+) -> None:  # fmt: skip
     """Keep solved light as a Zarr folder, whole or not at all: see `LitScene.save`."""
-    field, scene = lit.field, lit.scene
     if not isinstance(field, Field):
         raise UserError(f"{path}: solver reference keeps no light, but follows paths for each view: use a checkpoint")
     if not all(isinstance(pack, LitGrid) for pack in field.packs):
@@ -42,8 +44,8 @@ def save_light(lit: LitScene, path: str | os.PathLike[str]) -> None:
     about = {
         "kind": KIND, "version": VERSION, "openswim": openswim.__version__, "fingerprint": fingerprint(scene),
         "options": asdict(field.solver), "wavelengths_nm": field.wavelengths_nm.tolist(),
-        "daylight": asdict(lit.daylight) | {"direction": lit.daylight.direction.tolist()},
-        "time": None if lit.time is None else str(lit.time),
+        "daylight": asdict(daylight) | {"direction": daylight.direction.tolist()},
+        "time": None if time is None else str(time),
         "cut": [level.cut for level in scene.levels], "ground": [_ground(level) for level in scene.levels],
         "light": found.levels,
     }  # fmt: skip
@@ -64,13 +66,10 @@ def save_light(lit: LitScene, path: str | os.PathLike[str]) -> None:
             meter.advance(array.nbytes)
 
 
-def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:
-    """Light that `LitScene.save` has kept: pictures from it are those of the light that was saved, bit for bit.
-
-    scene: that which was lit, to be used in place of the one that was kept with the light; needed where it has the
-    user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
-    another scene than is given.
-    """
+def read_light(
+    path: str | os.PathLike[str], scene: Scene | None
+) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
+    """The scene, its light, its sun and the time: see `openswim.open_light`."""
     import zarr
 
     check_kind("light", path, (str, os.PathLike), "give the name of a folder that lit.save(...) has written")
@@ -88,15 +87,16 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
             f"{path}: kept light of layout {about.get('version')!r}, this OpenSWIm reads {VERSION}: solve and save anew"
         )
     try:
-        lit = _read(path, root, about, scene)
+        return _read(path, root, about, scene)
     except UserError:
         raise
     except Exception as error:  # of whatever a changed file has arrays and classes raise
         raise UserError(f"{path}: kept light is damaged ({_first_line(error)}): solve and save anew") from None
-    return lit
 
 
-def _read(path: str | os.PathLike[str], root: Any, about: dict[str, Any], scene: Scene | None) -> LitScene:
+def _read(
+    path: str | os.PathLike[str], root: Any, about: dict[str, Any], scene: Scene | None
+) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
     if len(json.dumps(about)) > _LONGEST_TEXT:
         raise ValueError("its description is too long")
     nbytes = sum(array.nbytes for _, array in root["arrays"].members(max_depth=None) if hasattr(array, "nbytes"))
@@ -130,7 +130,7 @@ def _read(path: str | os.PathLike[str], root: Any, about: dict[str, Any], scene:
     day = dict(about["daylight"])
     daylight = Daylight(**day | {"direction": np.array(day["direction"], float)})
     time = None if about["time"] is None else np.datetime64(about["time"], "ms")
-    return LitScene(scene, Field(packs), daylight, time)
+    return scene, Field(packs), daylight, time
 
 
 def _scene(path: str | os.PathLike[str], about: dict[str, Any]) -> Scene:
