@@ -1,4 +1,4 @@
-"""Pages for people: every file, name and link that they mention exists, and the picture of the rooms is that of today."""
+"""Pages for people: files, names and links that they mention exist; the picture of the rooms is that of today."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DOTTED = re.compile(r"(?<![\w./*\"'-])([A-Za-z_]\w*(?:/\w+)*)((?:\.[A-Za-z_]\w*
 # Dotted words that are not ours: data files, other people's packages, and what some variable of an example has.
 _SUFFIXES = {"nc", "csv", "grib2", "png", "jpg", "tif", "zarr", "json", "txt", "md", "yml", "sh", "toml", "svg"}
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world"}
-_OURS = {"scene": "Scene", "lit": "LitScene", "image": "Dataset"}  # variables of the pages, by their classes
+_OURS = {"scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}  # variables of the pages, by their classes
 
 
 def _prose(page: Path) -> str:
@@ -125,15 +125,19 @@ def test_files_and_names_that_a_page_mentions_exist(name: str) -> None:
 
 def test_what_does_not_exist_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("`sweep.py` and `engine/pack.py`, `pack.PACK`, `Field.view(rays)`, `openswim.render`, `data.nc`;\n"
-                    "`swept.py`, `march/pack.py`, `pack.PECK`, `Field.viewed`, `openswim.rendered(scene)`, `sun.sweeps`\n"
-                    "```\n`in_blocks.py`\n```\n")  # fmt: skip
-    assert _missing(page) == ["swept.py", "march/pack.py", "pack.PECK", "Field.viewed", "openswim.rendered", "sun.sweeps"]
+    page.write_text(
+        "`sweep.py` and `engine/pack.py`, `pack.PACK`, `Field.view(rays)`, `openswim.render`, `data.nc`; `swept.py`\n"
+        "`march/pack.py`, `pack.PECK`, `Field.viewed`, `openswim.rendered(scene)`, `sun.sweeps`\n"
+        "```\n`in_blocks.py`\n```\n"
+    )
+    wrong = ["swept.py", "march/pack.py", "pack.PECK", "Field.viewed", "openswim.rendered", "sun.sweeps"]
+    assert _missing(page) == wrong
 
 
-def _anchor(heading: str) -> str:
-    """A heading's name in links, as GitHub makes it."""
-    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+def _anchors(page: Path) -> set[str]:
+    """The names of a page's headings in links, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -145,9 +149,7 @@ def test_links_lead_somewhere(name: str) -> None:
             continue
         path, _, anchor = link.partition("#")
         target = page if not path else page.parent / path
-        if not target.exists():
-            wrong.append(link)
-        elif anchor and anchor not in map(_anchor, re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE)):
+        if not target.exists() or (anchor and anchor not in _anchors(target)):
             wrong.append(link)
     assert wrong == []
 

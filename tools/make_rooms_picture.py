@@ -36,29 +36,29 @@ HOUSE = {
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
     "observations": Place(1, 3.55, 1.6, "cameras by their frames"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
-    "lighting": Place(2, 6.6, 1.5, "openswim.light"),
-    "kept_light": Place(2, 8.8, 1.5, "light on disk"),
-    "viewpoint": Place(3, 5.5, 1.6, "a camera in the light"),
-    "colour": Place(4.1, 0.75, 1.35, "what an eye sees"),
-    "fluxes": Place(4.1, 2.3, 1.35, "W m⁻² on a plane"),
-    "images": Place(4.1, 4.25, 1.35, "labelled data"),
-    "observer": Place(4.1, 5.8, 1.35, "where one stands"),
-    "outlines": Place(4.1, 7.35, 1.35, "edges in a pixel"),
-    "solver": Place(4.1, 8.9, 1.35, "asks transport"),
-    "readers": Place(5.5, 4.55, 1.3, "files to scenes"),
-    "transport": Place(5.5, 7.35, 3.4, "how light travels"),
-    "lights": Place(7.0, 0.95, 1.5, "sun, its spectrum"),
-    "cameras": Place(7.0, 2.75, 1.5, "pixels to rays"),
-    "optics": Place(7.0, 4.8, 1.5, "matter in light"),
-    "ground": Place(7.0, 6.65, 1.5, "maps, reflectance"),
-    "options": Place(7.0, 8.5, 1.5, "what one may ask"),
-    "scene": Place(8.2, 4.72, 9.4, "grid, fields, air, phase functions, rays: what the world is"),
-    "foundation": Place(9.1, 4.72, 9.4, "every room may use these"),
+    "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
+    "kept_light": Place(3.6, 8.9, 1.35, "light on disk"),
+    "viewpoint": Place(2.8, 5.5, 1.6, "a camera in the light"),
+    "colour": Place(4.75, 0.75, 1.35, "what an eye sees"),
+    "fluxes": Place(4.75, 2.3, 1.35, "W m⁻² on a plane"),
+    "images": Place(4.75, 4.25, 1.35, "labelled data"),
+    "observer": Place(4.75, 5.8, 1.35, "where one stands"),
+    "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
+    "solver": Place(4.75, 8.9, 1.35, "asks transport"),
+    "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
+    "transport": Place(6.1, 7.35, 3.4, "how light travels"),
+    "lights": Place(7.6, 0.95, 1.5, "sun, its spectrum"),
+    "cameras": Place(7.6, 2.75, 1.5, "pixels to rays"),
+    "optics": Place(7.6, 4.8, 1.5, "matter in light"),
+    "ground": Place(7.6, 6.65, 1.5, "maps, reflectance"),
+    "options": Place(7.6, 8.5, 1.5, "what one may ask"),
+    "scene": Place(8.75, 4.72, 9.4, "grid, fields, air, phase functions, rays: what the world is"),
+    "foundation": Place(9.6, 4.72, 9.4, "every room may use these"),
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
-    ("rendering", "readers"): 3.4, ("validation", "readers"): 3.29, ("validation", "cameras"): 3.18,
-    ("observer", "cameras"): 3.75, ("observations", "cameras"): 3.07, ("observations", "lights"): 1.53,
+    ("validation", "cameras"): 3.1, ("validation", "readers"): 3.2, ("kept_light", "lights"): 3.3,
+    ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53, ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
 TRANSPORT = {
     CONDUCTORS: Place(0, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
@@ -86,15 +86,14 @@ class Wall(NamedTuple):
     text: str
 
 
-HOUSE_WALLS = [Wall(6.52, 5.5, 9.4, "wall: optics | transport")]
+HOUSE_WALLS = [Wall(7.12, 5.5, 9.4, "wall: optics | transport")]
 TRANSPORT_WALLS = [
     Wall(3.82, 0.1, 5.5, "wall: lit grid | viewer"),
     Wall(8.32, 0.1, 5.5, "wall: plan | values"),
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "validation", "observations",
-         "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
+USERS = {"cli", "observations", "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
          "images", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
@@ -145,8 +144,9 @@ def imports() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
 
 
 def drawn(
-    places: Mapping[str, Place], arrows: Mapping[str, set[str]], walls: list[Wall], step: tuple[float, float], title: str
-) -> str:
+    places: Mapping[str, Place], arrows: Mapping[str, set[str]], walls: list[Wall], step: tuple[float, float],
+    title: str,
+) -> str:  # fmt: skip
     """An SVG of rooms, arrows and walls; step: pixels of a column and of a row."""
     missing = {room for room, to in arrows.items() for room in (room, *to)} - places.keys()
     if missing:
@@ -184,7 +184,7 @@ def drawn(
             if (a, b) in BETWEEN:
                 x = left + dx * BETWEEN[a, b]
                 over = max((upper[r] + BOX for r in places if r in arrows and upper[r] + BOX < y2 - 8), default=y1)
-                under = min(y1 + 0.9 * dy, over)
+                under = min(y1 + 0.45 * dy, over)
                 path += _curve(x1, y1, x, under) + f" V{over:.1f}"
                 x1, y1 = x, over
             out.append(
@@ -231,7 +231,9 @@ def pictures() -> dict[str, str]:
     """The files of docs/images by their names."""
     house, inside = imports()
     return {
-        "rooms.svg": drawn(HOUSE, house, HOUSE_WALLS, (92, 74), "The rooms of openswim: a room imports what its arrows reach"),
+        "rooms.svg": drawn(
+            HOUSE, house, HOUSE_WALLS, (92, 74), "The rooms of openswim: a room imports what its arrows reach"
+        ),
         "transport.svg": drawn(TRANSPORT, inside, TRANSPORT_WALLS, (150, 70), "Inside transport"),
     }
 

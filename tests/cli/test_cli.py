@@ -267,12 +267,12 @@ def test_debug_shows_the_traceback(world, monkeypatch, capsys: pytest.CaptureFix
 def test_the_demo_writes_four_pictures(
     world, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    from openswim import rendering
+    from openswim import lighting
     from openswim.scene import procedural
 
     scene = SimpleNamespace(place=(47.7, 11.2), source="made up")
     monkeypatch.setattr(procedural, "demo_scene", lambda: scene)
-    monkeypatch.setattr(rendering, "light", lambda scene: scene)
+    monkeypatch.setattr(lighting, "light", lambda scene: scene)
     assert run(["demo", "-o", str(tmp_path / "new" / "folder")]) == 0
     names = sorted(p.name for p in (tmp_path / "new" / "folder").iterdir())
     assert names == [f"demo_{view}.png" for view in ("airborne", "allsky", "panorama", "space")]
