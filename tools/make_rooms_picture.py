@@ -58,7 +58,8 @@ HOUSE = {
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
     ("validation", "cameras"): 3.1, ("validation", "readers"): 3.2, ("kept_light", "lights"): 3.3,
-    ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53, ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
+    ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
+    ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
 TRANSPORT = {
     CONDUCTORS: Place(0, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
@@ -93,7 +94,8 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
+USERS = {"cli", "observations",
+         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
          "images", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
