@@ -15,9 +15,13 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera as Camera
+    from openswim.cameras.files import load_camera as load_camera
+    from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
+    from openswim.lighting import light as light
+    from openswim.lighting import open_light as open_light
     from openswim.readers import open_scene as open_scene
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
@@ -29,12 +33,19 @@ _HOME = {
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "light": "openswim.lighting",
+    "load_camera": "openswim.cameras.files",
+    "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
+    "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
 }
 
-__all__ = ["Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "open_scene", "render", "to_rgb"]
+__all__ = [
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
+    "open_scene", "render", "save_camera", "to_rgb",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
+from openswim.lights.daylight import Daylight
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
-from openswim.viewpoint import Daylight, LitScene
+from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
 
@@ -86,3 +89,13 @@ def light(
     when = scene.time if time is None else parse_time(time)
     field = solver_of(solver).solve(scene, day.direction, wavelengths)
     return LitScene(scene, field, day, None if sun is not None else when)
+
+
+def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:
+    """Light that `LitScene.save` has kept: pictures from it are those of the light that was saved, bit for bit.
+
+    scene: that which was lit, to be used in place of the one that was kept with the light; needed where it has the
+    user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
+    another scene than is given.
+    """
+    return LitScene(*read_light(path, scene))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
@@ -12,10 +10,7 @@ from openswim.errors import UserError
 from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.transport.medium.medium import halved_medium
 from openswim.validation.metrics import Score, image_score
-from openswim.validation.phases import PhaseTables
-from openswim.validation.reference import read_reference
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
@@ -74,22 +69,10 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
     assert preview[-1] <= standard[-1]
 
 
-def test_preview_of_cumulus(shared: Path) -> None:
-    """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
-    from openswim.validation.cases3d import compare
-
-    for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
-        reference = read_reference(shared / "reference" / "clouds" / name)
-        for row in compare(reference, Solver(quality="preview"), PhaseTables([])):
-            assert row.relative_rmse < 0.05, row
-            assert abs(row.bias) < 0.015, row
-
-
 @pytest.mark.parametrize("periodic", [False, True])
 def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
-    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
-    finer = halved_medium(medium)
+    medium, finer = (medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=halve) for halve in (False, True))
     _, ny, nx = medium.shape
     assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
     assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
@@ -106,13 +89,11 @@ def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
 
 
 def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    sideless = slab(2.0)
-    medium = medium_of(sideless, np.array([WAVELENGTH_NM]), 0.7)
-    assert halved_medium(medium) is medium
+    assert medium_of(slab(2.0), WAVELENGTH_NM, 0.7, halve=True).halvings == 0
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
-    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
-    monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
-    assert halved_medium(medium) is medium
+    medium = medium_of(scene, WAVELENGTH_NM, 0.7, divide=False)
+    monkeypatch.setattr("openswim.transport.medium.plan._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    assert medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=True).shape == medium.shape
 
 
 def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:

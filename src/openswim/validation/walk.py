@@ -53,7 +53,8 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
         with _telling(reference, skipped):
             tables.add(reference)
     rows: list[Row] = []
-    _warm_up(solver)
+    if references:
+        _warm_up(solver)
     with job("validate", len(references)) as meter:
         for reference in references:
             with use(Quiet()):

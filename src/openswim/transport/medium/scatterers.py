@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.engine.eye_ways import wide
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]

@@ -63,7 +63,9 @@ def _put_sources(lit: LitGrid, light: GridLight, volume: Volume, eye: F64, paral
         return
     m = light.medium
     scatterers = Scatterers.of(m, light.coefficients)
-    stands_for = lit.once("stands for", lambda: thickest_around(scatterers.extinction, m.periodic))
+    stands_for = lit.once(
+        "stands for", lambda: lit.decide("stands for", lambda: thickest_around(scatterers.extinction, m.periodic))
+    )
     in_threads(
         view_source, scatterers, stands_for, FieldAt.of(light.moments, light.coarser),
         Eye.of(m.axes, m.place, eye, parallel), light.count, np.array(part, np.int64), volume.fields,
