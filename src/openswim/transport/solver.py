@@ -358,5 +358,5 @@ def _diffuse(
     light.ratios = [solution.ratio for solution in solutions]
     for w, solution in enumerate(solutions):
         lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
-    lighting.correct_quadrature(ordinates, inflow, shells, sun)
+    lighting.correct_quadrature(ordinates, inflow, shells, sun, medium, light.coefficients[0].scaled, ends)
     return [solution.sweeps for solution in solutions[:count]]
