@@ -89,6 +89,7 @@ def test_large_grids_are_halved() -> None:
     assert np.abs(halved.follows(change) - e).mean() < 0.1 * e.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [100.0, 1000.0])
 def test_thick_decks_keep_their_light(depth: float) -> None:
     """White, nearly even, without sides, over black ground: what enters leaves, after some hundred to thousand
@@ -108,29 +109,31 @@ def test_thick_decks_keep_their_light(depth: float) -> None:
 
 
 def lumpy(periodic: bool) -> Scene:
-    """A white cloud of optical depth 600 within 1.4 km."""
+    """A white cloud of optical depth 480 within 1.1 km."""
     rng = np.random.default_rng(0)
-    z, y, x = np.ogrid[0:12, 0:14, 0:14]
-    inside = 1 - ((z - 5.5) / 5) ** 2 - ((y - 6.5) / 5) ** 2 - ((x - 6.5) / 5) ** 2
+    z, y, x = np.ogrid[0:10, 0:11, 0:11]
+    inside = 1 - ((z - 4.5) / 4) ** 2 - ((y - 5.0) / 4) ** 2 - ((x - 5.0) / 4) ** 2
     extinction = 0.6 * np.clip(inside + 0.3 * rng.standard_normal(inside.shape), 0, 1)
     return grid_scene(extinction, inside.shape, periodic=periodic)
 
 
+@pytest.mark.slow
 def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
-    """Fluxes within .2 % of those that many more sweeps find (they were 4 to 6 % too small)."""
+    """Fluxes within .3 % of those that many more sweeps find (without diffusion they were 4 to 6 % too small)."""
     quick, exact = (
         Solver(tolerance=t).solve(lumpy(False), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
     )
     for name, flux in exact.items():
-        np.testing.assert_allclose(quick[name], flux, rtol=0.0023, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(quick[name], flux, rtol=0.0033, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 def test_a_thick_cloud_without_sides_keeps_its_light() -> None:
     """Over black ground all that enters leaves (3 % did not)."""
     sun = toward(250.0, 40.0)
     fluxes = Solver().solve(lumpy(True), sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(sun[2], rel=0.005)
+    assert total == pytest.approx(sun[2], rel=0.0025)
 
 
 def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:

@@ -52,6 +52,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     return out
 
 
+@pytest.mark.slow
 def test_each_quality_keeps_its_promise(scores) -> None:
     """docs/solvers.md: preview and standard within 5 %, high within 3.5; here, over albedo .1, 2.2 and 1.35."""
     preview, standard, high = (scores[quality][0] for quality in ("preview", "standard", "high"))
@@ -63,6 +64,7 @@ def test_each_quality_keeps_its_promise(scores) -> None:
     assert abs(high.bias) < 0.0024
 
 
+@pytest.mark.slow
 def test_preview_sweeps_the_same_grids_less(scores) -> None:
     preview, standard = (scores[quality][1][0] for quality in ("preview", "standard"))
     assert len(preview) == len(standard)
