@@ -356,3 +356,25 @@ def test_of_a_large_domain_opened_whole_a_view_takes_what_it_needs() -> None:
     from_space = openswim.render(whole, Camera.satellite(LAT, LON, 3.6e7, size=(8, 8), fov_deg=2.5), sun=SUN)
     assert from_space.quality == "columns"  # all of them
     assert np.isfinite(from_space.radiance).all()
+
+
+def test_cameras_that_look_alike_see_alike(clear, allsky: xr.Dataset) -> None:
+    """A lens, a map and free rays of the directions of `Camera.allsky`; a turned lens sees the same elsewhere."""
+    sun = allsky.attrs["sun_azimuth_deg"], allsky.attrs["sun_altitude_deg"]
+    pixels = Camera.allsky(LAT, LON, size=90).pixels()
+    for camera in (
+        Camera.fisheye(LAT, LON, size=90),
+        Camera.from_map(pixels.azimuth_deg, 90 - pixels.altitude_deg, LAT, LON),
+        Camera.from_rays(pixels.direction, LAT, LON),
+    ):
+        image = openswim.render(clear, camera)
+        assert image.attrs["view"] == camera.view
+        inside = np.isfinite(image.radiance.values) & np.isfinite(allsky.radiance.values)
+        assert inside.any(axis=-1).sum() >= 0.98 * pixels.inside.sum()
+        far = inside & (separation_deg(allsky, *sun) > 15)[..., None]  # the disc depends on the pixel's own width
+        np.testing.assert_allclose(image.radiance.values[far], allsky.radiance.values[far], rtol=2e-3)
+    half = openswim.render(clear, Camera.fisheye(LAT, LON, size=90, rotation_deg=180))
+    far = (separation_deg(allsky, *sun) > 15) & np.isfinite(allsky.azimuth.values)
+    far &= far[::-1, ::-1]
+    turned = half.radiance.values[::-1, ::-1]
+    np.testing.assert_allclose(turned[far], allsky.radiance.values[far], rtol=2e-3)

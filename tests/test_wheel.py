@@ -25,11 +25,13 @@ from openswim.colour.cie import standard_observer
 from openswim.colour.spectrum import green_canopy
 from openswim.fluxes.gases import ozone_optical_depth
 from openswim.lights import solar_irradiance
+from openswim.lights.stars import catalogue
 from openswim.optics import aerosol_type
 from openswim.optics.mie import phase_function
 from openswim.optics.ozone import ozone_cross_section_m2
 assert 0.9 < standard_observer()[1].max() < 2.0 and green_canopy()[1].max() < 1.0
 assert ozone_optical_depth(600.0, 0.3) > 0 and ozone_cross_section_m2(600.0) > 0
+assert len(catalogue()) == 8404
 assert 1.5 < solar_irradiance(550.0) < 2.1
 assert aerosol_type("dust").phase[550.0].asymmetry > 0.6 and phase_function("liquid", 550.0).asymmetry > 0.8
 openswim.Scene.clear(47.0, 11.0).to_netcdf("clear.nc")

@@ -15,6 +15,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera as Camera
+    from openswim.cameras.files import load_camera as load_camera
+    from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
@@ -32,15 +34,17 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "light": "openswim.lighting",
+    "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
+    "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "open_light", "open_scene", "render",
-    "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
+    "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -19,7 +19,7 @@ class Quality(NamedTuple):
 
     ordinates: of Lebedev's rule, or about as many of another; tolerance: see `Options`.
 
-    divide: columns that are thick across (`build_medium`). halved: sweep and see half columns (`halved_medium`).
+    divide: columns that are thick across (`plan_medium`). halved: sweep and see half columns.
     """
 
     ordinates: int

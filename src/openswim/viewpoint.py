@@ -29,6 +29,7 @@ from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
 from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
+from openswim.transport.lit.lit_grid import Once
 from openswim.transport.montecarlo.reference import PATHS, ReferenceView
 
 F64 = NDArray[np.float64]
@@ -74,6 +75,7 @@ class Viewpoint:
     ground_m: float
     pixels: Pixels
     rays: Rays
+    once: Once = dataclasses.field(default_factory=Once, repr=False)
 
     def view(self) -> xr.Dataset:
         """The whole image: see `openswim.render`."""
@@ -95,7 +97,7 @@ class Viewpoint:
         field, day = self.lit.field, self.lit.daylight
         distance_deg = pixels.angle_to_deg(*self.sun)[pixels.inside]
         _add_disc(relative, view, self.lit, distance_deg, pixels)
-        image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, dict(self.attrs))
+        image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, self.attrs)
         if isinstance(view, ReferenceView):
             add_errors(image, pixels, view, field.solver.seed)
         return image
@@ -113,9 +115,12 @@ class Viewpoint:
         east, north, up = self._axes @ self.lit.daylight.direction
         return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 
-    @cached_property
+    @property
     def attrs(self) -> dict[str, Any]:
         """What is to be known of the image: place, time, sun, solver, and the irradiance at an observer near by."""
+        return dict(self.once("attributes", self._attrs))
+
+    def _attrs(self) -> dict[str, Any]:
         out = _attributes(self.lit, self.camera, *self.sun)
         if self._near:
             kept, place = self.lit.irradiances, np.asarray(self.rays.origin_m, float).tobytes()
@@ -124,10 +129,10 @@ class Viewpoint:
             out |= kept[place]
         return out
 
-    @cached_property
+    @property
     def _eye(self) -> Eye | ReferenceField:
         field = self.lit.field
-        return field if isinstance(field, ReferenceField) else field.viewpoint(self.rays)
+        return field if isinstance(field, ReferenceField) else self.once("eye", lambda: field.viewpoint(self.rays))
 
     @cached_property
     def _number(self) -> NDArray[np.int64]:

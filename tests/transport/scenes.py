@@ -19,6 +19,7 @@ from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.field import Field
 from openswim.transport.lit.lit_grid import LitGrid, Once
 from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.plan import Fineness, plan_medium
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
 from openswim.transport.view.viewer import AimedGrid
@@ -122,7 +123,9 @@ def changed(field: Field, **changes: Any) -> Field:
 
 
 def medium_of(
-    scene: Scene, wavelengths_nm: ArrayLike, mu_sun: float, refine: bool = True, divide: bool = True
+    scene: Scene, wavelengths_nm: ArrayLike, mu_sun: float, refine: bool = True, divide: bool = True, **more: bool
 ) -> Medium:
     """The medium of a scene that has no wider one around it."""
-    return build_medium(matter_of(scene, wavelengths_nm), surface_of(scene, wavelengths_nm), mu_sun, refine, divide)
+    matter, surface = matter_of(scene, wavelengths_nm), surface_of(scene, wavelengths_nm)
+    plan = plan_medium(matter, surface.terrain_m, mu_sun, Fineness(refine, divide, **more))
+    return build_medium(plan, matter, surface)

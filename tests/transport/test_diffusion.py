@@ -11,7 +11,7 @@ from openswim.scene.phase import HenyeyGreenstein
 from openswim.solver import Solver
 from openswim.transport.diffuse.diffusion import Diffusion
 from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 
 NY, NX = 18, 21  # rows that end within a pack
 

@@ -13,8 +13,8 @@ from openswim.scene.frame import scene_frame
 from openswim.solver import Solver
 from openswim.transport import tiled as large
 from openswim.transport.air.shells import no_volume
-from openswim.transport.medium import tiles as large_medium
-from openswim.transport.medium.tiles import Window, large_levels, spread_on_levels
+from openswim.transport.medium.levels import large_levels
+from openswim.transport.medium.tiles import Window, spread_on_levels
 from openswim.transport.tiled import LargeViewer
 
 EYE_M = 3.6e7
@@ -23,7 +23,7 @@ CELL_M = (3000.0, 3000.0, 400.0)
 
 @pytest.fixture(autouse=True)
 def _every_domain_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(large_medium, "LARGE_COLUMNS", 0)
+    monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 0)
 
 
 def _sun(zenith_deg: float, azimuth_deg: float = 120.0) -> np.ndarray:
@@ -73,8 +73,8 @@ def test_even_cloud_as_layers_of_many_streams(
 
     Five harmonics are 1-3 % off, 6.6 % at worst (back toward a high sun); thick cells no more than thin ones.
     """
-    monkeypatch.setattr(large_medium, "_FINEST_M", 50.0)
-    monkeypatch.setattr(large_medium, "_COARSEST_M", finest_m)
+    monkeypatch.setattr("openswim.transport.medium.levels._FINEST_M", 50.0)
+    monkeypatch.setattr("openswim.transport.medium.levels._COARSEST_M", finest_m)
     sun = _sun(zenith_deg)
     field = np.zeros((6, 24, 24), np.float32)
     field[2:4] = tau / 800.0  # linear to nothing at both sides: two cells' worth in all
@@ -201,7 +201,7 @@ def test_swim_is_seen_in_parts_too(clouds: Scene, monkeypatch: pytest.MonkeyPatc
     parts = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM])
     seen = parts.view(rays).radiance
     assert parts.lit[0].volume.fields.size == no_volume().fields.size  # nothing of the parts is kept
-    monkeypatch.setattr(large_medium, "LARGE_COLUMNS", 10**6)
+    monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 10**6)
     whole = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM]).view(rays).radiance
     assert np.sqrt(((seen - whole) ** 2).mean()) < 0.15 * whole.mean()  # levels differ
 

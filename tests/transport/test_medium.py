@@ -16,7 +16,7 @@ from openswim.solver import Solver
 from openswim.transport.air.shells import no_volume
 from openswim.transport.march.volume import grid_index
 from openswim.transport.medium.levels import own_levels
-from openswim.transport.medium.medium import drawn_shape, with_air_above
+from openswim.transport.medium.plan import Fineness, plan_medium
 from openswim.transport.medium.subdivision import finer_cloud, subdivided
 
 WL = np.array([615.0, 546.0, 450.0])
@@ -82,8 +82,8 @@ def test_without_refinement_the_levels_are_the_scenes_own() -> None:
 
 
 def test_clear_air_goes_on_above_a_low_model() -> None:
-    own = medium_of(grid_scene(lumps(), SHAPE, air=True), WL, 0.8)
-    medium = with_air_above(own)
+    scene = grid_scene(lumps(), SHAPE, air=True)
+    own, medium = (medium_of(scene, WL, 0.8, extend=extend) for extend in (False, True))
     nz, top = len(own.levels_m), own.levels_m[-1]
     assert top < 1000 < 18e3 < medium.levels_m[-1]
     np.testing.assert_array_equal(medium.levels_m[:nz], own.levels_m)
@@ -94,8 +94,9 @@ def test_clear_air_goes_on_above_a_low_model() -> None:
     assert (np.diff(above) >= 0).all()
     assert 0 < above.max() <= 2000
     assert medium.cloud_top_m == own.cloud_top_m <= top
-    airless = medium_of(grid_scene(lumps(), SHAPE), WL, 0.8)
-    assert with_air_above(airless) is airless
+    airless = grid_scene(lumps(), SHAPE)
+    own, medium = (medium_of(airless, WL, 0.8, extend=extend) for extend in (False, True))
+    np.testing.assert_array_equal(medium.levels_m, own.levels_m)
 
 
 def test_terrain_following_levels_keep_the_columns() -> None:
@@ -239,19 +240,17 @@ def test_a_hemisphere_of_cloud_is_seen_to_the_limb_without_a_hole() -> None:
 @pytest.mark.parametrize(
     ("extinction_per_m", "divide", "halvings"), [(1e-3, True, 0), (0.05, True, 3), (0.05, False, 0)]
 )
-def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, divide: bool, halvings: int) -> None:
+def test_what_is_planned_of_a_grid_is_what_is_built(extinction_per_m: float, divide: bool, halvings: int) -> None:
     """Nodes and halved cells of a thin and a thick cloud on the Earth, as estimates have them; even ones stay whole."""
     shape = (10, 12, 12)
     lump = box(shape, (slice(3, 7), slice(4, 8), slice(4, 8)), extinction_per_m)
     scene = grid_scene(lump, shape, (200.0, 200.0, 100.0), curved=True)
     medium = medium_of(scene, np.array([550.0]), 0.7, divide=divide)
-    reckoned, cell_m, divided = drawn_shape(
-        matter_of(scene, 550.0), surface_of(scene, 550.0).terrain_m, refine=True, divide=divide
-    )
-    assert medium.halvings == halvings
-    assert divided == (halvings > 0)
-    assert cell_m == pytest.approx(min(medium.cell_m), rel=0.01)
-    assert np.prod(medium.shape) <= np.prod(reckoned) < 1.4 * np.prod(medium.shape)
+    terrain = surface_of(scene, 550.0).terrain_m
+    plan = plan_medium(matter_of(scene, 550.0), terrain, 0.7, Fineness(divide=divide, extend=True))
+    assert medium.halvings == len(plan.halvings) == halvings
+    assert plan.cell_m == medium.cell_m
+    assert plan.drawn_shape == medium.shape
     even = grid_scene(np.full(shape, extinction_per_m), shape, (200.0, 200.0, 100.0), curved=True)
     assert medium_of(even, np.array([550.0]), 0.7).halvings == 0
 

@@ -205,7 +205,7 @@ def test_beam_through_the_air_is_the_integral() -> None:
     for altitude in (90.0, 20.0, 1.0, -1.0):
         a = np.radians(altitude)
         sun = np.array([np.cos(a), 0.0, np.sin(a)])
-        world, _, _, _ = build_world(matter_of(scene, 450.0), surface_of(scene, 450.0), sun)
+        world, _, _, _ = build_world(None, matter_of(scene, 450.0), surface_of(scene, 450.0), sun)
         for height in (0.0, 137.0, 15_300.0, 41_000.0):
             beam = np.zeros(1)
             air_beam(0.0, 0.0, height, height, world, beam)

@@ -10,7 +10,6 @@ from openswim.errors import UserError
 from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.transport.medium.medium import halved_medium
 from openswim.validation.metrics import Score, image_score
 
 CELL_M = 60.0
@@ -75,8 +74,7 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
 @pytest.mark.parametrize("periodic", [False, True])
 def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
-    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
-    finer = halved_medium(medium)
+    medium, finer = (medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=halve) for halve in (False, True))
     _, ny, nx = medium.shape
     assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
     assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
@@ -93,13 +91,11 @@ def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
 
 
 def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    sideless = slab(2.0)
-    medium = medium_of(sideless, np.array([WAVELENGTH_NM]), 0.7)
-    assert halved_medium(medium) is medium
+    assert medium_of(slab(2.0), WAVELENGTH_NM, 0.7, halve=True).halvings == 0
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
-    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.7)
-    monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
-    assert halved_medium(medium) is medium
+    medium = medium_of(scene, WAVELENGTH_NM, 0.7, divide=False)
+    monkeypatch.setattr("openswim.transport.medium.plan._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    assert medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=True).shape == medium.shape
 
 
 def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:

@@ -11,7 +11,10 @@ MAX_HEIGHT_M = 2.0e9
 LOWEST_ABOVE_SEA_M = -500.0
 ABOVE = ("ground", "sea level")
 MAX_SIZE = 20_000
-WIDEST_FOV_DEG = {"allsky": 360.0, "panorama": 360.0, "perspective": 175.0}
+WIDEST_FOV_DEG = {
+    "allsky": 360.0, "panorama": 360.0, "perspective": 175.0, "fisheye": 360.0, "pinhole": 360.0, "map": 360.0,
+    "rays": 360.0,
+}  # fmt: skip
 
 
 def require(condition: bool, message: str) -> None:
@@ -51,10 +54,12 @@ def check_shape(shape: tuple[Any, ...]) -> None:
     )
 
 
-def check_view(view: Any, fov_deg: float) -> None:
-    """The projection, and its field of view."""
+def check_view(view: Any, fov_deg: float, lens: bool = False, listed: bool = False) -> None:
+    """The projection, whether it has a lens or a list of directions, and its field of view."""
     views = ", ".join(WIDEST_FOV_DEG)
     require(view in tuple(WIDEST_FOV_DEG), f"camera view {shown(view)} is unknown: choose one of {views}")
+    require((view in ("fisheye", "pinhole")) == lens, f"view {view}: use Camera.fisheye or Camera.pinhole")
+    require((view in ("map", "rays")) == listed, f"view {view}: use Camera.from_map or Camera.from_rays")
     widest = WIDEST_FOV_DEG[view]
     require(
         0 < fov_deg <= widest,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -83,30 +83,36 @@ class EachSpecies:
     scene: Scene
     wavelengths_nm: F64
     cover: F32 | None
+    names: Sequence[str] | None
 
     def __iter__(self) -> Iterator[OpticalSpecies]:
-        yield from each_species(self.scene, self.wavelengths_nm, self.cover)
+        yield from each_species(self.scene, self.wavelengths_nm, self.cover, self.names)
 
     def at(self, which: I64) -> EachSpecies:
         """See `Matter.at`."""
         return replace(self, wavelengths_nm=self.wavelengths_nm[which])
 
 
-def matter_of(scene: Scene, wavelengths_nm: ArrayLike, keep: bool = True) -> Matter:
-    """What fills a scene, and the wider ones around it; ``keep``: hold the extinction of all species on its grid."""
+def matter_of(
+    scene: Scene, wavelengths_nm: ArrayLike, keep: bool = True, names: Sequence[Sequence[str] | None] = ()
+) -> Matter:
+    """What fills a scene, and the wider ones around it.
+
+    keep: hold the extinction of all species on its grid. names: those of other matter's species and of what is around
+    it, so that droplets are divided by size alike.
+    """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    return _matter(for_wavelengths(scene, wavelengths), scene_frame(scene), wavelengths, keep)
-
-
-def _matter(scene: Scene, frame: Frame, wavelengths: F64, keep: bool) -> Matter:
-    cover = cloud_cover(scene)
-    species = EachSpecies(scene, wavelengths, cover)
-    wider = None if scene.wider is None else _matter(scene.wider, frame, wavelengths, keep)
-    return Matter(
-        frame, scene.grid, wavelengths, list(species) if keep else species, cover,
-        None if scene.atmosphere is None else Air(scene.atmosphere, wavelengths), _highest_m(scene), scene.cut,
-        wider,
-    )  # fmt: skip
+    scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
+    out = None
+    for n, level in reversed(list(enumerate(scene.levels))):
+        cover = cloud_cover(level)
+        species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
+        out = Matter(
+            frame, level.grid, wavelengths, list(species) if keep else species, cover,
+            None if level.atmosphere is None else Air(level.atmosphere, wavelengths), _highest_m(level), level.cut, out,
+        )  # fmt: skip
+    assert out is not None
+    return out
 
 
 def _highest_m(scene: Scene) -> float:

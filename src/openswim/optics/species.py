@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -104,12 +104,13 @@ def scene_optics(scene: Scene, wavelengths_nm: ArrayLike) -> list[OpticalSpecies
 
 
 def each_species(
-    scene: Scene, wavelengths_nm: ArrayLike, cover: NDArray[np.float32] | None
+    scene: Scene, wavelengths_nm: ArrayLike, cover: NDArray[np.float32] | None, names: Sequence[str] | None = None
 ) -> Iterator[OpticalSpecies]:
-    """`scene_optics` one after the other, for those who keep none; cover: the scene's `cloud_cover`."""
+    """`scene_optics` one after the other, for those who keep none; cover: the scene's `cloud_cover`; names: of the
+    species of another scene, whose droplets are to be divided by size as they were there."""
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     for kind in hydrometeors.HYDROMETEORS:
-        yield from (one for one in _hydrometeor(scene, kind, wavelengths, cover) if one.extinction_per_m.any())
+        yield from (one for one in _hydrometeor(scene, kind, wavelengths, cover, names) if one.extinction_per_m.any())
     yield from (one for one in _aerosol(scene, wavelengths) if one.extinction_per_m.any())
     prefix = "extinction_"
     for name in map(str, scene.data.data_vars):
@@ -120,7 +121,7 @@ def each_species(
 
 
 def _hydrometeor(
-    scene: Scene, kind: str, wavelengths: FloatArray, cover: NDArray[np.float32] | None
+    scene: Scene, kind: str, wavelengths: FloatArray, cover: NDArray[np.float32] | None, names: Sequence[str] | None
 ) -> list[OpticalSpecies]:
     """One species at the mean effective radius; two where the model's own liquid radii differ much (`size_bins`)."""
     content = _field(scene, f"{kind}_content")
@@ -136,8 +137,11 @@ def _hydrometeor(
     extinction = hydrometeors.extinction_per_m(kind, content[present] / share, *given) * share
     extinction *= hydrometeors.extinction_factor(kind, REFERENCE_NM, radius)
     informed = own is not None or number is not None
+    split_spread = SPLIT_SPREAD if informed else np.inf
+    if names is not None:
+        split_spread = 0.0 if f"{kind}, small" in names else np.inf
     found = []
-    for name, mean_m, weight in size_bins(kind, radius, extinction, SPLIT_SPREAD if informed else np.inf):
+    for name, mean_m, weight in size_bins(kind, radius, extinction, split_spread):
         on_grid = np.zeros(content.shape, np.float32)
         on_grid[present] = extinction * weight
         found.append(_of_size(name, kind, on_grid, mean_m, wavelengths))

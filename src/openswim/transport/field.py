@@ -14,6 +14,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.ground_light.landscape import Landscape
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.medium.medium import Medium
+from openswim.transport.plan import Plan
 from openswim.transport.tiled import LargeViewer, LitDomain
 from openswim.transport.view.seen import View
 from openswim.transport.view.viewer import Viewer
@@ -50,6 +51,7 @@ class Field:
     """The solved light of a scene. Wavelengths are held in packs."""
 
     packs: Sequence[LitGrid | LitDomain]
+    plan: Plan | None = None  # what was decided: another scene solved by it gives light that differs by values alone
 
     @property
     def lit(self) -> list[LitGrid]:

@@ -22,29 +22,41 @@ from openswim.transport.march.forward_peak import peak_tables
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.medium import air_of
 from openswim.transport.medium.surface import Surface
-from openswim.transport.medium.tiles import lit_in_parts
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
+from openswim.transport.plan import Plan, plan_of
 from openswim.transport.solve_grid import light_of_grid, sun_range
-from openswim.transport.tiled import solve_large
+from openswim.transport.tiled import LitDomain, solve_large
 
 F64 = NDArray[np.float64]
 
 
-def solve(options: Options, matter: Matter, surface: Surface, sun: F64) -> Field | ReferenceField:
-    """Solve the field of light of ``matter`` over ``surface``, at their wavelengths, lit from ``sun`` (3,)."""
+def solve(
+    options: Options, matter: Matter, surface: Surface, sun: F64, plan: Plan | None = None
+) -> Field | ReferenceField:
+    """Solve the field of light of ``matter`` over ``surface``, at their wavelengths, lit from ``sun`` (3,).
+
+    plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it.
+    """
     sun = sun / np.linalg.norm(sun)
+    if plan is None:
+        plan = plan_of(options, matter, surface, sun)
+    else:
+        plan.check(options, matter)
     if options.name == "reference":
         if matter.wider is not None:
             warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=3)
-        return solve_reference(options, matter, surface, sun)
-    large = lit_in_parts(matter.grid, matter.cover is not None)
-    solve_pack = _clear_light if matter.grid is None else solve_large if large else _nested_light
-    packs = []
-    for first in range(0, matter.wavelengths_nm.size, PACK):
+        return solve_reference(options, plan.medium, matter, surface, sun)
+    packs: list[LitGrid | LitDomain] = []
+    for pack, first in enumerate(range(0, matter.wavelengths_nm.size, PACK)):
         which = np.minimum(np.arange(first, first + PACK), matter.wavelengths_nm.size - 1)
-        count = len(np.unique(which))
-        packs.append(solve_pack(options, matter.at(which), surface.at_wavelengths(which), sun, count))
-    return Field(packs)
+        of_pack, ground, count = matter.at(which), surface.at_wavelengths(which), len(np.unique(which))
+        if plan.medium is None:
+            packs.append(_clear_light(options, of_pack, ground, sun, count))
+        elif plan.medium.parts:
+            packs.append(solve_large(options, plan, of_pack, ground, sun, count))
+        else:
+            packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count))
+    return Field(packs, plan)
 
 
 def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LitGrid:
@@ -65,13 +77,16 @@ def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, c
     )  # fmt: skip
 
 
-def _nested_light(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LitGrid:
+def _nested_light(
+    options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int
+) -> LitGrid:
     """Light of a grid, and of the wider ones around it, the widest first."""
-    levels: list[tuple[Matter, Surface]] = [(matter, surface)]
-    while (around := levels[-1][0].wider) is not None and (ground := levels[-1][1].wider) is not None:
-        levels.append((around, ground))
+    levels = [(plan, matter, surface)]
+    while matter.wider is not None and surface.wider is not None and plan.wider is not None:
+        plan, matter, surface = plan.wider, matter.wider, surface.wider
+        levels.append((plan, matter, surface))
     found = None
-    for level, ground in reversed(levels):
-        found = light_of_grid(options, level, ground, sun, count, found)
+    for of_level, filled, ground in reversed(levels):
+        found = light_of_grid(options, of_level, pack, filled, ground, sun, count, found)
     assert found is not None
     return found.lit

@@ -21,7 +21,6 @@ from openswim.transport.columns.columns import (
     columns_of_grid,
     fluxes_of_columns,
     light_from_above,
-    stand_alone,
 )
 from openswim.transport.columns.discrete_ordinates import solve_layers
 from openswim.transport.diffuse import multigrid as two_grids
@@ -31,6 +30,7 @@ from openswim.transport.diffuse.absorbed_beam import beam_around
 from openswim.transport.diffuse.inflow import Clear, SweptAround, light_through_sides
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
@@ -40,8 +40,9 @@ from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
-from openswim.transport.medium.medium import Medium, build_medium, halved_medium, with_air_above, with_soft_top
+from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.surface import Surface
+from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
 
 F32 = NDArray[np.float32]
@@ -59,19 +60,18 @@ class Solved(NamedTuple):
 
 
 def light_of_grid(
-    options: Options, matter: Matter, surface: Surface, sun: F64, count: int, around: Solved | None
-) -> Solved:
-    """Light of one grid: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`); ``around``: a wider one."""
+    options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
+    around: Solved | None,
+) -> Solved:  # fmt: skip
+    """Light of one grid at a ``pack`` of wavelengths: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`);
+    ``around``: a wider grid."""
     started = time.perf_counter()
     fast = options.name == "fast"
-    setting = options.setting
     frame, wl = matter.frame, matter.wavelengths_nm
     wider = None if around is None else around.lit
-    medium = build_medium(matter, surface, float(sun[2]), refine=fast, divide=setting.divide)
-    if fast and setting.halved and not medium.divided and not stand_alone(medium):
-        medium = halved_medium(medium)
-    if fast:
-        medium = with_air_above(with_soft_top(medium))
+    drawn = plan.medium
+    assert drawn is not None
+    medium = build_medium(drawn, matter, surface)
     landscape = landscape_of(surface, medium, None if wider is None else wider.landscape)
     lighting = Lighting.of_grid(surface, medium)
     lighting.place_sun(sun)
@@ -84,7 +84,9 @@ def light_of_grid(
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
-    volume, depths = sunlit_volume(medium, coefficients, local_sun, None if fast else swim.backscatter_weights(medium))
+    volume, depths = sunlit_volume(
+        medium, coefficients, local_sun, plan.of_all_packs(), None if fast else swim.backscatter_weights(medium)
+    )
     if around is not None:
         shade_from(around.depths, medium, volume, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
@@ -94,17 +96,19 @@ def light_of_grid(
         medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count, landscape is not None
     )
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
-    if fast and not medium.layered:
+    if fast and not drawn.layered:
         volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
     ends = wider is None and not matter.cut and not medium.periodic
     sweeps: list[list[int]] = []
-    if fast and medium.layered:
+    if fast and drawn.layered:
         light = _with_layers(light, lighting, sun, count)
-    elif fast and stand_alone(medium):
+    elif fast and drawn.stands_alone:
         light = _with_columns(light, volume, lighting, shells, sun, wider is None)
     elif fast:
         volume = volume._replace(per_extinction=True)
-        light, sweeps = _with_moments(options, light, lighting, shells, sun, wl, count, ends, _swept(wider))
+        light, sweeps = _with_moments(
+            options, plan.decisions(pack), light, lighting, shells, sun, wl, count, ends, _swept(wider)
+        )
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     channels, volume = channels_of(volume, not fast), without_fields(volume)
@@ -112,6 +116,7 @@ def light_of_grid(
     lit = LitGrid(
         options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, light, channels,
         float(reach), landscape, wider, None if wider is None else Core.of(medium), ends, sweeps, timings,
+        decide=plan.decisions(pack).within("view"),
     )  # fmt: skip
     return Solved(lit, DepthsAround(medium, depths, volume, channels))
 
@@ -180,8 +185,8 @@ def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F
 
 
 def _with_moments(
-    options: Options, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64, count: int, ends: bool,
-    wider: SweptAround | None,
+    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64,
+    count: int, ends: bool, wider: SweptAround | None,
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
@@ -200,6 +205,7 @@ def _with_moments(
         np.array(medium.cell_m, float), medium.periodic, ends, medium.ground_node, light.coefficients[0],
         light.beams[0],
     )  # fmt: skip
+    first = first.decided(decide)
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
     beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
@@ -215,11 +221,12 @@ def _with_moments(
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(
-                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w
+                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w, decide.within("sides")
                 )
-            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides)
+            of_this = decide.within("wavelength")
+            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides, of_this)
             properties = spectral.properties_of(sweeper)
-            others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()))
+            others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()), of_this)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
                 solution = two_grids.Solution(

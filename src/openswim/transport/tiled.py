@@ -22,6 +22,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.relief import Relief
@@ -32,6 +33,7 @@ from openswim.transport.medium.coefficients import coefficients_of, forward_tabl
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
+from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
 from openswim.transport.view.seen import View
 from openswim.transport.view.viewer import Viewer, skies_for
@@ -84,7 +86,7 @@ class LitDomain:
         timings = {"air": time.perf_counter() - started}
         started = time.perf_counter()
         backscatter = None if fast else swim.backscatter_weights(medium)
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, backscatter)
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), backscatter)
         beams = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started
@@ -203,10 +205,14 @@ class LargeViewer:
         return found[0], found[1]
 
 
-def solve_large(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LitDomain:
+def solve_large(
+    options: Options, plan: Plan, matter: Matter, surface: Surface, sun: F64, count: int
+) -> LitDomain:
     """What all views and parts share: optics on levels, the clear air around."""
     started = time.perf_counter()
-    medium, cover = large_medium(matter, surface)
+    assert plan.medium is not None
+    medium, cover = large_medium(plan.medium, matter, surface)
+    plan.of_all_packs()("species", lambda: tuple(one.name for one in medium.species))
     frame = medium.frame
     _, ny, nx = medium.shape
     y, x = np.arange(0, ny, 8), np.arange(0, nx, 8)

@@ -28,7 +28,7 @@ from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.volume import DEGREE, blank_fields, tidy
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.view.source_function import field_at, thickest_around, view_source
 
 _LONGEST_S = 300.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
 from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
@@ -26,7 +27,8 @@ from openswim.transport.march.volume import (
     reach,
     tidy,
 )
-from openswim.transport.medium.coefficients import Coefficients, on_levels
+from openswim.transport.medium.coefficients import on_levels
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
@@ -121,7 +123,7 @@ def _forward(medium: Medium, nw: int) -> F32:
 
 
 def sunlit_volume(
-    medium: Medium, coefficients: list[Coefficients], local_sun: F64, backscatter: F32 | None = None
+    medium: Medium, coefficients: list[Coefficients], local_sun: F64, decide: Decisions, backscatter: F32 | None = None
 ) -> tuple[Volume, SunDepth]:
     """Sun sweep, and the volume with all but its sources filled in; of what delta scaling leaves in the beam, or, where
     ``backscatter`` (ns, nw) is given, of that per reference extinction in its place."""
@@ -145,13 +147,11 @@ def sunlit_volume(
     forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
     cloud_channel = 2 * PACK + ns + len(kept)
     fields = blank_fields((nz, ny, nx), cloud_channel + 1)
-    full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
-    free = free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic)
+    free = decide("free", lambda: free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic))
     levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
-    # where light is scattered or meets the ground, the way to the sun is followed exactly
-    above_ground = levels[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels)[:, None, None]
-    exact = beside(full, medium.periodic) & above_ground
-    depth = depths_to_sun(medium, np.array(rows), exact, local_sun)
+    exact = np.unpackbits(decide("exact", lambda: np.packbits(_exact(medium, levels))), count=nz * ny * nx)
+    depth = depths_to_sun(medium, np.array(rows), exact.view(bool).reshape(nz, ny, nx), local_sun)
+    del exact
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
@@ -172,6 +172,14 @@ def sunlit_volume(
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
+
+
+def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
+    """Nodes (nz, ny, nx) where light is scattered or meets the ground, from which the way to the sun is followed
+    exactly; ``levels_m`` (nz + 1,)."""
+    full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
+    above_ground = levels_m[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels_m)[:, None, None]
+    return np.asarray(beside(full, medium.periodic) & above_ground)
 
 
 def _relative(scaled: F32) -> F32:

@@ -19,13 +19,13 @@ from openswim.transport.beam.sun_sweep import beyond_sides
 from openswim.transport.columns.column_light import column_light
 from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mode_tables
 from openswim.transport.engine.eye_ways import columns_of
-from openswim.transport.engine.pack import LANES, PACK
+from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
-from openswim.transport.medium.coefficients import Coefficients
-from openswim.transport.medium.medium import WIDE_CELL_M, Medium
+from openswim.transport.medium.delta_scaled import Coefficients
+from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -77,11 +77,6 @@ def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> N
         volume.fields, np.array([0.0, 0.0, -1.0]), True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top
     )
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
-
-
-def stand_alone(medium: Medium) -> bool:
-    """Whether a grid's cells are so wide that its columns are lit each by itself."""
-    return not medium.periodic and min(medium.cell_m) >= WIDE_CELL_M and medium.shape[2] >= LANES
 
 
 def columns_of_grid(

@@ -17,12 +17,13 @@ from openswim.transport.beam.lit_volume import Channels
 from openswim.transport.columns.columns import Columns
 from openswim.transport.columns.discrete_ordinates import Layers
 from openswim.transport.diffuse.moments import Coarser, Moments
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import harmonic_matrix
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.ground_light.landscape import Landscape
 from openswim.transport.march.volume import DEGREE, Shells, Volume
-from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.core import Core
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
 
@@ -110,6 +111,7 @@ class LitGrid:
     sweeps: list[list[int]] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     once: Once = field(default_factory=Once, repr=False)
+    decide: Decisions = field(default_factory=Decisions, repr=False)  # for all eyes
 
     @property
     def quality(self) -> str:

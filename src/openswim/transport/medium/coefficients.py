@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
@@ -12,20 +10,11 @@ from openswim.transport.air.shells import rows_between, shell_levels
 from openswim.transport.engine.pack import PACK
 from openswim.transport.march.forward_peak import forward_share, peak_tables
 from openswim.transport.march.volume import DEGREE, Shells
+from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-
-@dataclass
-class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
-
-    scaled: F32
-    scattering: F32
-    air_extinction: F32
-    air_scattering: F32  # (nz, M)
 
 
 def forward_tables(medium: Medium, fast: bool) -> F32:

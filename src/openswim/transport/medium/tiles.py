@@ -12,31 +12,15 @@ from numpy.typing import NDArray
 from openswim.optics.cover import LEAST_COVER
 from openswim.optics.matter import Matter
 from openswim.optics.species import OpticalSpecies
-from openswim.scene.grid import Grid
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.medium.chart import chart_of, check_span, columns_on
+from openswim.transport.medium.chart import chart_of, columns_on
 from openswim.transport.medium.cloud_cover import cloud_under_cover
 from openswim.transport.medium.medium import Medium, air_of, outside_ground_m
+from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-LARGE_COLUMNS = 320_000  # a little more than what readers cut from larger domains
-LIGHT_OF_COLUMNS = (
-    f"more than {LARGE_COLUMNS} columns: each column's diffuse light is solved by itself, whatever the quality, and "
-    "the picture made part by part"
-)
-_BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover is known
-_FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
-
-
-def lit_in_parts(grid: Grid | None, covered: bool) -> bool:
-    """Whether a grid has too many columns to be lit at once; covered: whether its clouds' cover is known."""
-    if grid is None or grid.shape[1] * grid.shape[2] <= LARGE_COLUMNS:
-        return False
-    return not grid.periodic and grid.curved and not (covered and min(grid.spacing_m()) > _BROKEN_CELL_M)
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _spread(t, threads, values, heights, levels, out):
@@ -90,31 +74,15 @@ def spread_on_levels(values: F32, heights: NDArray, levels: F64) -> F32:
     return out
 
 
-def large_levels(heights: NDArray, terrain: F32, cell_m: float, top_m: float) -> F64:
-    """Levels (n,) as close as the model's on the whole, where that is not needlessly close for cells so wide."""
-    columns = heights.reshape(len(heights), -1)
-    columns = columns[:, :: max(1, columns.shape[1] // 2000)].astype(float)
-    middle, thickness = 0.5 * (columns[1:] + columns[:-1]), np.diff(columns, axis=0)
-    low = float(min(terrain.min(), columns[0].min()))
-    least = np.clip(_FLATNESS * cell_m, _FINEST_M, _COARSEST_M)
-    probe = np.linspace(low, top_m, 400)
-    rows = np.array([np.abs(middle - z).argmin(axis=0) for z in probe])
-    local = np.maximum(np.median(np.take_along_axis(thickness, rows, 0), axis=1), least)
-    count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
-    count = max(8, int(np.ceil(count_at[-1])))
-    return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
-
-
-def large_medium(matter: Matter, surface: Surface) -> tuple[Medium, F32 | None]:
+def large_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> tuple[Medium, F32 | None]:
     """The medium of a whole large domain, without axes and places of its columns (`part_of_medium` adds them), and
     what share of its cells is cloud (nz, ny, nx), if that is known."""
     grid = matter.grid
     assert grid is not None
-    check_span(grid)
     _, ny, nx = grid.shape
     terrain = surface.terrain_m
     heights = grid.height_m
-    levels = large_levels(heights, terrain, min(grid.spacing_m()), matter.highest_m)
+    levels = plan.own_levels_m
     species: list[OpticalSpecies] = []
     fields: list[F32] = []
     nothing = np.zeros((0, 0, 0), np.float32)

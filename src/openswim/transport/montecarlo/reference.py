@@ -17,6 +17,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
 from openswim.transport.montecarlo.checkpoint import Checkpoint
 from openswim.transport.montecarlo.ground import Seen, seen_ground
@@ -53,10 +54,12 @@ class ReferenceView(View):
         return float(self.sigma.mean()) / mean if mean > 0 else 0.0
 
 
-def solve_reference(options: Options, matter: Matter, surface: Surface, sun: F64) -> ReferenceField:
+def solve_reference(
+    options: Options, plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
+) -> ReferenceField:
     """Make ready what paths need; they are followed when rays are known."""
     started = time.perf_counter()
-    world, phases, medium, lighting = build_world(matter, surface, sun)
+    world, phases, medium, lighting = build_world(plan, matter, surface, sun)
     return ReferenceField(
         options, surface, matter.frame, sun, matter.wavelengths_nm, shaded(world), phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},

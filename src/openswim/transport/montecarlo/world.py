@@ -16,6 +16,7 @@ from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
 from openswim.transport.montecarlo.cells import Cells, Shade, cell_majorants, cells_of, free_cells, no_cells, no_shade
 from openswim.transport.montecarlo.phase import Phases, phases_of
@@ -82,16 +83,17 @@ class World(NamedTuple):
     sun_depth: F32  # (heights, cosines, nw) logarithm of the air's slant optical depth to the sun
 
 
-def build_world(matter: Matter, surface: Surface, sun: F64) -> tuple[World, Phases, Medium | None, Lighting]:
+def build_world(
+    plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
+) -> tuple[World, Phases, Medium | None, Lighting]:
     """Everything the kernels need to know; phase functions of the species, then molecules, then haze."""
     frame = matter.frame
     nw = len(matter.wavelengths_nm)
     medium = None
-    if matter.grid is None:
+    if plan is None:
         lighting = Lighting.of_clear_sky(surface, frame)
     else:
-        # the finer cells of coarse models are part of the scene that all solvers share
-        medium = build_medium(matter, surface, float(sun[2]), refine=frame.curved)
+        medium = build_medium(plan, matter, surface)
         lighting = Lighting.of_grid(surface, medium)
     ground_m = lighting.ground_m
     air, haze_phase, gas_phase = _air_table(matter, ground_m)

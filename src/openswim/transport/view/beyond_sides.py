@@ -39,7 +39,7 @@ from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.volume import Shells
-from openswim.transport.medium.coefficients import Coefficients
+from openswim.transport.medium.delta_scaled import Coefficients
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -62,7 +62,9 @@ def _put_sources(lit: LitGrid, light: GridLight, volume: Volume, eye: F64, paral
         return
     m = light.medium
     extinction = wide(m.extinction)
-    stands_for = lit.once("stands for", lambda: thickest_around(extinction, m.periodic))
+    stands_for = lit.once(
+        "stands for", lambda: lit.decide("stands for", lambda: thickest_around(extinction, m.periodic))
+    )
     in_threads(
         view_source, extinction, stands_for, *(
             np.stack([getattr(c, name) for c in light.coefficients])
