@@ -168,7 +168,7 @@ def test_molecular_sky_by_successive_orders(shared: Path, albedo: float, height_
 
 @pytest.mark.parametrize("aod", [0.0, 0.3])
 def test_sun_near_the_horizon_by_monte_carlo(shared: Path, aod: float) -> None:
-    """Sun at 88 degrees. The reference is good to 1-2 %; without haze its noise is all there is, with haze up to 3.4 % rms."""
+    """Sun at 88 degrees. The reference is good to 1-2 %: without haze we are within its noise, in haze 3.4 % rms."""
     with (shared / "reference" / "clearsky" / "mc_sky_ground.csv").open() as file:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     rows = [r for r in rows if r["sza"] == 88 and r["aod550"] == aod and r["obs_alt_m"] == 0]
