@@ -128,9 +128,8 @@ def test_what_keeps_no_light_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyP
     scene = scenes()["flat"]
     with pytest.raises(UserError, match="reference keeps no light"):
         openswim.light(scene, Solver("reference", paths=2), sun=(200.0, 40.0)).save(tmp_path / "a")
-    from openswim.transport.medium import tiles
 
-    monkeypatch.setattr(tiles, "LARGE_COLUMNS", 100)
+    monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 100)
     large = openswim.light(scenes()["wide cells"], sun=(200.0, 40.0))
     with pytest.raises(UserError, match="so many columns"):
         large.save(tmp_path / "b")

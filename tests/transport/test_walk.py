@@ -110,7 +110,7 @@ def test_a_ray_that_meets_the_ground_before_the_grid_is_not_looked_up_in_it() ->
         origin[2] -= (origin[0] ** 2) / (2 * shells.radius_m)
         down = np.radians(-2.9)
         state, places = np.zeros(walk.WALK), np.zeros(walk.BATCH * walk.PLACE)
-        walk.start_walk(state, *origin, np.cos(down), 0.0, np.sin(down), -FAR_M, shells, volume)
+        walk.start_walk(state, origin, np.array([np.cos(down), 0.0, np.sin(down)]), -FAR_M, shells, volume)
         while state[walk.STATE] == walk.GOING:
             state[walk.COUNT] = 0
             walk.walk_on(state, places, shells, volume, 10.0, 2.0)

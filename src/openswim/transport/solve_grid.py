@@ -248,7 +248,7 @@ def _with_moments(
     solutions = [found[min(w, count - 1)].solution for w in range(PACK)]
     for w, solution in enumerate(solutions):
         lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
-    lighting.correct_quadrature(ordinates, inflow, shells, sun)
+    lighting.correct_quadrature(ordinates, inflow, shells, sun, medium, light.coefficients[0].scaled, ends)
     solved = replace(
         light, moments=[solution.moments for solution in solutions],
         coarser=[solution.coarser for solution in solutions], ratios=[solution.ratio for solution in solutions],

@@ -22,14 +22,15 @@ from openswim.transport.diffuse.optical_grid import at_another_wavelength, optic
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.sweep import share_ordinates
 from openswim.transport.diffuse.sweeper import Sweeper
-from openswim.transport.engine.eye_ways import columns_of
+from openswim.transport.engine.eye_ways import Eye
 from openswim.transport.engine.ordinates import lebedev
 from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.volume import DEGREE, blank_fields, tidy
 from openswim.transport.medium.delta_scaled import Coefficients
-from openswim.transport.view.source_function import field_at, thickest_around, view_source
+from openswim.transport.medium.scatterers import Scatterers
+from openswim.transport.view.source_function import FieldAt, thickest_around, view_source
 
 _LONGEST_S = 300.0
 _other: subprocess.Popen | None = None
@@ -72,12 +73,15 @@ def compile_view() -> None:
     moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), f32))
     axes = np.tile(np.eye(3, dtype=f32), (ny, nx, 1, 1))
     eye, extinction = np.array([0.0, 0.0, 5e3]), np.zeros((1, *shape), f32)
+    scatterers = Scatterers(
+        extinction, np.array([0.0, 1e3]), np.zeros((PACK, 1), f32), np.zeros((PACK, 1, DEGREE), f32),
+        np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
+    )  # fmt: skip
     in_threads(
-        view_source, extinction, thickest_around(extinction, False), np.zeros((PACK, 1), f32),
-        np.zeros((PACK, 1, DEGREE), f32), np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
-        *field_at([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
-        columns_of(axes, np.zeros((ny, nx, 3)), eye, False), np.array([0.0, 1e3]), eye, False, 1,
-        np.array([(0, n) for n in shape]), blank_fields(shape, 2 * PACK),
+        view_source, scatterers, thickest_around(extinction, False),
+        FieldAt.of([moments] * PACK, [nothing_coarser(DEGREE)] * PACK),
+        Eye.of(axes, np.zeros((ny, nx, 3)), eye, False), 1, np.array([(0, n) for n in shape]),
+        blank_fields(shape, 2 * PACK),
     )  # fmt: skip
 
 

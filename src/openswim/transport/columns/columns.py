@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from openswim.transport.air.shells import clear_radiance, rows_between
 from openswim.transport.beam.direct import direct_beam
 from openswim.transport.beam.sun_sweep import beyond_sides
-from openswim.transport.columns.column_light import column_light
+from openswim.transport.columns.column_light import Bounds, Found, Wanted, column_light
 from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mode_tables
-from openswim.transport.engine.eye_ways import columns_of
+from openswim.transport.engine.eye_ways import Eye
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
@@ -26,6 +26,7 @@ from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.scatterers import Scatterers
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -59,14 +60,15 @@ class Columns:
         ``up`` (PACK or count, ny, nx): see `column_light`."""
         down = np.empty_like(self.direct) if down is None else down
         up = np.empty_like(self.direct) if up is None else up
-        m, some = self.medium, self.coefficients[: self.count]
-        in_threads(
-            column_light, m.extinction, np.stack([c.scaled for c in some]), np.stack([c.scattering for c in some]),
-            np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
+        m = self.medium
+        bounds = Bounds(
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
-            self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
-            columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once,
-            np.array(part, np.int64), fields, down, up,
+            self.albedo, self.direct, self.inflow, self.lacking, self.half_m,
+        )  # fmt: skip
+        in_threads(
+            column_light, Scatterers.of(m, self.coefficients[: self.count]), bounds, mode_tables(),
+            Eye.of(m.axes, m.place, eye, parallel), Wanted(self.count, self.once, np.array(part, np.int64)),
+            Found(fields, down, up),
         )  # fmt: skip
 
 

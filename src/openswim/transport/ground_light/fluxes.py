@@ -16,6 +16,7 @@ from openswim.transport.air.shells import beam_transmission, clear_radiance, row
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import Ordinates, hemisphere_product
 from openswim.transport.engine.pack import PACK
+from openswim.transport.ground_light.clear_share import clear_share
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
@@ -150,8 +151,13 @@ class Lighting:
         self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(np.float32)
         self.clear_sky = clear_sky_table(shells, sun)
 
-    def correct_quadrature(self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64) -> None:
-        """Scale the ordinates' diffuse flux by what they miss of the clear sky's, which is known better."""
+    def correct_quadrature(
+        self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64, medium: Medium, scaled: F32, ends: bool
+    ) -> None:  # fmt: skip
+        """Add what the ordinates miss of the clear sky's diffuse flux, which is known better, where the sky is seen.
+
+        scaled, ends: see `clear_share`.
+        """
         self.clear_sky = clear_sky_table(shells, sun)
         if not shells.moments.size:
             return
@@ -160,7 +166,10 @@ class Lighting:
         raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
         mu = np.array([sun[2]])
         ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
-        self.diffuse *= np.clip(ratio, 0.8, 1.25).astype(np.float32)[:, None, None]
+        missed = (np.clip(ratio, 0.8, 1.25) - 1) * raw
+        self.diffuse += missed.astype(np.float32)[:, None, None] * clear_share(
+            medium, scaled, ordinates, inflow[:, 0], ends
+        )
 
     def mean_fluxes(self) -> dict[str, F64]:
         """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom (unscattered), up_bottom."""

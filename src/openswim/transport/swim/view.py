@@ -11,7 +11,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.air.shells import without_light
 from openswim.transport.beam.direct import shell_transmission
 from openswim.transport.ground_light.fluxes import ground_flux, sky_flux
 from openswim.transport.lit.lit_grid import LitGrid
@@ -24,12 +23,12 @@ from openswim.transport.swim.layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
+from openswim.transport.swim.near_side import DEPTH_OF_VIEW, near_side
 from openswim.transport.swim.phase import anisotropy, shaded_phase, sunlit_phase, thin_phases
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-DEPTH_OF_VIEW = 2.0  # l of Eq. 12
 _CLOUDY = 1e-6  # optical depth
 _LEAST_MU = 0.02
 _FROM_ABOVE = 0.3  # cosine of a falling ray to the vertical from which a cloud is seen wholly from above
@@ -60,13 +59,9 @@ def view(
     """Radiance and e^-tau (n, PACK), depth of the species (n, ns), distance of the ground or -1, samples of rays, which
     end at distances ``ends`` (n,) where these are given."""
     species = lit.volume.species
-    # air that dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)
-    seen = march_rays(
-        origin, direction, lit.sun, lit.table, without_light(shells), volume, lit.options.step,
-        DEPTH_OF_VIEW, ends,
-    )  # fmt: skip
-    radiance, full, front, depth = seen.radiance, seen.full, seen.front, seen.species_depth
-    distance = seen.distance_m
+    # the air dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)
+    seen = near_side(origin, direction, shells, volume, lit.options.step, ends)
+    front, depth, distance = seen.front, seen.species_depth, seen.distance_m
     clear, air_depth = _clear_view(lit, origin, direction, distance, shells, ends)
     out = clear.copy()
     cloudy = np.flatnonzero(depth[:, :species].sum(axis=1) > _CLOUDY)
@@ -74,12 +69,12 @@ def view(
         o, d = origin[cloudy], direction[cloudy]
         place = o + d * seen.cloud_m[cloudy, None].astype(float)
         for w in range(lit.count):
-            sight = _sight(lit, shells, place, d, depth[cloudy, :species], radiance[cloudy, w], front[cloudy, w], w)
+            sight = _sight(lit, shells, place, d, depth[cloudy, :species], seen.lit[cloudy, w], front[cloudy, w], w)
             cloud = cloud_radiance(lit, sight, shells, front[cloudy, w].astype(float), w)
             share = clear_share(sight.tau, front[cloudy, w].astype(float), air_depth[cloudy, w])
             out[cloudy, w] = share * clear[cloudy, w] + cloud  # Eq. 34
     out[:, lit.count :] = out[:, lit.count - 1 : lit.count]
-    return np.maximum(out, 0), full, depth, distance, seen.samples
+    return np.maximum(out, 0), seen.full, depth, distance, seen.samples
 
 
 def _clear_view(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.beam.lit_volume import with_fields
-from openswim.transport.engine.eye_ways import columns_of, wide
+from openswim.transport.engine.eye_ways import Eye
 from openswim.transport.engine.ordinates import harmonic_matrix, lebedev
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
@@ -16,7 +16,8 @@ from openswim.transport.lit.lit_grid import GridLight, LitGrid
 from openswim.transport.march.empty_space import beside
 from openswim.transport.march.volume import DEGREE, Volume
 from openswim.transport.medium.medium import Medium
-from openswim.transport.view.source_function import field_at, thickest_around, view_source
+from openswim.transport.medium.scatterers import Scatterers
+from openswim.transport.view.source_function import FieldAt, thickest_around, view_source
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -61,17 +62,13 @@ def _put_sources(lit: LitGrid, light: GridLight, volume: Volume, eye: F64, paral
     if light.moments is None:
         return
     m = light.medium
-    extinction = wide(m.extinction)
+    scatterers = Scatterers.of(m, light.coefficients)
     stands_for = lit.once(
-        "stands for", lambda: lit.decide("stands for", lambda: thickest_around(extinction, m.periodic))
+        "stands for", lambda: lit.decide("stands for", lambda: thickest_around(scatterers.extinction, m.periodic))
     )
     in_threads(
-        view_source, extinction, stands_for, *(
-            np.stack([getattr(c, name) for c in light.coefficients])
-            for name in ("scaled", "scattering", "air_extinction", "air_scattering")
-        ), *field_at(light.moments, light.coarser),
-        columns_of(m.axes, m.place, eye, parallel), m.levels_m, eye,
-        parallel, light.count, np.array(part, np.int64), volume.fields,
+        view_source, scatterers, stands_for, FieldAt.of(light.moments, light.coarser),
+        Eye.of(m.axes, m.place, eye, parallel), light.count, np.array(part, np.int64), volume.fields,
     )  # fmt: skip
 
 
