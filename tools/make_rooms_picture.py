@@ -19,7 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
 FOUNDATION = ("errors", "arguments", "progress", "tables")  # which any room may use; their arrows are not drawn
-CONDUCTORS = "solve · solve_grid · field · tiled"  # the files of transport beside its rooms
+CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 
 class Place(NamedTuple):

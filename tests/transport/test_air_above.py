@@ -26,6 +26,7 @@ def overcast(single_scattering_albedo: float) -> Scene:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("albedo", "limit"), [(1.0, 0.06), (0.9, 0.08)])
 def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None:
     scene = overcast(albedo)

@@ -81,6 +81,7 @@ def test_ground_all_around_gets_what_a_thin_cloud_sends_down(thin: Field) -> Non
         assert seen[outside & part].sum() == pytest.approx(expected[outside & part].sum(), rel=0.1)
 
 
+@pytest.mark.slow
 def test_it_is_as_monte_carlo_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A block as wide as its grid, by which half of the light on the ground before it is diffuse, and all behind."""
     scene = grid_scene(

@@ -51,17 +51,19 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     return out
 
 
+@pytest.mark.slow
 def test_each_quality_keeps_its_promise(scores) -> None:
-    """docs/solvers.md: preview and standard within 5 %, high within 3.5; half of that here, over albedo .1."""
+    """docs/solvers.md: preview and standard within 5 %, high within 3.5; here, over albedo .1, 2.2 and 1.35."""
     preview, standard, high = (scores[quality][0] for quality in ("preview", "standard", "high"))
     assert preview.n > 50
     assert preview.relative_rmse < 0.025
-    assert abs(preview.bias) < 0.01
+    assert abs(preview.bias) < 0.0081
     assert standard.relative_rmse < 0.025
-    assert high.relative_rmse <= standard.relative_rmse
-    assert abs(high.bias) < 0.005
+    assert high.relative_rmse < 0.0175
+    assert abs(high.bias) < 0.0024
 
 
+@pytest.mark.slow
 def test_preview_sweeps_the_same_grids_less(scores) -> None:
     preview, standard = (scores[quality][1][0] for quality in ("preview", "standard"))
     assert len(preview) == len(standard)
@@ -113,19 +115,19 @@ def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:
     scene = grid_scene(np.zeros((4, 24, 24)), (4, 24, 24), (100.0, 100.0, 100.0), surface_albedo=albedo)
     rays = down_on([-700.0, 700.0], 0.0, 1000.0)
     seen = Solver(quality="high").solve(scene, SUN, [WAVELENGTH_NM]).view(rays).radiance[:, 0]
-    np.testing.assert_allclose(seen, [0.0, 4 * SUN[2]], atol=0.01)
+    np.testing.assert_allclose(seen, [0.0, 4 * SUN[2]], atol=1e-4)
 
 
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("quality", ["preview", "high"])
 def test_white_clouds_over_white_ground_reflect_all(quality: str, periodic: bool) -> None:
-    """Nothing absorbs: of a period, up_top = mu0, within 1 %; open sides only lose."""
+    """Nothing absorbs: of a period, up_top = mu0, within .8 %; open sides only lose."""
     rows = {True: slice(None), False: slice(8, 40)}[periodic]
     field = cumuli()[:, rows, rows]
     scene = grid_scene(field, field.shape, (CELL_M,) * 3, surface_albedo=1.0, periodic=periodic)
     up = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).fluxes()["up_top"][0]
     if periodic:
-        assert up == pytest.approx(SUN[2], rel=0.01)
+        assert up == pytest.approx(SUN[2], rel=0.0081)
     else:
         assert up < 1.02 * SUN[2]
 
