@@ -183,6 +183,11 @@ class Sweeper:
         return Diffusion(self.grid, self.ground_albedo, self.on_ground, self.decide)
 
     @cached_property
+    def _going_round(self) -> list[F32]:
+        """Light that a sweep leaves at the sides of a period, for the next one to begin from."""
+        return [half.edges for half, _ in self.halves] if self.grid.periodic else []
+
+    @cached_property
     def shape(self) -> tuple[int, int, int]:
         """Of the moments."""
         return int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK
@@ -303,7 +308,8 @@ class Sweeper:
             earlier, before, least = before, changed, min(least, moved)
             astray = lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2)
             if decide("astray", astray):
-                values.fill(0.0)
+                for light in (values, *self._going_round):
+                    light.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue
             if decide("falling", corrected and (n == 1 or changed < _FALLING * earlier)):
@@ -315,7 +321,7 @@ class Sweeper:
             in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
             if n > _SETTLED:  # all by the same light, or the greatest would seem to be nearest to its end
                 recent.reweigh(weight, level)
-            recent.mix(image, residual, weight, values)
+            recent.mix(image, residual, weight, values, self._going_round)
         return image, values, n
 
 
@@ -353,6 +359,7 @@ class _Anderson:
         self.images: list[F32] = []
         self.residuals: list[F32] = []
         self.weights: list[F64] = []  # of their levels
+        self.rounds: list[list[F32]] = []  # light on its way round a period
 
     def spare(self) -> F32 | None:
         """Room for the next image: that of the one to be forgotten."""
@@ -360,6 +367,7 @@ class _Anderson:
             return None
         self.residuals.pop(0)
         self.weights.pop(0)
+        self.rounds.pop(0)
         return self.images.pop(0)
 
     def reweigh(self, weight: F64, level: NDArray[np.int64]) -> None:
@@ -368,11 +376,13 @@ class _Anderson:
             residual *= (weight / self.weights[n]).astype(np.float32)[level, None, None]
             self.weights[n] = weight
 
-    def mix(self, image: F32, residual: F32, weight: F64, out: F32) -> None:
-        """The best combination, into ``out``; ``weight`` of levels is in the residual."""
+    def mix(self, image: F32, residual: F32, weight: F64, out: F32, going_round: list[F32]) -> None:
+        """The best combination, into ``out``; ``weight`` of levels is in the residual. Of ``going_round``, what goes
+        round a period after the last sweep, the same combination in its place: it is as much a part of the light."""
         self.images.append(image)
         self.residuals.append(residual)
         self.weights.append(weight)
+        self.rounds.append([light.copy() for light in going_round])
         # inner products of the residuals' differences from the last, from those of the residuals
         count = len(self.residuals)
         inner = np.empty((count, count))
@@ -385,6 +395,10 @@ class _Anderson:
         np.multiply(image, np.float32(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
             in_threads(add_scaled, out.reshape(-1), np.float32(w), earlier.reshape(-1))
+        for n, light in enumerate(going_round):
+            light *= np.float32(1 - weights.sum())
+            for w, before in zip(weights, self.rounds[:-1], strict=True):
+                light += np.float32(w) * before[n]
 
 
 def _inner(a: F32, b: F32) -> float:
