@@ -21,6 +21,7 @@ from openswim.transport.diffuse.optical_grid import OpticalGrid, coarsen, total_
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import LANES
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Diffusion:
         cloud = grid.extinction[..., :nx]
 
         def of(species: F32, air: F32) -> F32:
-            return np.asarray(np.tensordot(species, cloud, 1) + air[:, None, None], np.float32)
+            return np.asarray(np.tensordot(species, cloud, 1) + air[:, None, None], FLOAT)
 
         extinction = total_extinction(grid)[..., :nx]
         scattering = of(grid.scattering[:, 0], grid.air_scattering[:, 0])
@@ -55,7 +56,7 @@ class Diffusion:
         height = _heights(grid.levels_m)
         absorbed = (extinction - scattering) * height
         level = np.arange(len(height))[:, None, None]
-        self.source = np.where(level < ground, 0, scattering * height).astype(np.float32)
+        self.source = np.where(level < ground, 0, scattering * height).astype(FLOAT)
         self.halved: list[tuple[int, ...]] = []  # what grids (ny, nx) were before
         while ground.size > _MOST_COLUMNS and min(ground.shape) > 1:
             self.halved.append(ground.shape)
@@ -96,7 +97,7 @@ class Diffusion:
         """Nodes as the kernels want them."""
         nz, ny, nx = self.shape
         width = 2 + nx + -(2 + nx) % LANES
-        out = np.zeros(nz * ny * width + 2 * LANES, np.float32)[LANES:-LANES].reshape(nz, ny, width)
+        out = np.zeros(nz * ny * width + 2 * LANES, FLOAT)[LANES:-LANES].reshape(nz, ny, width)
         out[..., 1 : 1 + nx] = nodes
         return out
 
@@ -115,11 +116,11 @@ class Diffusion:
         nx = self.shape[2]
         residual = self._rows(given)
         e, along, spare, product, cleared = (self._rows() for _ in range(5))
-        sums = np.zeros((2, LANES), np.float32)
+        sums = np.zeros((2, LANES), FLOAT)
         goal, past, step = -1.0, np.inf, 0.0
         decide = self.decide.within("diffusion")
         for _ in range(_MOST):
-            step_and_clear(np.float32(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
+            step_and_clear(FLOAT(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
             left, size = sums.sum(axis=1, dtype=float)
             if goal < 0:
                 goal = _CLOSE**2 * size
@@ -127,7 +128,7 @@ class Diffusion:
             if decide("close", lambda close=close: close):  # type: ignore[misc]
                 break
             turn_and_multiply(
-                np.float32(left / past), along, spare, cleared, self.own, self.up, self.north,
+                FLOAT(left / past), along, spare, cleared, self.own, self.up, self.north,
                 self.east, nx, self.periodic, product, sums,
             )  # fmt: skip
             along, spare = spare, along
@@ -139,7 +140,7 @@ class Diffusion:
         """What follows a ``change`` (blocks, BLOCK) of the first moment, added to ``out`` (blocks, M^2, BLOCK)."""
         kept = place >= 0
         nz, ny, blocks = place.shape
-        wide = np.zeros((nz, ny, blocks, BLOCK), np.float32)
+        wide = np.zeros((nz, ny, blocks, BLOCK), FLOAT)
         wide[kept] = change[place[kept]]
         nodes = wide.reshape(nz, ny, -1)[..., : self.source.shape[2]]
         nodes[:] = self.follows(nodes)
@@ -149,7 +150,7 @@ class Diffusion:
 def _heights(levels_m: F64) -> F32:
     """What each level (nz, 1, 1) stands for."""
     steps = np.diff(levels_m)
-    return np.asarray(0.5 * (np.pad(steps, (0, 1)) + np.pad(steps, (1, 0))), np.float32)[:, None, None]
+    return np.asarray(0.5 * (np.pad(steps, (0, 1)) + np.pad(steps, (1, 0))), FLOAT)[:, None, None]
 
 
 def _conductance(depth: NDArray[Any]) -> NDArray[Any]:

@@ -6,13 +6,13 @@ that ghosts of periodic grids are the nodes at the other side. Memory may be rea
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import LANES, flat, put, read_quadruple, spread_quadruple, write
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO = np.float32(0.0)
+_ZERO = FLOAT(0.0)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
