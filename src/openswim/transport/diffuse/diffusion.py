@@ -11,6 +11,7 @@ does not give it back (Marshak: half of e). Synthetic acceleration, see docs/dec
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -91,15 +92,23 @@ class Diffusion:
             self._rows(a) for a in (own, up, inverse, share, north, east)
         )
         if grid.periodic:
-            self.east[..., 0] = east[..., -1]
+            self.fields(self.east)[..., 0] = east[..., -1]
+
+    @property
+    def _wide(self) -> tuple[int, int, int]:
+        """Shape of fields with what their rows are filled with."""
+        nz, ny, nx = self.shape
+        return nz, ny, 2 + nx + -(2 + nx) % LANES
 
     def _rows(self, nodes: NDArray[Any] | float = 0.0) -> F32:
         """Nodes as the kernels want them."""
-        nz, ny, nx = self.shape
-        width = 2 + nx + -(2 + nx) % LANES
-        out = np.zeros(nz * ny * width + 2 * LANES, FLOAT)[LANES:-LANES].reshape(nz, ny, width)
-        out[..., 1 : 1 + nx] = nodes
+        out = np.zeros(math.prod(self._wide) + 2 * LANES, FLOAT)
+        self.fields(out)[..., 1 : 1 + self.shape[2]] = nodes
         return out
+
+    def fields(self, rows: F32) -> F32:
+        """`_rows` as fields."""
+        return rows[LANES:-LANES].reshape(self._wide)
 
     def follows(self, change: F32) -> F32:
         """e of a change d of the mean radiance, both on the sweep's grid (nz, ny, nx)."""
@@ -120,7 +129,9 @@ class Diffusion:
         goal, past, step = -1.0, np.inf, 0.0
         decide = self.decide.within("diffusion")
         for _ in range(_MOST):
-            step_and_clear(FLOAT(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
+            step_and_clear(
+                self._wide, FLOAT(step), along, product, e, residual, self.inverse, self.share, cleared, sums
+            )
             left, size = sums.sum(axis=1, dtype=float)
             if goal < 0:
                 goal = _CLOSE**2 * size
@@ -128,13 +139,13 @@ class Diffusion:
             if decide("close", lambda close=close: close):  # type: ignore[misc]
                 break
             turn_and_multiply(
-                FLOAT(left / past), along, spare, cleared, self.own, self.up, self.north,
-                self.east, nx, self.periodic, product, sums,
+                self._wide, FLOAT(left / past), along, spare, cleared, self.own, self.up, self.north, self.east, nx,
+                self.periodic, product, sums,
             )  # fmt: skip
             along, spare = spare, along
             step = left / max(float(sums[0].sum(dtype=float)), 1e-30)
             past = left
-        return e[..., 1 : 1 + nx]
+        return self.fields(e)[..., 1 : 1 + nx]
 
     def add(self, place: NDArray[np.int32], change: F32, out: F32) -> None:
         """What follows a ``change`` (blocks, BLOCK) of the first moment, added to ``out`` (blocks, M^2, BLOCK)."""
