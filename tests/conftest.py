@@ -1,8 +1,11 @@
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
 
+hypothesis.settings.register_profile("openswim", deadline=None)  # on a busy machine any example may take long
+hypothesis.settings.load_profile("openswim")
 os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read when miepython is first imported
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from tests.transport.scenes import toward
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.air.shells import shell_levels
 
 SUN = toward(90.0, 30.0)
@@ -26,6 +26,7 @@ def overcast(single_scattering_albedo: float) -> Scene:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("albedo", "limit"), [(1.0, 0.06), (0.9, 0.08)])
 def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None:
     scene = overcast(albedo)

@@ -7,7 +7,7 @@ _COMPARE = """
 import numpy as np
 from openswim.scene.procedural import demo_scene
 from openswim.cameras import Rays
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.beam import within_cells as bend
 from openswim.transport import warm_up as compiling
 from openswim.transport.view import source_function as eye_source

@@ -10,9 +10,9 @@ from scipy.ndimage import gaussian_filter
 from tests.transport.scenes import grid_scene, mean_by_chance, sky_directions, toward
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.diffuse.optical_grid import coarsen
 from openswim.transport.diffuse.ordinate_transform import BLOCK, in_groups, multiply
@@ -36,14 +36,15 @@ def broken_cloud(seed: int = 1) -> np.ndarray:
     return np.minimum(out, 1) * 0.03 * ((z > 3) & (z < 11))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> None:
     """Tolerance .02 is what a sweep may still mend; what remains is 1 % of fluxes and 4 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
-    assert len(quick.packs[0].sweeps[0]) >= 3
+    assert len(quick.lit[0].sweeps[0]) >= 3
     for name, flux in exact.fluxes().items():
-        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.01, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.0076, atol=1e-6, err_msg=name)
     across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))
     for direction in UP_AND_DOWN:
         height = 2.0 if direction[2] > 0 else 1350.0
@@ -52,21 +53,24 @@ def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> Non
         assert np.sqrt(((a - b) ** 2).mean()) < 0.04 * b.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", [False, True])
 def test_wavelengths_alike_are_lit_alike(periodic: bool) -> None:
     """Grey cloud over grey ground: no tint from one wavelength being solved whole and the others after it."""
-    scene = grid_scene(broken_cloud(2), SHAPE, CELL_M, surface_albedo=0.2, periodic=periodic)
+    cloud = broken_cloud(2)[:, :26, :25] if periodic else broken_cloud(2)
+    scene = grid_scene(cloud, cloud.shape, CELL_M, surface_albedo=0.2, periodic=periodic)
     field = Solver().solve(scene, SUN, [615.0, 546.0, 450.0])
     for flux in field.fluxes().values():
         np.testing.assert_allclose(flux, flux[0], rtol=5e-4)
     for height in (2.0, 1350.0):
         radiance = field.view(Rays(np.array([330.0, -410.0, height]), UP_AND_DOWN)).radiance
-        np.testing.assert_allclose(radiance, radiance[:, :1].repeat(3, 1), rtol=5e-3, atol=1e-4)
+        np.testing.assert_allclose(radiance, radiance[:, :1].repeat(3, 1), rtol=2.3e-3, atol=5e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "times", "altitude_deg", "off"),
-    [(3, 0.5, 40.0, 0.002), (3, 0.5, 15.0, 0.002), (3, 3.0, 70.0, 0.003), (4, 3.0, 30.0, 0.003)],
+    [(3, 0.5, 40.0, 0.0022), (3, 0.5, 15.0, 0.0014), (3, 3.0, 70.0, 0.0003), (4, 3.0, 30.0, 0.0005)],
 )
 def test_a_white_world_without_sides_keeps_its_light(seed: int, times: float, altitude_deg: float, off: float) -> None:
     """Broken conservative cloud, periodic, black ground: what enters leaves by the top or is absorbed below; also where
@@ -167,10 +171,10 @@ def test_even_decks_on_uneven_levels_keep_their_light(
         extinction.astype(np.float32), x, x, levels, phase=HenyeyGreenstein(0.85), surface_albedo=0.2
     )
     sun = toward(90.0, 90.0 - zenith_deg)
-    lighting = Solver().solve(scene, sun, [546.0]).packs[0].lighting
+    lighting = Solver().solve(scene, sun, [546.0]).lit[0].lighting
     middle = (0, slice(21, 27), slice(21, 27))
     down = lighting.diffuse[middle] + lighting.direct_horizontal(0)[middle[1:]]
-    assert float((lighting.up_top[middle] + 0.8 * down).mean()) == pytest.approx(sun[2], rel=0.035)
+    assert float((lighting.up_top[middle] + 0.8 * down).mean()) == pytest.approx(sun[2], rel=1e-5)
 
 
 @pytest.mark.parametrize("altitude_deg", [30.0, 3.0, 2.0, 1.0])
@@ -184,7 +188,7 @@ def test_a_low_sun_loses_no_light(altitude_deg: float) -> None:
     scene = Scene.from_arrays(deck, x, x, z, periodic=True, phase=HenyeyGreenstein(0.85))
     fluxes = Solver().solve(scene, sun, [550.0]).fluxes()
     leaving = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert leaving / sun[2] == pytest.approx(1, abs=0.01)
+    assert leaving / sun[2] == pytest.approx(1, abs=2.1e-4)
 
 
 @pytest.mark.parametrize(("upper", "spacing_m"), [(29, 100.0), (31, 300.0)])
@@ -197,7 +201,7 @@ def test_white_clouds_that_fill_the_domain_do_not_run_away(upper: int, spacing_m
     scene = Scene.from_arrays(deck, x, x, z, periodic=True, phase=HenyeyGreenstein(0.85))
     fluxes = Solver().solve(scene, np.array([0.5, 0.0, 0.87]), [550.0]).fluxes()
     leaving = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert leaving / 0.867 == pytest.approx(1, abs=0.05)
+    assert leaving / 0.867 == pytest.approx(1, abs=0.0014)
 
 
 @pytest.mark.parametrize("altitude_deg", [30.0, 60.0])
@@ -212,9 +216,9 @@ def test_a_narrow_period_with_air_is_its_column(altitude_deg: float, depth: floa
     uneven = cloud * rng.uniform(0.99, 1.01, shape)
     scenes = (grid_scene(field, shape, air=True, periodic=True, surface_albedo=0.2) for field in (cloud, uneven))
     column, swept = (Solver().solve(scene, toward(30.0, altitude_deg), [546.0]) for scene in scenes)
-    assert max(swept.packs[0].sweeps[0]) < 60
+    assert max(swept.lit[0].sweeps[0]) < 19
     for name, flux in column.fluxes().items():
-        np.testing.assert_allclose(swept.fluxes()[name], flux, rtol=0.01, err_msg=name)
+        np.testing.assert_allclose(swept.fluxes()[name], flux, rtol=0.004, err_msg=name)
 
 
 @pytest.mark.parametrize(
@@ -236,8 +240,8 @@ def test_a_narrow_period_without_air_keeps_its_light(
     sun = toward(250.0, 60.0)
     field = Solver().solve(scene, sun, [546.0])
     total = sum(float(field.fluxes()[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert sum(field.packs[0].sweeps[0]) < 50
-    assert total == pytest.approx(sun[2], rel=0.03)
+    assert sum(field.lit[0].sweeps[0]) < 47
+    assert total == pytest.approx(sun[2], rel=0.005)
 
 
 @pytest.mark.parametrize("asymmetry", [0.0, 0.85])
@@ -258,7 +262,7 @@ def test_fog_keeps_its_light(low_m: float, high_m: float, asymmetry: float) -> N
     sun = toward(250.0, 50.0)
     fluxes = Solver().solve(scene, sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(sun[2], rel=0.002 if high_m == low_m else 0.01)
+    assert total == pytest.approx(sun[2], rel=0.00064 if high_m == low_m else 0.0096)
 
 
 def test_fog_on_a_plateau_is_fog_on_the_plain() -> None:
@@ -271,7 +275,7 @@ def test_fog_on_a_plateau_is_fog_on_the_plain() -> None:
     plain = grid_scene(fog[2:], (14, 20, 20), cell_m, phase=HenyeyGreenstein(0.0))
     there, here = (Solver().solve(scene, sun, [546.0]).fluxes() for scene in (raised, plain))
     for name, flux in here.items():
-        np.testing.assert_allclose(there[name], flux, rtol=0.005, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(there[name], flux, rtol=0.0005, atol=1e-6, err_msg=name)
 
 
 @pytest.mark.parametrize("asymmetry", [0.0, 0.85])
@@ -285,9 +289,10 @@ def test_clouds_at_the_top_keep_their_light(asymmetry: float) -> None:
     scene = grid_scene(cloud, shape, (25.0, 25.0, 25.0), periodic=True, phase=HenyeyGreenstein(asymmetry))
     fluxes = Solver().solve(scene, sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(sun[2], rel=0.003)
+    assert total == pytest.approx(sun[2], rel=0.0014)
 
 
+@pytest.mark.slow
 def test_clouds_at_the_top_end_there_though_air_goes_on() -> None:
     """A deck of optical depth one in the highest levels: it faded through a tall layer of air above (by a tenth too
     much light). Against Monte Carlo."""
@@ -304,6 +309,7 @@ def test_clouds_at_the_top_end_there_though_air_goes_on() -> None:
     assert fast.radiance.mean() == pytest.approx(mean, abs=3 * error)
 
 
+@pytest.mark.slow
 def test_a_small_cloud_on_the_earth_is_one_on_a_plane() -> None:
     """Cells of optical depth up to 14, without air: where they were not divided across, on the Earth alone, a
     fifteenth of the light from above was missing."""

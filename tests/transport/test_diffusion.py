@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from tests.transport.scenes import grid_scene, toward
 
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.diffuse.diffusion import Diffusion
-from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
+from openswim.transport.medium.delta_scaled import Coefficients
 
 NY, NX = 18, 21  # rows that end within a pack
 
@@ -42,7 +43,7 @@ def test_a_deck_follows_the_parabola(ground_albedo: float) -> None:
     # 2/3 a = back b at the ground; at the top -2/3 e' = e/2
     equations = np.array([[2 / 3, -back], [2 / 3 + depth / 2, 0.5]])
     a, b = np.linalg.solve(equations, [0.0, depth + 0.375 * depth**2])
-    np.testing.assert_allclose(e.mean(axis=(1, 2)), -0.75 * x**2 + a * x + b, rtol=0.03)
+    np.testing.assert_allclose(e.mean(axis=(1, 2)), -0.75 * x**2 + a * x + b, rtol=0.012)
     assert np.ptp(e, axis=(1, 2)).max() < 0.01 * e.max()
 
 
@@ -61,7 +62,8 @@ def test_it_solves_its_equations(periodic: bool, monkeypatch: pytest.MonkeyPatch
     e = diffusion.follows(change).astype(float)
     assert (e[np.arange(16)[:, None, None] >= ground] > 0).all()
     own, up, north, east = (
-        a[..., 1 : 1 + NX].astype(float) for a in (diffusion.own, diffusion.up, diffusion.north, diffusion.east)
+        diffusion.fields(a)[..., 1 : 1 + NX].astype(float)
+        for a in (diffusion.own, diffusion.up, diffusion.north, diffusion.east)
     )
     left = own * e - diffusion.source * change
     left[1:] -= up[1:] * e[:-1]
@@ -88,11 +90,12 @@ def test_large_grids_are_halved() -> None:
     assert np.abs(halved.follows(change) - e).mean() < 0.1 * e.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [100.0, 1000.0])
 def test_thick_decks_keep_their_light(depth: float) -> None:
     """White, nearly even, without sides, over black ground: what enters leaves, after some hundred to thousand
     scatterings; and as much comes through as two streams say (Eddington, 2 (1 + 3/2 mu)/(4 + 3 depth (1 - g)) where it
-    is thick; Meador and Weaver 1980), within a tenth. (Of depth 1000, cells of depth 7, twice as much: .015.)"""
+    is thick; Meador and Weaver 1980), within 3.5 %. (Of depth 1000, cells of depth 7, twice as much: .015.)"""
     rng = np.random.default_rng(0)
     shape = (9, 8, 8)
     extinction = np.zeros(shape)
@@ -100,36 +103,38 @@ def test_thick_decks_keep_their_light(depth: float) -> None:
     scene = grid_scene(extinction * rng.normal(1.0, 0.02, shape), shape, periodic=True)
     sun = toward(250.0, 40.0)
     fluxes = {name: float(flux[0]) / sun[2] for name, flux in Solver().solve(scene, sun, [546.0]).fluxes().items()}
-    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.003)
+    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.0015)
     if depth == 100.0:  # linear between nodes: half a layer more above and below
         through = (2 + 3 * sun[2]) / (4 + 3 * 1.25 * depth * 0.15)
-        assert fluxes["down_bottom"] == pytest.approx(through, rel=0.1)
+        assert fluxes["down_bottom"] == pytest.approx(through, rel=0.045)
 
 
 def lumpy(periodic: bool) -> Scene:
-    """A white cloud of optical depth 600 within 1.4 km."""
+    """A white cloud of optical depth 480 within 1.1 km."""
     rng = np.random.default_rng(0)
-    z, y, x = np.ogrid[0:12, 0:14, 0:14]
-    inside = 1 - ((z - 5.5) / 5) ** 2 - ((y - 6.5) / 5) ** 2 - ((x - 6.5) / 5) ** 2
+    z, y, x = np.ogrid[0:10, 0:11, 0:11]
+    inside = 1 - ((z - 4.5) / 4) ** 2 - ((y - 5.0) / 4) ** 2 - ((x - 5.0) / 4) ** 2
     extinction = 0.6 * np.clip(inside + 0.3 * rng.standard_normal(inside.shape), 0, 1)
     return grid_scene(extinction, inside.shape, periodic=periodic)
 
 
+@pytest.mark.slow
 def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
-    """Fluxes within 1 % of those that many more sweeps find (they were 4 to 6 % too small)."""
+    """Fluxes within .3 % of those that many more sweeps find (without diffusion they were 4 to 6 % too small)."""
     quick, exact = (
         Solver(tolerance=t).solve(lumpy(False), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
     )
     for name, flux in exact.items():
-        np.testing.assert_allclose(quick[name], flux, rtol=0.01, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(quick[name], flux, rtol=0.0033, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 def test_a_thick_cloud_without_sides_keeps_its_light() -> None:
     """Over black ground all that enters leaves (3 % did not)."""
     sun = toward(250.0, 40.0)
     fluxes = Solver().solve(lumpy(True), sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(sun[2], rel=0.005)
+    assert total == pytest.approx(sun[2], rel=0.0025)
 
 
 def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
@@ -139,7 +144,7 @@ def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
     scene = grid_scene(np.full(shape, 100 / 375), shape, (1500.0, 1500.0, 25.0), True, phase=HenyeyGreenstein(0.6))
     sun = toward(30.0, 74.0)
     field = Solver().solve(scene, sun, [546.0])
-    lighting = field.packs[0].lighting
+    lighting = field.lit[0].lighting
     middle = tuple(slice(n // 3, 2 * n // 3) for n in lighting.diffuse[0].shape)
     leaves = lighting.up_top[0][middle] + lighting.diffuse[0][middle]
     assert leaves.mean() == pytest.approx(sun[2], rel=0.01)
@@ -155,7 +160,7 @@ def test_lone_thick_cells_are_solved() -> None:
     sun = toward(250.0, 25.0)
     field = Solver().solve(scene, sun, [546.0])
     total = sum(float(field.fluxes()[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert max(field.packs[0].sweeps[0]) < 40
+    assert max(field.lit[0].sweeps[0]) < 40
     assert total == pytest.approx(sun[2], rel=0.03)
 
 

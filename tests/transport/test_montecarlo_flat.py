@@ -12,9 +12,9 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import down_on, sky_directions, toward
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.montecarlo.cell_track import cell_at, depth_to_sun
 from openswim.transport.montecarlo.cells import cell_majorants, cells_of, free_cells
 from openswim.transport.montecarlo.first_cloud import clear_m

@@ -113,8 +113,8 @@ def test_horizon_over_a_cone() -> None:
     turn = 150e3 / RADIUS
     top = np.array([(RADIUS + 4000.0) * np.sin(turn), (RADIUS + 4000.0) * np.cos(turn)])
     on_plane = np.degrees(np.arctan2(top[1] - RADIUS - 10.0, top[0]))
-    assert on_plane == pytest.approx(np.degrees(3990.0 / 150e3 - 150e3 / (2 * RADIUS)), abs=0.005)
-    assert seen == pytest.approx(on_plane, abs=0.003)
+    assert on_plane == pytest.approx(np.degrees(3990.0 / 150e3 - 150e3 / (2 * RADIUS)), abs=0.0012)
+    assert seen == pytest.approx(on_plane, abs=0.00085)
     assert hit[: int(hit.sum())].all()
 
 
@@ -137,7 +137,7 @@ def test_a_finer_field_takes_the_place_of_a_coarse_one() -> None:
     ground = relief(0.0, flat(300.0, 121, 100.0), flat(100.0, 41, 1000.0))
     down = np.tile([0.0, 0.0, -1.0], (2, 1))
     distance = ground.meet(np.array([[0.0, 0.0, 2000.0], [10e3, 0.0, 2000.0]]), down)
-    np.testing.assert_allclose(distance, [1700.0, 1907.8], atol=0.1)  # 10 km away the sphere has fallen by 7.8 m
+    np.testing.assert_allclose(distance, [1700.0, 1907.8], atol=0.061)  # 10 km away the sphere has fallen by 7.8 m
 
 
 def test_a_peak_that_only_the_finer_field_has_is_not_leapt_over() -> None:
@@ -181,10 +181,10 @@ def test_shadow_of_a_wall_is_as_long_as_its_height_over_the_tangent() -> None:
     x = np.linspace(10.0, 400.0, 1561)
     lit = ground.lit(np.stack([x, 0 * x + 3.0, 0 * x], axis=-1), sun)
     assert (np.diff(lit) >= 0).all()
-    assert np.interp(0.5, lit, x) == pytest.approx(100.0 / np.tan(np.radians(20.0)), abs=2.0)
+    assert np.interp(0.5, lit, x) == pytest.approx(100.0 / np.tan(np.radians(20.0)), abs=0.33)
     penumbra = x[(lit > 0) & (lit < 1)]
     # 3/4 of the disc lie between the outermost of the four rays
-    assert np.ptp(penumbra) == pytest.approx(0.75 * 0.0093 * 100.0 / np.sin(np.radians(20.0)) ** 2, rel=0.3)
+    assert np.ptp(penumbra) == pytest.approx(0.75 * 0.0093 * 100.0 / np.sin(np.radians(20.0)) ** 2, rel=0.046)
 
 
 def test_normals_of_a_slope() -> None:
@@ -193,7 +193,7 @@ def test_normals_of_a_slope() -> None:
     place = np.array([[0.0, 0.0, 2000.0]])
     for footprint in (0.0, 1000.0):
         normal = ground.normals(place, np.array([[0.0, 0.0, 1.0]]), np.array([footprint]))
-        np.testing.assert_allclose(normal[0], np.array([-0.3, 0.0, 1.0]) / np.sqrt(1.09), atol=1e-3)
+        np.testing.assert_allclose(normal[0], np.array([-0.3, 0.0, 1.0]) / np.sqrt(1.09), atol=0.00011)
 
 
 def test_roots_of_parabolas() -> None:

@@ -16,7 +16,8 @@ from openswim.optics import background
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.air.shells import (
     beam_transmission,
     beam_transmission_at,
@@ -45,7 +46,7 @@ def at_cosine(depths: np.ndarray, mu: float, mu_horizon: float = 0.0) -> float:
 
 
 # .2 % is what slant_depths promises, .03 % our levels
-SLANT = 2.5e-3
+SLANT = 4e-4
 
 
 def test_vertical_depth(exponential) -> None:
@@ -70,7 +71,7 @@ def test_rays_that_graze_the_ground_pass_the_lowest_point(exponential, height_m:
     half = SURFACE_PER_M * math.sqrt(math.pi * RADIUS_M * SCALE_M / 2)
     # s^2 = 2 R z near the ground: a Gaussian path, from -sqrt(2 R z) to infinity; next order 1/x = .1 %
     expected = half * (1 + math.erf(math.sqrt(height_m / SCALE_M)))
-    assert depths[np.searchsorted(levels, height_m), 0] == pytest.approx(expected, rel=5e-3)
+    assert depths[np.searchsorted(levels, height_m), 0] == pytest.approx(expected, rel=0.00089)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_beam_is_dimmed_by_the_slant_column(rayleigh_air) -> None:
     air, shells = rayleigh_air
     column = np.trapezoid(air.rayleigh_per_m, air.height_m, axis=1)
     overhead, sixty = beam_transmission(shells, np.array([1.0, 0.5]))
-    np.testing.assert_allclose(-np.log(overhead), column, rtol=2e-3)
+    np.testing.assert_allclose(-np.log(overhead), column, rtol=1e-4)
     np.testing.assert_allclose(-np.log(sixty), 2 * column, rtol=5e-3)  # sphericity takes .4 % at most
 
 
@@ -96,7 +97,7 @@ def test_beam_on_a_mountain_is_dimmed_by_what_is_above(rayleigh_air) -> None:
     for h, depth in zip(height, found, strict=True):
         z = np.linspace(h, air.height_m[-1], 40_000)
         column = [np.trapezoid(np.interp(z, air.height_m, own), z) for own in air.rayleigh_per_m]
-        np.testing.assert_allclose(depth, column, rtol=5e-3)
+        np.testing.assert_allclose(depth, column, rtol=1e-4)
     np.testing.assert_array_equal(
         beam_transmission_at(shells, np.array([0.3]), np.zeros(1)), beam_transmission(shells, np.array([0.3]))
     )
@@ -121,8 +122,8 @@ def test_diffuse_flux_is_half_of_what_thin_air_scatters(rayleigh_air) -> None:
     diffuse = total - mu * beam_transmission(shells, np.array([mu]))[0, 3]
     # conservative two-stream with isotropic g = 0: T = (2/3 + mu + (2/3 - mu) e^-tau/mu)/(4/3 + tau), 1 % here
     two_stream = mu * (2 / 3 + mu + (2 / 3 - mu) * np.exp(-tau / mu)) / (4 / 3 + tau)
-    assert diffuse == pytest.approx(two_stream - mu * np.exp(-tau / mu), rel=0.1)
-    assert diffuse == pytest.approx(0.5 * mu * (1 - np.exp(-tau / mu)), rel=0.05)
+    assert diffuse == pytest.approx(two_stream - mu * np.exp(-tau / mu), rel=0.016)
+    assert diffuse == pytest.approx(0.5 * mu * (1 - np.exp(-tau / mu)), rel=0.016)
 
 
 def test_vacuum_lets_all_through() -> None:
@@ -151,7 +152,7 @@ def sky(field: Field, zenith_deg, azimuth_deg, height_m: float = 1.0) -> np.ndar
 @pytest.mark.parametrize("albedo", [0.0, 0.3])
 @pytest.mark.parametrize("height_km", [0, 10])
 def test_molecular_sky_by_successive_orders(shared: Path, albedo: float, height_km: int) -> None:
-    """sasktran2, sun zenith 60, no aerosol; the reference is good to .3-1.5 %, hence 2 % rms."""
+    """sasktran2, sun zenith 60, no aerosol; the reference is good to .3-1.5 %; 1 % rms."""
     with xr.open_dataset(shared / "reference" / "clearsky" / "sasktran2_sky.nc") as data:
         name = "ground" if height_km == 0 else "10km"
         chosen = (data.case_sza == 60) & (data.case_aod550 == 0) & (abs(data.case_albedo - albedo) < 1e-3)
@@ -162,12 +163,12 @@ def test_molecular_sky_by_successive_orders(shared: Path, albedo: float, height_
     ours = np.moveaxis(sky(field, zenith, azimuth, max(1.0, 1000.0 * height_km)), -1, 0)
     for w in range(3):
         rms = np.sqrt(np.mean((ours[w] - truth[w]) ** 2)) / truth[w].mean()
-        assert rms < 0.02, (wavelengths[w], rms)
+        assert rms < 0.013, (wavelengths[w], rms)
 
 
 @pytest.mark.parametrize("aod", [0.0, 0.3])
 def test_sun_near_the_horizon_by_monte_carlo(shared: Path, aod: float) -> None:
-    """Sun at 88 degrees. The reference is good to 1-2 %; we allow 4 % rms, 6 % in haze."""
+    """Sun at 88 degrees. The reference is good to 1-2 %: without haze we are within its noise, in haze 3.4 % rms."""
     with (shared / "reference" / "clearsky" / "mc_sky_ground.csv").open() as file:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     rows = [r for r in rows if r["sza"] == 88 and r["aod550"] == aod and r["obs_alt_m"] == 0]
@@ -178,7 +179,7 @@ def test_sun_near_the_horizon_by_monte_carlo(shared: Path, aod: float) -> None:
         truth, sigma = (np.array([r[name] for r in here]) for name in ("Lp", "Lp_stderr"))
         ours = sky(field, np.array([r["vza"] for r in here]), np.array([r["raa"] for r in here]))[:, w]
         rms = np.sqrt(max(0.0, np.mean((ours - truth) ** 2) - np.mean(sigma**2))) / truth.mean()
-        assert rms < (0.06 if aod else 0.04), (wavelength, rms)
+        assert rms < (0.043 if aod else 0.01), (wavelength, rms)
 
 
 def test_sky_adds_up_to_the_diffuse_flux() -> None:
@@ -192,7 +193,7 @@ def test_sky_adds_up_to_the_diffuse_flux() -> None:
     fluxes = field.fluxes()
     sun = field.frame.direction(SUN_AZIMUTH, 40.0, LAT, LON)
     beam = field.view(Rays(field.frame.position(LAT, LON, 1.0), sun)).transmittance[0] * np.sin(np.radians(40.0))
-    np.testing.assert_allclose(flux + beam, fluxes["down_bottom"] + fluxes["direct_bottom"], rtol=0.01)
+    np.testing.assert_allclose(flux + beam, fluxes["down_bottom"] + fluxes["direct_bottom"], rtol=0.0017)
 
 
 def test_clear_conservative_air_gives_back_what_it_takes() -> None:
@@ -202,4 +203,4 @@ def test_clear_conservative_air_gives_back_what_it_takes() -> None:
     sun = scene_frame(scene).direction(SUN_AZIMUTH, 60.0, LAT, LON)
     fluxes = Solver().solve(scene, sun, [450.0]).fluxes()
     total = sum(fluxes[name][0] for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(math.sin(math.radians(60.0)), rel=0.02)  # the sphere's sides leak 1 %
+    assert total == pytest.approx(math.sin(math.radians(60.0)), rel=0.0029)  # the sphere's sides leak 1 %

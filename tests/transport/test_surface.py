@@ -11,6 +11,7 @@ from tests.transport.scenes import (
     LON,
     WAVELENGTH_NM,
     box,
+    changed,
     down_on,
     grid_scene,
     mean_by_chance,
@@ -22,7 +23,8 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.ground.model import ModelGround
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.view.shading import _PART, _steepness
 
 ALTITUDE = 30.0
@@ -59,8 +61,8 @@ def test_a_ridge_shades_its_far_side(ridge) -> None:
     beyond = (CELL + length + np.array([100.0, 300.0]))[:, None] * away
     before = np.array([150.0, 400.0, 1200.0])[:, None] * -away
     assert ground(field, *behind.T[:2]).max() < 0.02 * sunny
-    np.testing.assert_allclose(ground(field, *beyond.T[:2]), sunny, rtol=0.01)
-    np.testing.assert_allclose(ground(field, *before.T[:2]), sunny, rtol=0.01)
+    np.testing.assert_allclose(ground(field, *beyond.T[:2]), sunny, rtol=1e-4)
+    np.testing.assert_allclose(ground(field, *before.T[:2]), sunny, rtol=0.0072)
 
 
 def test_the_shadow_ends_where_the_sun_looks_over_the_ridge(ridge) -> None:
@@ -83,7 +85,7 @@ def test_a_sunny_wall_lights_the_ground_before_it(albedo: float) -> None:
     found, truth = (ground(Solver(name, **more).solve(scene, toward(90.0, ALTITUDE), [WAVELENGTH_NM]), x_m, 0 * x_m)
                     for name, more in (("fast", {}), ("reference", {"paths": 4000})))  # fmt: skip
     np.testing.assert_allclose(found[:4], truth[:4], rtol=0.125)
-    np.testing.assert_allclose(found[4:], truth[4:], atol=0.03 * truth[0])
+    np.testing.assert_allclose(found[4:], truth[4:], atol=0.018 * truth[0])
 
 
 @pytest.mark.parametrize(("azimuth", "altitude"), [(90.0, 40.0), (270.0, 40.0), (0.0, 40.0), (250.0, 60.0)])
@@ -94,7 +96,7 @@ def test_slopes_are_lit_by_the_cosine_of_their_normal(azimuth: float, altitude: 
     sun = toward(azimuth, altitude)
     field = Solver().solve(scene, sun, [WAVELENGTH_NM])
     normal = np.array([-0.2, 0.0, 1.0]) / np.hypot(0.2, 1.0)
-    np.testing.assert_allclose(ground(field, [-500.0, 0.0, 500.0], 30.0), 2.0 * normal @ sun, rtol=0.01)
+    np.testing.assert_allclose(ground(field, [-500.0, 0.0, 500.0], 30.0), 2.0 * normal @ sun, rtol=0.0071)
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0, 80.0])
@@ -103,7 +105,7 @@ def test_white_ground_under_no_air(zenith: float) -> None:
     scene = grid_scene({}, (5, 6, 7), surface_albedo=0.4)
     field = Solver().solve(scene, sun_at_zenith_angle(zenith), [WAVELENGTH_NM])
     expected = 4 * 0.4 * np.cos(np.radians(zenith))
-    np.testing.assert_allclose(ground(field, [0.0, 120.0, 5000.0], [0.0, -80.0, 0.0]), expected, rtol=2e-3)
+    np.testing.assert_allclose(ground(field, [0.0, 120.0, 5000.0], [0.0, -80.0, 0.0]), expected, rtol=1e-4)
 
 
 def test_albedo_is_seen_where_it_is() -> None:
@@ -113,7 +115,7 @@ def test_albedo_is_seen_where_it_is() -> None:
     x, y = np.meshgrid(100.0 * (np.arange(11) - 5), 100.0 * (np.arange(9) - 4))
     seen = ground(field, x, y).reshape(9, 11)
     assert np.unravel_index(seen.argmax(), seen.shape) == (2, 7)
-    assert seen[2, 7] == pytest.approx(4 * np.cos(np.radians(20.0)), rel=0.01)
+    assert seen[2, 7] == pytest.approx(4 * np.cos(np.radians(20.0)), rel=1e-4)
     assert seen[5:].max() == 0.0
 
 
@@ -140,7 +142,7 @@ def test_ground_under_air_reflects_what_reaches_it() -> None:
     seen = field.view(Rays(np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, -1.0]]))).radiance[0]
     fluxes = field.fluxes()
     expected = 4 * albedo * (fluxes["down_bottom"] + fluxes["direct_bottom"])
-    np.testing.assert_allclose(seen, expected, rtol=2e-3)  # two metres of air
+    np.testing.assert_allclose(seen, expected, rtol=1e-4)  # two metres of air
     np.testing.assert_allclose(fluxes["up_bottom"], expected / 4, rtol=1e-5)
 
 
@@ -148,7 +150,7 @@ def test_ground_under_air_reflects_what_reaches_it() -> None:
 def test_white_ground_under_a_white_cloud_gives_all_light_back(tau: float) -> None:
     """Nothing absorbs: what enters leaves through the top, after any number of reflections."""
     field = Solver().solve(slab(tau, albedo=1.0), sun_at_zenith_angle(60.0), [WAVELENGTH_NM])
-    assert field.fluxes()["up_top"][0] == pytest.approx(0.5, rel=5e-3)
+    assert field.fluxes()["up_top"][0] == pytest.approx(0.5, rel=0.00051)
 
 
 def test_a_brighter_ground_brightens_the_sky() -> None:
@@ -159,7 +161,7 @@ def test_a_brighter_ground_brightens_the_sky() -> None:
     # multiple reflection: E = E_0/(1 - a R), R the cloud's reflectance from below, found by its own light
     reflectance = (bright - dark) / (0.8 * bright)
     # a conservative cloud with tau (1 - g) = .75: spherical albedo .75 x .75/(1 + .75 x .75) = .36
-    assert reflectance == pytest.approx(0.36, abs=0.04)
+    assert reflectance == pytest.approx(0.36, abs=0.034)
 
 
 def test_land_has_patches_below_its_map_for_the_eye_alone() -> None:
@@ -175,12 +177,11 @@ def test_land_has_patches_below_its_map_for_the_eye_alone() -> None:
     rays = Rays(rays.origin_m, rays.direction, 1e-3)
     seen = field.view(rays).radiance[:, 0]
     assert np.abs(seen / bare - 1).mean() > 0.15
-    assert seen.mean() == pytest.approx(bare.mean(), rel=0.03)
+    assert seen.mean() == pytest.approx(bare.mean(), rel=0.0060)
     far = field.view(Rays(rays.origin_m, rays.direction, 10.0)).radiance[:, 0]
     assert np.abs(far / bare - 1).mean() < 0.05  # the map itself is averaged over 10 km
-    pack = field.packs[0]
-    pack.solver = Solver(detail=False)
-    np.testing.assert_allclose(field.view(rays).radiance[:, 0], bare, rtol=1e-5)
+    without = changed(field, options=Solver(detail=False))
+    np.testing.assert_allclose(without.view(rays).radiance[:, 0], bare, rtol=1e-5)
 
 
 def test_mountains_have_slopes_below_the_grid() -> None:
@@ -198,9 +199,8 @@ def test_mountains_have_slopes_below_the_grid() -> None:
     for azimuth in (120.0, 300.0):
         field = Solver(quality="preview").solve(scene, toward(azimuth, 30.0), [WAVELENGTH_NM])
         seen = field.view(rays).radiance[:, 0]
-        field.packs[0].solver = Solver(detail=False)
-        plain = field.view(rays).radiance[:, 0]
-        assert seen.mean() == pytest.approx(plain.mean(), rel=0.05)
+        plain = changed(field, options=Solver(detail=False)).view(rays).radiance[:, 0]
+        assert seen.mean() == pytest.approx(plain.mean(), rel=0.011)
         changes.append(np.log(np.maximum(seen, 0.02) / np.maximum(plain, 0.02)))
     # woods and fields change alike, and cancel
     assert np.abs(changes[0] - changes[1]).mean() > 0.2
@@ -211,7 +211,7 @@ def test_slopes_of_a_domain_do_not_reach_far_beyond_it() -> None:
     n = 17
     terrain = 1000.0 + 300.0 * np.sin(np.arange(n))[:, None] * np.ones(n)
     scene = grid_scene({}, (5, n, n), (3000.0, 3000.0, 700.0), curved=True, terrain_m=terrain)
-    field = Solver(quality="preview").solve(scene, toward(120.0, 30.0), [WAVELENGTH_NM]).packs[0]
+    field = Solver(quality="preview").solve(scene, toward(120.0, 30.0), [WAVELENGTH_NM]).lit[0]
     fineness = field.medium.fineness
     steep = _steepness(field.lighting, field.medium, fineness * np.array([8.0, 16.0, 26.0, 116.0]), np.full(4, 8.0))
     assert steep[0] > 0.1
@@ -227,7 +227,7 @@ def test_what_a_model_says_of_the_ground_is_worked_out_once(monkeypatch) -> None
     solved = len(calls)
     for _ in range(2):
         ground(field, np.linspace(-500.0, 500.0, 3 * _PART), np.zeros(3 * _PART))
-    assert len(calls) == solved + 1
+    assert len(calls) == solved == 1
 
 
 def test_the_shaded_side_of_a_snowy_peak_is_lit_by_the_plain() -> None:
@@ -239,7 +239,7 @@ def test_the_shaded_side_of_a_snowy_peak_is_lit_by_the_plain() -> None:
     found, truth = (ground(Solver(name, **more).solve(scene, toward(90.0, 24.0), [WAVELENGTH_NM]), x_m, 0 * x_m)
                     for name, more in (("fast", {}), ("reference", {"paths": 4000})))  # fmt: skip
     np.testing.assert_allclose(found[:4], truth[:4], rtol=0.35)
-    np.testing.assert_allclose(found[4:], truth[4:], rtol=0.03)
+    np.testing.assert_allclose(found[4:], truth[4:], rtol=0.024)
 
 
 def test_white_hills_keep_their_light() -> None:
@@ -252,7 +252,7 @@ def test_white_hills_keep_their_light() -> None:
     scene = grid_scene(cloud, shape, (100.0, 100.0, 50.0), periodic=True, surface_albedo=1.0, terrain_m=hills)
     sun = toward(250.0, 40.0)
     field = Solver().solve(scene, sun, [WAVELENGTH_NM])
-    lighting = field.packs[0].lighting
+    lighting = field.lit[0].lighting
     assert lighting.diffuse_on_slopes().max() > 1.1 * lighting.diffuse.max()  # they light each other
     assert field.fluxes()["up_top"][0] == pytest.approx(sun[2], rel=0.003)
 
@@ -270,7 +270,7 @@ def test_ground_of_a_period_does_not_know_where_it_begins() -> None:
         scene = grid_scene(np.roll(cloud, n, 2), shape, periodic=True, **rolled)
         field = Solver().solve(scene, toward(230.0, 45.0), [WAVELENGTH_NM])
         seen.append(ground(field, x + 100.0 * n, y, 500.0))
-    np.testing.assert_allclose(seen[1], seen[0], rtol=0.02, atol=1e-3)
+    np.testing.assert_allclose(seen[1], seen[0], rtol=3e-3, atol=2e-4)
 
 
 @pytest.mark.parametrize("albedo", [0.1, 0.6])

@@ -33,10 +33,12 @@ from openswim.transport.diffuse.optical_grid import (
 )
 from openswim.transport.diffuse.ordinate_transform import BLOCK, Groups, in_groups
 from openswim.transport.diffuse.sweep import Half, Room, half_sweep
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, double_gauss, lebedev
 from openswim.transport.engine.pack import LANES
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -54,7 +56,7 @@ _GROWN = 4.0  # times the least change, or as much half-way, at which diffusion 
 _ASTRAY = 0.05  # if it is more than this of the light: mixed changes go up and down
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
-_LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
+_LEAST_RATIO = FLOAT(0.05)  # of light that steps take to that at a node
 
 
 @dataclass
@@ -72,6 +74,7 @@ class Sweeper:
     place: NDArray[np.int32]
     extinction: F32  # of grid and ghosts, 1/m, and planes for what cloud on the ground is to each thread
     pool: Pool
+    decide: Decisions  # what is kept, and the course of the iteration
     on_ground: bool = True  # whether its lowest level may be the ground's
     amends: bool = True  # moments are of the light that the steps around a node take (decision 15), not of its own
     ratio: F32 | None = None  # (blocks, BLOCK) of these two in the last sweep, or what is given for them
@@ -79,40 +82,42 @@ class Sweeper:
     @classmethod
     def of(
         cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, pool: Pool,
-        sides: F32 | None = None,
+        sides: F32 | None = None, decide: Decisions | None = None,
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters. ``pool`` may be shared: one sweeps at a time."""
+        decide = decide or Decisions()
         directions, weights = ordinates.direction, ordinates.weight
         nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
         degree = grid.air_scattering.shape[1]
         down = directions[:, 2] >= 0
         halves = []
         for half in (down, ~down):
-            group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
+            group = in_groups(directions[half], weights[half].astype(FLOAT), degree, _LEAST_GROUP)
             here = np.flatnonzero(half)
             if sides is not None:
                 edges = np.ascontiguousarray(sides[here])
             else:
                 known = (nz, 4, max(nx, ny)) if grid.periodic else (1, 4, 0)
-                edges = np.zeros((len(here), *known), np.float32)
+                edges = np.zeros((len(here), *known), FLOAT)
             halves.append(
-                (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
+                (Half(directions[here], weights[here].astype(FLOAT), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
         extinction = with_ghosts(total_extinction(grid), nx, grid.periodic)
         shared = 2 * config.NUMBA_NUM_THREADS if _cloud_on_ground(grid) else 0  # type: ignore[attr-defined]
-        kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        kept = decide("kept", lambda: grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None])
         return cls(
             grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
             places(kept), np.pad(extinction, [(0, shared), (0, 0), (0, 0)]) if shared else extinction, pool,
+            decide,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
         up, _ = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
         self.unit_flux = float((up.weight * np.abs(up.direction[:, 2])).sum() / (4 * np.pi))
-        self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
-        self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
+        self.down_flux = np.zeros(self.grid.ground_node.shape, FLOAT)
+        self.up_flux = np.zeros(self.grid.ground_node.shape, FLOAT)
 
     def as_coarser(self, values: F32, ratio: F32 | None) -> Coarser:
         """What its solution, moments and their ratio to the nodes' own, is to a grid of twice the columns each way."""
@@ -121,26 +126,28 @@ class Sweeper:
         beam = np.minimum(grid.beam, 1)  # what is thin has no cloud's part in it
         return Coarser(
             2, grid.ground_node.shape[1], self.place, values,
-            np.ones((len(values), BLOCK), np.float32) if ratio is None else ratio,
+            np.ones((len(values), BLOCK), FLOAT) if ratio is None else ratio,
             beam, grid.sun_harmonics, grid.extinction,
         )  # fmt: skip
 
     def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over a coarser field."""
-        kept = thick_blocks(self.grid) if kept is None else kept
+        kept = self.decide("thick", lambda: thick_blocks(self.grid)) if kept is None else kept
         return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
         """The same on 2x2 columns."""
+        decide = self.decide.within("coarser")
         return Sweeper.of(
-            coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
-            self.ordinates, self.pool, None if self.sides is None else pairs(self.sides),
+            coarser_grid(self.grid).decided(decide), self.inflow, coarsen(self.ground_albedo),
+            coarsen(self.direct_flux), self.ordinates, self.pool, None if self.sides is None else pairs(self.sides),
+            decide,
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
-        on_ground = np.float32(levels.start == 0)
+        on_ground = FLOAT(levels.start == 0)
         # a few ordinates answer as well, which tell three degrees apart; level ones are not for flat cells
         level = (np.abs(self.ordinates.direction[:, 2]) < LEVEL).any()
         few = lebedev(14) if level else double_gauss(3, 5)
@@ -149,14 +156,14 @@ class Sweeper:
             air_scattering=np.ascontiguousarray(cut.air_scattering[:, :_ANSWERED]),
         )  # fmt: skip
         dark = Sweeper.of(
-            cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
-            0 * self.direct_flux, few, self.pool,
+            cut, np.zeros((len(few.direction), len(cut.levels_m)), FLOAT), on_ground * self.ground_albedo,
+            0 * self.direct_flux, few, self.pool, decide=self.decide.within("unlit"),
         )  # fmt: skip
         extinction = dark.extinction if levels.start == 0 else dark.extinction[: len(cut.levels_m)]
+        kept = dark.decide("thick", lambda: thick_blocks(cut))
         return replace(
-            dark, place=places(thick_blocks(cut)), extinction=extinction, on_ground=levels.start == 0, amends=False,
-            ratio=None,
-        )  # fmt: skip
+            dark, place=places(kept), extinction=extinction, on_ground=levels.start == 0, amends=False, ratio=None
+        )
 
     def answer(self, change: F32, lasting: bool) -> F32:
         """What follows from a ``change`` of the moments in the `unlit` medium: of the next `_FOLLOWED` sweeps and, if
@@ -167,14 +174,14 @@ class Sweeper:
             image = self.sweep(np.add(image, change, out=lit), image)
         if lasting:
             last = image[:, 0] - (lit[:, 0] - change[:, 0])
-            if np.linalg.norm(last) > _LASTING * np.linalg.norm(image[:, 0]):
+            if self.decide("lasts", lambda: bool(np.linalg.norm(last) > _LASTING * np.linalg.norm(image[:, 0]))):
                 self.diffusion.add(self.place, last, image)
         return image
 
     @cached_property
     def diffusion(self) -> Diffusion:
         """How light goes on when sweeps have long been done."""
-        return Diffusion(self.grid, self.ground_albedo, self.on_ground)
+        return Diffusion(self.grid, self.ground_albedo, self.on_ground, self.decide)
 
     @cached_property
     def _going_round(self) -> list[F32]:
@@ -188,7 +195,7 @@ class Sweeper:
 
     def nothing(self) -> F32:
         """Moments of darkness."""
-        return np.zeros(self.shape, np.float32)
+        return np.zeros(self.shape, FLOAT)
 
     def fluxes(self) -> F32:
         """Of the last sweep (2, ny, nx): down to the ground, up through the top."""
@@ -215,7 +222,7 @@ class Sweeper:
             True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
         )
         arriving = self.ground_albedo * (self.direct_flux + self.down_flux)
-        radiance = np.asarray(arriving / np.float32(self.unit_flux), np.float32)
+        radiance = np.asarray(arriving / FLOAT(self.unit_flux), FLOAT)
         self.up_flux = half_sweep(
             False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
         )
@@ -271,6 +278,11 @@ class Sweeper:
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
         """
+        course = self.decide.within("course")
+
+        def decide(name: str, now: bool) -> bool:
+            return course(name, lambda: bool(now))
+
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
         threads = get_num_threads()
@@ -290,22 +302,24 @@ class Sweeper:
             changed = float(np.sqrt(change.sum() / max(size.sum(), 1e-30)))
             # without corrections a sweep may change little of what it has to
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
-            if n == most or min(changed, _SLOW * follows) <= tolerance:
+            enough = n == most or min(changed, _SLOW * follows) <= tolerance
+            if decide("done", enough):
                 break
             moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
             earlier, before, least = before, changed, min(least, moved)
-            if lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2):
+            astray = lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2)
+            if decide("astray", astray):
                 for light in (values, *self._going_round):
                     light.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue
-            if corrected and (n == 1 or changed < _FALLING * earlier):
+            if decide("falling", corrected and (n == 1 or changed < _FALLING * earlier)):
                 values, spare, recent = image, values, _Anderson(memory)
                 continue
             spare = None
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
-            residual = np.empty((len(image), 4, BLOCK), np.float32)
-            in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
+            residual = np.empty((len(image), 4, BLOCK), FLOAT)
+            in_threads(weighted_change, values, image, level, weight.astype(FLOAT), residual)
             if n > _SETTLED:  # all by the same light, or the greatest would seem to be nearest to its end
                 recent.reweigh(weight, level)
             recent.mix(image, residual, weight, values, self._going_round)
@@ -360,7 +374,7 @@ class _Anderson:
     def reweigh(self, weight: F64, level: NDArray[np.int64]) -> None:
         """Give the levels' ``weight`` to the earlier residuals, whose blocks (n,) are on each ``level``."""
         for n, residual in enumerate(self.residuals):
-            residual *= (weight / self.weights[n]).astype(np.float32)[level, None, None]
+            residual *= (weight / self.weights[n]).astype(FLOAT)[level, None, None]
             self.weights[n] = weight
 
     def mix(self, image: F32, residual: F32, weight: F64, out: F32, going_round: list[F32]) -> None:
@@ -379,13 +393,13 @@ class _Anderson:
         gram = inner[:-1, :-1] - inner[:-1, -1:] - beside[None, :]
         gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
         weights = np.linalg.solve(gram, -beside)
-        np.multiply(image, np.float32(1 - weights.sum()), out=out)
+        np.multiply(image, FLOAT(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
-            in_threads(add_scaled, out.reshape(-1), np.float32(w), earlier.reshape(-1))
+            in_threads(add_scaled, out.reshape(-1), FLOAT(w), earlier.reshape(-1))
         for n, light in enumerate(going_round):
-            light *= np.float32(1 - weights.sum())
+            light *= FLOAT(1 - weights.sum())
             for w, before in zip(weights, self.rounds[:-1], strict=True):
-                light += np.float32(w) * before[n]
+                light += FLOAT(w) * before[n]
 
 
 def _inner(a: F32, b: F32) -> float:
