@@ -24,7 +24,8 @@ _DOTTED = re.compile(r"(?<![\w./*\"'-])([A-Za-z_]\w*(?:/\w+)*)((?:\.[A-Za-z_]\w*
 # Dotted words that are not ours: data files, other people's packages, and what some variable of an example has.
 _SUFFIXES = {"nc", "csv", "grib2", "png", "jpg", "tif", "zarr", "json", "txt", "md", "yml", "sh", "toml", "svg"}
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world"}
-_OURS = {"field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}  # variables of the pages, by their classes
+# Variables of the pages, by their classes.
+_OURS = {"field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
 
 
 def _prose(page: Path) -> str:
