@@ -102,7 +102,7 @@ def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
         seen, expected = (
             Solver().solve(one, _sun(zenith_deg), [615.0, 450.0]).view(rays).radiance[4] for one in (scene, clear)
         )
-        np.testing.assert_allclose(seen, expected, rtol=0.012)
+        np.testing.assert_allclose(seen, expected, rtol=0.0044)
 
 
 @pytest.mark.parametrize("height_m", [-300.0, 1500.0])
@@ -127,7 +127,7 @@ def test_no_light_is_lost() -> None:
         field[2:4] = tau / 800.0
         scene = grid_scene(field, (6, 24, 24), CELL_M, curved=True, surface_albedo=0.3)
         up, down = _fluxes(scene, zenith_deg)
-        assert up + 0.7 * down == pytest.approx(np.cos(np.radians(zenith_deg)), rel=0.01)
+        assert up + 0.7 * down == pytest.approx(np.cos(np.radians(zenith_deg)), rel=0.00019)
 
 
 def _fluxes(scene: Scene, zenith_deg: float) -> tuple[float, float]:
@@ -167,6 +167,7 @@ def test_parts_stay_small_and_show_every_ray_once(clouds: Scene, monkeypatch: py
         np.testing.assert_array_equal(np.sort(np.concatenate([which for _, which in parts])), np.arange(len(rays)))
 
 
+@pytest.mark.slow
 def test_clouds_by_monte_carlo(clouds: Scene) -> None:
     """Clouds some cells wide: measured +1 % bias, 1.5 % RMSE."""
     rays, sun = _rays(clouds, 22, 14, 20.0), _sun(50.0)
@@ -175,7 +176,7 @@ def test_clouds_by_monte_carlo(clouds: Scene) -> None:
     expected, sigma = truth.radiance[:, 0], truth.sigma[:, 0]
     noise = np.sqrt((sigma**2).mean())
     error = np.sqrt(max(((seen - expected) ** 2).mean() - noise**2, 0)) / expected.mean()
-    assert seen.mean() == pytest.approx(expected.mean(), rel=0.05)
+    assert seen.mean() == pytest.approx(expected.mean(), rel=0.011)
     assert error < 0.06
 
 
@@ -192,7 +193,7 @@ def test_cloud_that_covers_part_of_its_cells_reflects_as_much_of_them() -> None:
         up[name] = _fluxes(scene, 50.0)[0]
     mixed = share * up["within"] + (1 - share) * up["clear"]
     assert mixed < 0.6 * up["full"]
-    assert up["part"] == pytest.approx(mixed, rel=0.15)  # two streams tell the share, less for uneven water
+    assert up["part"] == pytest.approx(mixed, rel=0.091)  # two streams tell the share, less for uneven water
 
 
 def test_swim_is_seen_in_parts_too(clouds: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
