@@ -82,6 +82,13 @@ def test_a_white_world_without_sides_keeps_its_light(seed: int, times: float, al
     assert total == pytest.approx(sun[2], rel=off)
 
 
+def test_light_on_its_way_round_a_period_is_mixed_with_the_rest() -> None:
+    """Thin white cloud under a low sun: 30 sweeps of a grid at most, 60 where Anderson's mix left out what sweeps begin
+    with at the sides of a period."""
+    scene = grid_scene(0.5 * broken_cloud(3), SHAPE, CELL_M, periodic=True)
+    assert max(Solver().solve(scene, toward(250.0, 15.0), [546.0]).packs[0].sweeps[0]) < 39
+
+
 def test_products_in_tiles_are_those_of_the_matrices() -> None:
     """Group by group, as a sweep takes them: emission along each ordinate, and their light summed over all groups."""
     ordinates = lebedev(50)

@@ -62,7 +62,8 @@ def test_it_solves_its_equations(periodic: bool, monkeypatch: pytest.MonkeyPatch
     e = diffusion.follows(change).astype(float)
     assert (e[np.arange(16)[:, None, None] >= ground] > 0).all()
     own, up, north, east = (
-        a[..., 1 : 1 + NX].astype(float) for a in (diffusion.own, diffusion.up, diffusion.north, diffusion.east)
+        diffusion.fields(a)[..., 1 : 1 + NX].astype(float)
+        for a in (diffusion.own, diffusion.up, diffusion.north, diffusion.east)
     )
     left = own * e - diffusion.source * change
     left[1:] -= up[1:] * e[:-1]

@@ -342,7 +342,7 @@ def test_terrain_of_nested_grids() -> None:
     inner, outer = (
         Landscape(surface_of(one, WAVELENGTH_NM), medium_of(one, WAVELENGTH_NM, 0.5)) for one in (scene, wider)
     )
-    inner.wider = outer
+    inner = replace(inner, wider=outer)
     lon, lat = scene.grid.lonlat(np.linspace(30, 90, 200), 30.0)  # type: ignore[union-attr]
     height = np.array([inner.ground_m(float(b), float(a)) for a, b in zip(lon, lat, strict=True)])
     np.testing.assert_allclose(height[:50], 800.0, atol=0.5)

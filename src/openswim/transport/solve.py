@@ -15,6 +15,7 @@ from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.field import Field
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, CLEAR_STEP, LitGrid
@@ -69,7 +70,7 @@ def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, c
         air, sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, DEGREE,
         lighting.ground_m + 1e5, 1.5 * CLEAR_STEP,
     )  # fmt: skip
-    table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), np.float32)
+    table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), FLOAT)
     lighting.light_clear(shells, sun)
     return LitGrid(
         options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,

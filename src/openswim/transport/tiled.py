@@ -24,6 +24,7 @@ from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, s
 from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.relief import Relief
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid, Once
@@ -133,8 +134,8 @@ class LargeViewer:
         n, lit = len(rays), self.lit
         skies = skies_for(lit, rays)
         out = View(
-            np.zeros((n, lit.count), np.float32), np.zeros((n, lit.count), np.float32), np.zeros(n, bool),
-            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(len(self.whole.species), 1)), np.float32), 0,
+            np.zeros((n, lit.count), FLOAT), np.zeros((n, lit.count), FLOAT), np.zeros(n, bool),
+            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(len(self.whole.species), 1)), FLOAT), 0,
         )  # fmt: skip
         with job("light and view", n) as meter:
             for window, which in self._parts(rays):
@@ -219,7 +220,7 @@ def solve_large(
     _, place = columns_on(medium.grid, frame, np.ix_(y, x))
     lat, lon, _ = frame.latlon(place.reshape(-1, 3))
     albedo = surface.albedo(lat, lon)
-    blank = np.zeros((PACK, 1, 1), np.float32)
+    blank = np.zeros((PACK, 1, 1), FLOAT)
     lighting = Lighting(medium.ground_m, albedo.mean(axis=0), blank, blank, blank, blank)
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / frame.radius_m)))
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5

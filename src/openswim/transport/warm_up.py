@@ -27,6 +27,7 @@ from openswim.transport.engine.ordinates import lebedev
 from openswim.transport.engine.pack import LANES, PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE, blank_fields, tidy
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.scatterers import Scatterers
@@ -68,14 +69,14 @@ def _compiled() -> bool:
 
 def compile_view() -> None:
     """The source of a few nodes toward an eye."""
-    shape, f32 = (2, LANES, LANES), np.float32
+    shape = (2, LANES, LANES)
     nz, ny, nx = shape
-    moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), f32))
-    axes = np.tile(np.eye(3, dtype=f32), (ny, nx, 1, 1))
-    eye, extinction = np.array([0.0, 0.0, 5e3]), np.zeros((1, *shape), f32)
+    moments = Moments(places(np.zeros((nz, ny, 1), bool)), np.zeros((1, DEGREE**2, BLOCK), FLOAT))
+    axes = np.tile(np.eye(3, dtype=FLOAT), (ny, nx, 1, 1))
+    eye, extinction = np.array([0.0, 0.0, 5e3]), np.zeros((1, *shape), FLOAT)
     scatterers = Scatterers(
-        extinction, np.array([0.0, 1e3]), np.zeros((PACK, 1), f32), np.zeros((PACK, 1, DEGREE), f32),
-        np.zeros((PACK, nz), f32), np.zeros((PACK, nz, DEGREE), f32),
+        extinction, np.array([0.0, 1e3]), np.zeros((PACK, 1), FLOAT), np.zeros((PACK, 1, DEGREE), FLOAT),
+        np.zeros((PACK, nz), FLOAT), np.zeros((PACK, nz, DEGREE), FLOAT),
     )  # fmt: skip
     in_threads(
         view_source, scatterers, thickest_around(extinction, False),
@@ -88,28 +89,28 @@ def compile_view() -> None:
 def compile_sweeps() -> None:
     """A solve of a few nodes at two wavelengths, on three grids: it calls every kernel of the diffuse light. Before it
     the beam's bend, which the other process will ask for first."""
-    shape, f32 = (4, 48, 48), np.float32
+    shape = (4, 48, 48)
     in_threads(
-        bend_cells, np.zeros((1, 1, 1, 1), f32), 0, np.ones(1, f32), np.zeros((1, 1, 3)), np.zeros(1), np.ones(2),
+        bend_cells, np.zeros((1, 1, 1, 1), FLOAT), 0, np.ones(1, FLOAT), np.zeros((1, 1, 3)), np.zeros(1), np.ones(2),
         tidy(no_volume()),
     )  # fmt: skip
     nz, ny, nx = shape
-    extinction = np.zeros((1, *shape), f32)
+    extinction = np.zeros((1, *shape), FLOAT)
     extinction[:, 1:3, 8:24, 8:24] = 0.03
-    forward = (0.7 ** np.arange(DEGREE)).astype(f32)
+    forward = (0.7 ** np.arange(DEGREE)).astype(FLOAT)
     coefficients = Coefficients(
-        np.ones(1, f32), forward[None], np.full(nz, 1e-5, f32), np.tile(1e-5 * forward, (nz, 1)).astype(f32)
+        np.ones(1, FLOAT), forward[None], np.full(nz, 1e-5, FLOAT), np.tile(1e-5 * forward, (nz, 1)).astype(FLOAT)
     )
     first = optical_grid(
-        extinction, np.full((ny, DEGREE**2, nx), 0.1, f32), np.linspace(0.0, 300.0, nz), np.full(2, 100.0), False, True,
-        np.zeros((ny, nx), np.int64), coefficients, np.ones(shape, f32),
+        extinction, np.full((ny, DEGREE**2, nx), 0.1, FLOAT), np.linspace(0.0, 300.0, nz), np.full(2, 100.0), False,
+        True, np.zeros((ny, nx), np.int64), coefficients, np.ones(shape, FLOAT),
     )  # fmt: skip
     ordinates, pool = lebedev(50), Pool()
     traces: list[Trace] | None = None
     for _ in range(2):
-        grid = at_another_wavelength(first, coefficients, np.ones(shape, f32))
+        grid = at_another_wavelength(first, coefficients, np.ones(shape, FLOAT))
         sweeper = Sweeper.of(
-            grid, np.zeros((len(ordinates.weight), nz), f32), np.zeros((ny, nx), f32), np.ones((ny, nx), f32),
+            grid, np.zeros((len(ordinates.weight), nz), FLOAT), np.zeros((ny, nx), FLOAT), np.ones((ny, nx), FLOAT),
             ordinates, pool,
         )  # fmt: skip
         solution = coarse_to_fine(sweeper, 1e-3, 6, traces)

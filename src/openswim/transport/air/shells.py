@@ -15,6 +15,7 @@ from openswim.optics import Background
 from openswim.transport.engine.ordinates import hemisphere_product
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scalar import harmonics_symmetric
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.forward_peak import forward_share
 from openswim.transport.march.march import ground_radiance_rows, march_rays
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
@@ -59,7 +60,6 @@ _MOST_ITERATIONS = 12
 
 def no_volume() -> Volume:
     """The absence of a grid, in the shape the kernels take."""
-    f32 = np.float32
     return Volume(
         chart_origin_m=0.0,
         chart_per_m=1.0,
@@ -69,8 +69,8 @@ def no_volume() -> Volume:
         level_per_m=1.0,
         level_table=np.zeros(2),
         top_m=-1e9,
-        cell_m=np.array([1e9, 1e9], f32),
-        levels_m=np.array([0.0, 1e9], f32),
+        cell_m=np.array([1e9, 1e9], FLOAT),
+        levels_m=np.array([0.0, 1e9], FLOAT),
         periodic=False,
         shining=False,
         peak_inner=PEAK_COSINES[0],
@@ -79,20 +79,20 @@ def no_volume() -> Volume:
         cloud_channel=0,
         free=np.zeros((1, 1, 1), np.uint32),
         fields=blank_fields((1, 1, 1), 1),
-        scaled=np.zeros((1, PACK), f32),
-        forward=np.zeros((1, PACK), f32),
-        single=np.zeros((0, DEGREE, PACK), f32),
+        scaled=np.zeros((1, PACK), FLOAT),
+        forward=np.zeros((1, PACK), FLOAT),
+        single=np.zeros((0, DEGREE, PACK), FLOAT),
         forward_channel=np.zeros(PACK, np.int64),
-        bend=np.zeros((0, 1, 1, PACK), f32),
-        bend_share=np.ones(PACK, f32),
+        bend=np.zeros((0, 1, 1, PACK), FLOAT),
+        bend_share=np.ones(PACK, FLOAT),
         per_extinction=False,
-        turning=np.zeros((0, DEGREE * DEGREE, PACK), f32),
+        turning=np.zeros((0, DEGREE * DEGREE, PACK), FLOAT),
         turning_row=np.zeros((1, 1, 1), np.int32),
-        air=np.zeros((2, 4 * PACK), f32),
-        haze_depth=np.zeros((2, PACK), f32),
-        reach_m=np.full(1, FAR_M, f32),
-        terrain_m=np.zeros((1, 1), f32),
-        steep=np.zeros((1, 1), f32),
+        air=np.zeros((2, 4 * PACK), FLOAT),
+        haze_depth=np.zeros((2, PACK), FLOAT),
+        reach_m=np.full(1, FAR_M, FLOAT),
+        terrain_m=np.zeros((1, 1), FLOAT),
+        steep=np.zeros((1, 1), FLOAT),
     )
 
 
@@ -148,8 +148,7 @@ def build_shells(
     ``background``: optical profile on `shell_levels`, or None for vacuum. ``degree``: the truncation order M.
     """
     nw = PACK
-    f32 = np.float32
-    albedo = np.broadcast_to(np.asarray(ground_albedo, float), (nw,)).astype(f32)
+    albedo = np.broadcast_to(np.asarray(ground_albedo, float), (nw,)).astype(FLOAT)
     suns = _SUNS_DEG[
         max(0, np.searchsorted(_SUNS_DEG, sun_range_deg[0], "right") - 1) : np.searchsorted(
             _SUNS_DEG, sun_range_deg[1], "left"
@@ -165,10 +164,10 @@ def build_shells(
         levels = np.array([0.0, max(top_m - ground_m, 1.0)])
         return tidy(Shells(
             radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)),
-            np.full(1, FAR_M), np.zeros((2, 4 * nw), f32), np.zeros((2, degree, nw), f32),
-            np.zeros((2, 2, 2 * nw), f32), _horizon(levels, radius_m, ground_m), sun_table,
-            np.zeros((0, len(suns), _HARMONICS, nw), f32),
-            np.zeros((2, len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), f32), flux.astype(f32), albedo,
+            np.full(1, FAR_M), np.zeros((2, 4 * nw), FLOAT), np.zeros((2, degree, nw), FLOAT),
+            np.zeros((2, 2, 2 * nw), FLOAT), _horizon(levels, radius_m, ground_m), sun_table,
+            np.zeros((0, len(suns), _HARMONICS, nw), FLOAT),
+            np.zeros((2, len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
         ))  # fmt: skip
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
@@ -187,11 +186,11 @@ def build_shells(
     # below FAR_M, which stands for vacuum, also at the very top, where rays from space begin
     reach_table = np.minimum(np.interp(level_table, np.arange(len(levels)), reach(extinction)), 0.5 * FAR_M)
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows.astype(f32),
-        phase[:, :degree].astype(f32),
-        slant.astype(f32), _horizon(levels, radius_m, ground_m), sun_table,
-        np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), f32),
-        np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), f32), flux.astype(f32), albedo,
+        radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows.astype(FLOAT),
+        phase[:, :degree].astype(FLOAT),
+        slant.astype(FLOAT), _horizon(levels, radius_m, ground_m), sun_table,
+        np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), FLOAT),
+        np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
     )  # fmt: skip
     return tidy(_solve(tidy(shells), phase, sun_mu, scale))
 
@@ -217,7 +216,7 @@ def _source(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArr
     molecules, aerosol = shells.rows[:, None, PACK : 2 * PACK], shells.rows[:, None, 2 * PACK : 3 * PACK]
     scattered = field * (molecules * phase[0] + aerosol * phase[1])[:, None, order]
     toward = np.tensordot(scattered, _toward_nodes(), axes=([2], [1]))
-    return np.ascontiguousarray(np.moveaxis(toward, -1, 2).reshape(shells.source.shape), np.float32)
+    return np.ascontiguousarray(np.moveaxis(toward, -1, 2).reshape(shells.source.shape), FLOAT)
 
 
 def _horizon(levels: Array, radius_m: float, ground_m: float) -> Array:
@@ -272,15 +271,15 @@ def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
     basis = np.empty((len(mu), _HARMONICS))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
         harmonics_symmetric(m, np.cos(phi), _DIFFUSE_DEGREE, row)
-    weighted = np.ascontiguousarray((weight[:, None] * basis).T, np.float32)
+    weighted = np.ascontiguousarray((weight[:, None] * basis).T, FLOAT)
     levels = shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
     origin = np.zeros((len(levels) * len(mu), 3))
     origin[:, 2] = np.repeat(levels, len(mu))
     direction = np.tile(ordinates, (len(levels), 1))
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
-    shells = shells._replace(ground_flux=direct.astype(np.float32))
+    shells = shells._replace(ground_flux=direct.astype(FLOAT))
     for _ in range(_MOST_ITERATIONS):
-        moments = np.empty(shells.moments.shape, np.float32)
+        moments = np.empty(shells.moments.shape, FLOAT)
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
@@ -290,7 +289,7 @@ def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
         mean = moments[:, :, 0]
         change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
         shells = shells._replace(
-            moments=moments, source=_source(shells, moments, phase), ground_flux=flux.astype(np.float32)
+            moments=moments, source=_source(shells, moments, phase), ground_flux=flux.astype(FLOAT)
         )
         if change < _CONVERGED:
             break
@@ -299,7 +298,7 @@ def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
 
 def clear_radiance(origin: Array, direction: Array, sun: Array, shells: Shells, scale: float) -> NDArray[np.float32]:
     """Delta-scaled radiance (n, PACK) of the shells and of the Lambertian ground below them along rays (n, 3)."""
-    seen = march_rays(origin, direction, sun, np.zeros((1, 2, 2, PACK), np.float32), shells, no_volume(), scale)
+    seen = march_rays(origin, direction, sun, np.zeros((1, 2, 2, PACK), FLOAT), shells, no_volume(), scale)
     radiance = seen.radiance
     hit = np.flatnonzero(seen.distance_m >= 0)
     place = origin[hit] + direction[hit] * seen.distance_m[hit, None]

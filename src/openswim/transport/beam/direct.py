@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.beam.sun_sweep import BEYOND
 from openswim.transport.engine.pack import PACK, choose_above, flat, pack_of, read, write
 from openswim.transport.engine.scalar import shadow_fraction, table_index, transmission
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.sample import sun_table_coordinate
 from openswim.transport.march.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_HALF, _ONE = np.float32(0.5), np.float32(1.0)
-_DARKEST, _MOST_AIR = 1e-12, np.float32(27.631)  # transmission, and its depth, that stand for none
-_MOST = np.float32(80.0)  # depth: what lies deeper still has a beam that `beam.py` can tell from none
+_HALF, _ONE = FLOAT(0.5), FLOAT(1.0)
+_DARKEST, _MOST_AIR = 1e-12, FLOAT(27.631)  # transmission, and its depth, that stand for none
+_MOST = FLOAT(80.0)  # depth: what lies deeper still has a beam that `beam.py` can tell from none
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
@@ -28,8 +28,8 @@ def _plane_value(plane, x, y):
     ny, nx = plane.shape
     i = min(int(x), nx - 1)
     j = min(int(y), ny - 1)
-    a = np.float32(x - i)
-    b = np.float32(y - j)
+    a = FLOAT(x - i)
+    b = FLOAT(y - j)
     i1, j1 = min(i + 1, nx - 1), min(j + 1, ny - 1)
     return (plane[j, i] * (_ONE - a) + plane[j, i1] * a) * (_ONE - b) + (
         plane[j1, i] * (_ONE - a) + plane[j1, i1] * a
@@ -97,7 +97,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
     above = max(levels_m[k] - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     row = min(int(level), shells.rows.shape[0] - 2)
-    c = np.float32(level - row)
+    c = FLOAT(level - row)
     ratio = (shells.radius_m + shells.ground_m) / (shells.radius_m + shells.ground_m + above)
     mu_horizon = -math.sqrt(max(0.0, 1.0 - ratio * ratio))
     softness = levels_m[min(k + 1, nz - 1)] - levels_m[max(k - 1, 0)]
@@ -108,7 +108,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
         lit *= shadow_fraction(mu, mu_horizon, SUN_RADIUS_RAD)
         t = sun_table_coordinate(mu, mu_horizon, columns)
         m = int(t)
-        e = np.float32(t - m)
+        e = FLOAT(t - m)
         n = (row * columns + m) * 2 * PACK
         up = columns * 2 * PACK
         near, far = read(shells.slant, n), read(shells.slant, n + up)
@@ -116,7 +116,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
         far += e * (read(shells.slant, n + up + 2 * PACK) - far)
         total = near + c * (far - near)
         if lit < 1.0:
-            total += np.float32(-math.log(max(lit, _DARKEST)))
+            total += FLOAT(-math.log(max(lit, _DARKEST)))
         total = choose_above(total, _MOST_AIR, _MOST_AIR, total)
         at = (k * ny + j) * width + BEYOND + i
         level = nz * ny * width
@@ -144,7 +144,7 @@ def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m,
         before = max(k - 1, 0)
         lit = lit_fraction(ground, shadow_m[j, i], distance_m[j, i], 20.0)
         for w in range(count):
-            total = np.float32(0.0)
+            total = FLOAT(0.0)
             if k < nz:
                 span = levels_m[k] - levels_m[before]
                 c = (levels_m[k] - ground) / span if span > 0.0 else 0.0

@@ -14,6 +14,7 @@ from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, forward_depth
 from openswim.transport.march.empty_space import beside, free_cubes, occupied, steepness
 from openswim.transport.march.forward_peak import forward_share
@@ -119,7 +120,7 @@ def _forward(medium: Medium, nw: int) -> F32:
          for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
         for s in medium.species
     ]  # fmt: skip
-    return np.array(rows, np.float32).reshape(len(medium.species), nw)
+    return np.array(rows, FLOAT).reshape(len(medium.species), nw)
 
 
 def sunlit_volume(
@@ -130,7 +131,7 @@ def sunlit_volume(
     fast = backscatter is None
     ns, nw = len(medium.species), PACK
     scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
-    forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
+    forward = _forward(medium, nw) if fast else np.zeros((ns, nw), FLOAT)
     second = forward if backscatter is None else backscatter
     nz, ny, nx = medium.shape
     origin, per_m, lookup = medium.level_lookup
@@ -161,14 +162,14 @@ def sunlit_volume(
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
-        float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
+        float(medium.levels_m[-1]), np.array(medium.cell_m, FLOAT), (levels - levels[0]).astype(FLOAT),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
-        free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
+        free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), FLOAT),
         np.array([forward_channel[n] for n in index["second"]]),
-        np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled), False,
-        np.zeros((0, DEGREE * DEGREE, PACK), np.float32), np.zeros((1, 1, 1), np.int32),
-        np.zeros((nz, 4 * PACK), np.float32),
-        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
+        np.zeros((nz if fast and ns else 0, ny, nx, PACK), FLOAT), _relative(scaled), False,
+        np.zeros((0, DEGREE * DEGREE, PACK), FLOAT), np.zeros((1, 1, 1), np.int32),
+        np.zeros((nz, 4 * PACK), FLOAT),
+        np.zeros((nz, PACK), FLOAT), reach(air_extinction).astype(FLOAT), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
     return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
@@ -185,7 +186,7 @@ def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
 def _relative(scaled: F32) -> F32:
     """Delta-scaled extinction of the species (ns, PACK) relative to the first wavelength's."""
     mean = scaled.mean(axis=0) if scaled.size and scaled[:, 0].any() else np.ones(PACK)
-    return np.asarray(mean / mean[0], np.float32)
+    return np.asarray(mean / mean[0], FLOAT)
 
 
 def _peak_cosines(medium: Medium) -> tuple[float, float]:
@@ -215,8 +216,8 @@ def beams_and_shadows(
             shadow_rows, medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow,
             ridge,
         )  # fmt: skip
-    beams = np.empty((count, nz, ny, nx), np.float32)
-    surface = np.empty((count, ny, nx), np.float32)
+    beams = np.empty((count, nz, ny, nx), FLOAT)
+    surface = np.empty((count, ny, nx), FLOAT)
     in_threads(
         direct_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams,
         surface, volume.fields,
@@ -256,7 +257,7 @@ def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volum
     """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
     node = medium.ground_node[None]
     air = forward_depth(shells, lighting.mu_sun)
-    out = np.zeros((PACK, *medium.shape[1:]), np.float32)
+    out = np.zeros((PACK, *medium.shape[1:]), FLOAT)
     for w in range(PACK):
         cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
         out[w] = air[..., w] + (cloud if volume.forward.any() else 0.0)

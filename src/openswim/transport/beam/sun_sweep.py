@@ -22,14 +22,15 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.scalar import table_index
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_LANE = np.arange(LANES, dtype=np.float32)
+_ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
+_LANE = np.arange(LANES, dtype=FLOAT)
 BEYOND = LANES  # nodes beyond a row's ends, where packs of rays that leave it or wrap around may read
 _FAR_M = 1e30
 _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
@@ -52,7 +53,7 @@ def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     width = grid.shape[3]
     j = min(int(y), ny - 1)
     i = min(math.floor(x), nx)
-    a, b = np.float32(x - i) + aside_x, np.float32(y - j) + aside_y
+    a, b = FLOAT(x - i) + aside_x, FLOAT(y - j) + aside_y
     up = width
     if j + 1 >= ny:
         up = -j * width if periodic else 0
@@ -75,11 +76,11 @@ def _way_up_m(mu, bend, rise_m):
 def _ways_out(nodes, count, per_m):
     """Distances from packs of nodes to the end of an axis that they go to, at so many cells per metre; none of nodes
     beyond it."""
-    along = np.float32(_ALONG_PER_M)
+    along = FLOAT(_ALONG_PER_M)
     fast = choose_above(per_m, _ZERO, per_m, -_ONE * per_m)
-    left = choose_above(per_m, _ZERO, np.float32(count - 1) - nodes, nodes)
+    left = choose_above(per_m, _ZERO, FLOAT(count - 1) - nodes, nodes)
     ways = choose_above(left, _ZERO, left, _ZERO) / choose_above(fast, along, fast, along)
-    return choose_above(fast, along, ways, np.float32(_FAR_M))
+    return choose_above(fast, along, ways, FLOAT(_FAR_M))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -98,12 +99,12 @@ def _depths_to_sun(
     vx, vy, mu = ray[0], ray[1], ray[2]
     bend = (1.0 - mu * mu) / (2.0 * radius_m)
     fastest = max(abs(vx), abs(vy))
-    off = read_quadruple(_LANE, 0) - np.float32(middle - i)
-    leave = spread_quadruple(np.float32(_FAR_M))
+    off = read_quadruple(_LANE, 0) - FLOAT(middle - i)
+    leave = spread_quadruple(FLOAT(_FAR_M))
     gone = _FAR_M  # the last of them
     if not periodic:
-        leave_x = _ways_out(read_quadruple(_LANE, 0) + np.float32(i), nx, np.float32(vx) + np.float32(turn[0]) * off)
-        leave_y = _ways_out(spread_quadruple(np.float32(j)), ny, np.float32(vy) + np.float32(turn[1]) * off)
+        leave_x = _ways_out(read_quadruple(_LANE, 0) + FLOAT(i), nx, FLOAT(vx) + FLOAT(turn[0]) * off)
+        leave_y = _ways_out(spread_quadruple(FLOAT(j)), ny, FLOAT(vy) + FLOAT(turn[1]) * off)
         leave = choose_above(leave_x, leave_y, leave_y, leave_x)
         gone = float(largest(leave))
     for n in range(fields):
@@ -117,26 +118,26 @@ def _depths_to_sun(
             s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), gone)
         end = min(_way_up_m(mu, bend, levels_m[level] - levels_m[k]), gone)
         longer = _longer(mu, bend, levels_m[level] - levels_m[k], turn[2])
-        stretch = np.float32(longer) * off + _ONE
+        stretch = FLOAT(longer) * off + _ONE
         at = level
         count = int(fastest * (end - s)) + 1
         if periodic:
             count = min(count, _MOST_STEPS)
         ds = (end - s) / count
         for piece in range(1, count + 1):
-            left, step = leave - np.float32(s) * stretch, np.float32(ds) * stretch
+            left, step = leave - FLOAT(s) * stretch, FLOAT(ds) * stretch
             left = choose_above(left, step, step, left)
             half = _HALF * choose_above(left, _ZERO, left, _ZERO)
             s += ds
             x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
             y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
-            aside_x = np.float32(s * (turn[0] + vx * longer)) * off
-            aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+            aside_x = FLOAT(s * (turn[0] + vx * longer)) * off
+            aside_y = FLOAT(s * (turn[1] + vy * longer)) * off
             m, g = level, _ZERO
             if piece < count or end >= gone:
                 fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
                 m = min(int(fk), nz - 2)
-                g = np.float32(fk - m)
+                g = FLOAT(fk - m)
             for n in range(fields):
                 here = _nodes_at(extinction, n, m, x, y, aside_x, aside_y, ny, nx, periodic)
                 if g > _ZERO:
@@ -154,11 +155,11 @@ def _depths_to_sun(
     longer = _longer(mu, bend, rise, turn[2])
     x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
     y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
-    aside_x = np.float32(s * (turn[0] + vx * longer)) * off
-    aside_y = np.float32(s * (turn[1] + vy * longer)) * off
+    aside_x = FLOAT(s * (turn[0] + vx * longer)) * off
+    aside_y = FLOAT(s * (turn[1] + vy * longer)) * off
     for n in range(fields):
         beyond = _nodes_at(depth, n, last, x, y, aside_x, aside_y, ny, nx, periodic)
-        beyond = choose_above(leave, np.float32(s) * (np.float32(longer) * off + _ONE), beyond, _ZERO)
+        beyond = choose_above(leave, FLOAT(s) * (FLOAT(longer) * off + _ONE), beyond, _ZERO)
         write(total, n * LANES, read_quadruple(total, n * LANES) + beyond)
 
 
@@ -277,8 +278,8 @@ def sun_sweep(
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
     exact[gates] = True
-    depth = np.zeros(extinction.shape, np.float32)  # which touches no memory yet
-    scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), np.float32)
+    depth = np.zeros(extinction.shape, FLOAT)  # which touches no memory yet
+    scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), FLOAT)
     for k in range(len(levels_m) - 2, -1, -1):
         in_threads(
             _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,
@@ -303,7 +304,7 @@ def _weigh(t, threads, extinction, weights, periodic, out):
 
 def beyond_sides(fields: int, shape: tuple[int, int, int]) -> F32:
     """Zeros (fields, nz, ny, BEYOND + nx + BEYOND + 1), for what `sun_sweep` gives and takes on a grid (nz, ny, nx)."""
-    return np.zeros((fields, *shape[:2], shape[2] + 2 * BEYOND + 1), np.float32)
+    return np.zeros((fields, *shape[:2], shape[2] + 2 * BEYOND + 1), FLOAT)
 
 
 def inside(fields: F32) -> F32:
@@ -315,7 +316,7 @@ def weighted(extinction: F32, weights: F32, periodic: bool) -> F32:
     """Sums of species, ``extinction`` (ns, nz, ny, nx), a field for each row of ``weights`` (n, ns), as `sun_sweep`
     takes them."""
     out = beyond_sides(len(weights), (extinction.shape[1], extinction.shape[2], extinction.shape[3]))
-    in_threads(_weigh, np.require(extinction, np.float32, ["C", "W"]), np.array(weights, np.float32), periodic, out)
+    in_threads(_weigh, np.require(extinction, FLOAT, ["C", "W"]), np.array(weights, FLOAT), periodic, out)
     return out
 
 

@@ -11,6 +11,7 @@ from openswim.transport.beam.lit_volume import Channels, SunDepth
 from openswim.transport.beam.sun_sweep import inside
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import Volume
 from openswim.transport.medium.medium import Medium
 
@@ -58,7 +59,7 @@ def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunD
             if here[0].size:
                 at = np.interp(height[here], levels, np.arange(len(levels)))
                 for values, extra in zip(inner, bilinear(table, columns.along[here], at).T, strict=True):
-                    values[k][here] += extra.astype(np.float32)
+                    values[k][here] += extra.astype(FLOAT)
 
 
 class _Sides(NamedTuple):

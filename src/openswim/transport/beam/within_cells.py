@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.beam.sun_sweep import BEYOND
 from openswim.transport.engine.pack import PACK, flat, put
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
@@ -58,7 +59,7 @@ def _cell(t, e, v, bend, at):
                     own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
         c = own * v[axis] / (2.0 * (v[axis] * v[axis] + _ASIDE * square))
         c = min(max(c, -_MOST * most), _MOST * most)
-        put(bend, at + axis, np.float32(max(c + _over_root(abs(mean)), _LEAST)))
+        put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)

@@ -32,16 +32,17 @@ from openswim.transport.engine.pack import (
     write,
 )
 from openswim.transport.engine.scalar import step_emission, transmission
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
 MOST_PARTS = 12  # of a cell
-_PART_DEPTH = np.float32(0.8)  # delta-scaled optical depth of a part
+_PART_DEPTH = FLOAT(0.8)  # delta-scaled optical depth of a part
 _ENDLESS = 1e30  # way of a sunbeam that enters by no open side
-_DARKEST = np.float32(1e-30)  # root of a beam that stands for none
-_MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that the eye may be shown in its place
-_ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+_DARKEST = FLOAT(1e-30)  # root of a beam that stands for none
+_MOST, _LEAST = FLOAT(4.0), FLOAT(0.25)  # of a node's source, that the eye may be shown in its place
+_ZERO, _HALF, _ONE, _TWO = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0), FLOAT(2.0)
 
 F32 = NDArray[np.float32]
 
@@ -80,8 +81,8 @@ def _write_legendre(cosine, out, at):
     """(2l+1) P_l (DEGREE, LANES) of cosines, from flat element ``at`` of ``out`` on."""
     p0, p1 = spread_quadruple(_ONE), cosine
     for ell in range(DEGREE):
-        write(out, at + ell * LANES, np.float32(2 * ell + 1) * p0)
-        up = (np.float32((2 * ell + 3) / (ell + 2)) * cosine) * p1 - np.float32((ell + 1) / (ell + 2)) * p0
+        write(out, at + ell * LANES, FLOAT(2 * ell + 1) * p0)
+        up = (FLOAT((2 * ell + 3) / (ell + 2)) * cosine) * p1 - FLOAT((ell + 1) / (ell + 2)) * p0
         p0, p1 = p1, up
 
 
@@ -93,7 +94,7 @@ def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
     s = j * 3 * nx + i
     sx, sy, sz = read_quadruple(sun, s), read_quadruple(sun, s + nx), read_quadruple(sun, s + 2 * nx)
     for k in range(levels_m.shape[0]):
-        x, y, z = way_from_eye(j, i, np.float32(levels_m[k]), eye)
+        x, y, z = way_from_eye(j, i, FLOAT(levels_m[k]), eye)
         along = x * sx + y * sy  # sines of both zenith angles, times the cosine between azimuths
         _write_legendre(along + z * sz, phases, k * DEGREE * LANES)
         write(slopes, k * LANES, _ZERO - z)
@@ -107,7 +108,7 @@ def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
                 turn = _TWO * (_TWO * along * along - (_ONE - z * z) * (_ONE - sz * sz))
             for ell in range(m, m + ORDERS):
                 at = n + (ell - m) * LANES
-                write(looks, at, np.float32(2 * ell + 1) * turn * read_quadruple(looks, at))
+                write(looks, at, FLOAT(2 * ell + 1) * turn * read_quadruple(looks, at))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -135,7 +136,7 @@ def _nodes(w, j, i, scatterers, phases, with_once, fields, nodes):
         write(nodes, out + (DEGREE + 1) * LANES, once)
         for n in range(LANES):
             root_of_beam = max(flat(fields, (node + n) * channels + w), _DARKEST)
-            put(nodes, out + (DEGREE + 2) * LANES + n, np.float32(-2.0 * math.log(root_of_beam)))
+            put(nodes, out + (DEGREE + 2) * LANES + n, FLOAT(-2.0 * math.log(root_of_beam)))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -166,7 +167,7 @@ def _shade_sides(j, i, ny, nx, levels_m, clear, sun, half_m, nodes):
                     break
                 own, height = at_end, up
             at = k * apart + (DEGREE + 2) * LANES + n
-            put(nodes, at, flat(nodes, at) + np.float32(depth))
+            put(nodes, at, flat(nodes, at) + FLOAT(depth))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -176,7 +177,7 @@ def _count_parts(nodes, levels_m, parts):
     for k in range(levels_m.shape[0] - 1):
         a = k * (DEGREE + 3) * LANES
         mean = _HALF * (read_quadruple(nodes, a) + read_quadruple(nodes, a + (DEGREE + 3) * LANES))
-        depth = largest(mean) * np.float32(levels_m[k + 1] - levels_m[k])
+        depth = largest(mean) * FLOAT(levels_m[k + 1] - levels_m[k])
         parts[k] = max(1, min(MOST_PARTS, int(np.ceil(depth / _PART_DEPTH))))
         count += parts[k]
     return count
@@ -192,7 +193,7 @@ def _place_at(s, k, share, nodes, places):
         write(places.medium, (s * (DEGREE + 1) + c) * LANES, low + share * (up - low))
     low, up = read_quadruple(nodes, a), read_quadruple(nodes, b)
     # the way to the sun goes on through this cloud: its depth grows as the column's own does
-    below = share * (low + (_HALF * share) * (up - low)) / (_HALF * (low + up) + np.float32(1e-12))
+    below = share * (low + (_HALF * share) * (up - low)) / (_HALF * (low + up) + FLOAT(1e-12))
     low, up = read_quadruple(nodes, a + (DEGREE + 2) * LANES), read_quadruple(nodes, b + (DEGREE + 2) * LANES)
     depth = low + below * (up - low)
     write(places.sunlit, s * LANES, depth)
@@ -208,20 +209,20 @@ def _fill_places(nodes, levels_m, parts, places):
     s = 0
     for k in range(nz - 1):
         for p in range(parts[k]):
-            share = np.float32(p) / np.float32(parts[k])
-            put(places.thick_m, s, np.float32((levels_m[k + 1] - levels_m[k]) / parts[k]))
-            put(places.level, s, np.float32(k) + share)
-            put(places.below, s, np.float32(k))
+            share = FLOAT(p) / FLOAT(parts[k])
+            put(places.thick_m, s, FLOAT((levels_m[k + 1] - levels_m[k]) / parts[k]))
+            put(places.level, s, FLOAT(k) + share)
+            put(places.below, s, FLOAT(k))
             _place_at(s, k, share, nodes, places)
             s += 1
-    put(places.level, s, np.float32(nz - 1))
-    put(places.below, s, np.float32(nz - 1))
+    put(places.level, s, FLOAT(nz - 1))
+    put(places.below, s, FLOAT(nz - 1))
     _place_at(s, nz - 2, _ONE, nodes, places)
     for p in range(s):
         low, up = read_quadruple(places.sunlit, p * LANES), read_quadruple(places.sunlit, (p + 1) * LANES)
         difference = choose_above(low, up, low - up, up - low)
         mean = choose_above(
-            difference, np.float32(0.01), (_ONE - transmission(difference)) / difference, _ONE - _HALF * difference
+            difference, FLOAT(0.01), (_ONE - transmission(difference)) / difference, _ONE - _HALF * difference
         )
         write(places.beam, p * LANES, mean * transmission(choose_above(low, up, up, low)))
     return s + 1
@@ -231,10 +232,10 @@ def _fill_places(nodes, levels_m, parts, places):
 def _lacking(w, k, m, share, cosine, lacking):
     """What the air of a column lacks along a way of this zenith cosine, between suns m and m + 1."""
     suns, ways = lacking.shape[2], lacking.shape[3]
-    at = np.float32(0.5 * (ways - 1)) * (_ONE + min(max(cosine, -_ONE), _ONE))
+    at = FLOAT(0.5 * (ways - 1)) * (_ONE + min(max(cosine, -_ONE), _ONE))
     z = min(int(at), ways - 2)
     n = ((w * lacking.shape[1] + k) * suns + m) * ways + z
-    part = at - np.float32(z)
+    part = at - FLOAT(z)
     near = flat(lacking, n) + part * (flat(lacking, n + 1) - flat(lacking, n))
     far = flat(lacking, n + ways) + part * (flat(lacking, n + ways + 1) - flat(lacking, n + ways))
     return near + share * (far - near)
@@ -261,10 +262,10 @@ def _show(w, count, j, i, parts, places, slopes, missing, fields):
             else:
                 slope = read_quadruple(slopes, k * LANES)
                 slope = choose_above(slope, _ZERO, slope, _ZERO - slope)
-                stretch = _ONE / choose_above(slope, np.float32(0.15), slope, np.float32(0.15))
+                stretch = _ONE / choose_above(slope, FLOAT(0.15), slope, FLOAT(0.15))
                 through, real = spread_quadruple(_ONE), spread_quadruple(_ZERO)
                 near, far = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
-                part = _ONE / np.float32(parts[k])
+                part = _ONE / FLOAT(parts[k])
                 for p in range(parts[k] - 1, -1, -1):
                     s = first + p
                     length = stretch * flat(places.thick_m, s)
@@ -277,7 +278,7 @@ def _show(w, count, j, i, parts, places, slopes, missing, fields):
                         depth, trans, length, read_quadruple(source, (s + 1) * LANES),
                         read_quadruple(source, s * LANES), up, low,
                     )  # fmt: skip
-                    upper, lower = np.float32(p + 1) * part, np.float32(p) * part
+                    upper, lower = FLOAT(p + 1) * part, FLOAT(p) * part
                     near += through * step_emission(
                         depth, trans, length, spread_quadruple(upper), spread_quadruple(lower), up, low
                     )
@@ -285,7 +286,7 @@ def _show(w, count, j, i, parts, places, slopes, missing, fields):
                         depth, trans, length, spread_quadruple(_ONE - upper), spread_quadruple(_ONE - lower), up, low
                     )
                     through *= trans
-                wanted = (real - near * shown) / (far + np.float32(1e-20))
+                wanted = (real - near * shown) / (far + FLOAT(1e-20))
                 most, least = _MOST * own, _LEAST * own
                 wanted = choose_above(wanted, most, most, wanted)
                 wanted = choose_above(least, wanted, least, wanted)
@@ -320,18 +321,18 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
     albedo, direct, inflow, lacking = bounds.albedo, bounds.direct, bounds.inflow, bounds.lacking
     fields, down, up, count = found.fields, found.down, found.up, wanted.count
     most = nz * MOST_PARTS + 1
-    f32 = np.float32
-    nodes = np.empty(nz * (DEGREE + 3) * LANES, f32)
+    nodes = np.empty(nz * (DEGREE + 3) * LANES, FLOAT)
     places = Places(
-        np.empty(most, f32), np.empty(most, f32), np.empty(most, f32), np.empty(most * (DEGREE + 1) * LANES, f32),
-        np.empty(most * LANES, f32), np.empty(most * LANES, f32), np.empty(most * LANES, f32),
+        np.empty(most, FLOAT), np.empty(most, FLOAT), np.empty(most, FLOAT),
+        np.empty(most * (DEGREE + 1) * LANES, FLOAT), np.empty(most * LANES, FLOAT), np.empty(most * LANES, FLOAT),
+        np.empty(most * LANES, FLOAT),
     )  # fmt: skip
-    ground, start = np.empty(3 * LANES, f32), np.empty(6 * LANES, f32)
-    above, flux = np.empty(2 * LANES, f32), np.zeros(2 * LANES, f32)
+    ground, start = np.empty(3 * LANES, FLOAT), np.empty(6 * LANES, FLOAT)
+    above, flux = np.empty(2 * LANES, FLOAT), np.zeros(2 * LANES, FLOAT)
     ends = Ends(ground, start, above, flux)
-    rows, lit = np.empty(most * 6 * LANES, f32), np.empty(MODES * ORDERS * LANES, f32)
-    looks, phases = np.empty(nz * MODES * ORDERS * LANES, f32), np.empty(nz * DEGREE * LANES, f32)
-    missing, slopes = np.empty(nz * LANES, f32), np.empty((nz + 1) * LANES, f32)
+    rows, lit = np.empty(most * 6 * LANES, FLOAT), np.empty(MODES * ORDERS * LANES, FLOAT)
+    looks, phases = np.empty(nz * MODES * ORDERS * LANES, FLOAT), np.empty(nz * DEGREE * LANES, FLOAT)
+    missing, slopes = np.empty(nz * LANES, FLOAT), np.empty((nz + 1) * LANES, FLOAT)
     parts = np.empty(nz, np.int64)
     for j in range(part[0, 0] + t, part[0, 1], threads):
         for block in range(part[1, 0] // LANES, (part[1, 1] + LANES - 1) // LANES):
@@ -341,7 +342,7 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                 direction(m, _ZERO - read_quadruple(sun, (j * 3 + 2) * nx + i), m * ORDERS * LANES, lit)
             least = nz
             for n in range(LANES):
-                put(ground, n, f32(ground_node[j, i + n]))
+                put(ground, n, FLOAT(ground_node[j, i + n]))
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
                 _nodes(w, j, i, scatterers, phases, wanted.once, fields, nodes)
@@ -361,10 +362,10 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                     m = min(int(at), inflow.shape[1] - 2)
                     for k in range(nz):
                         cosine = -flat(slopes, k * LANES + n)
-                        put(missing, k * LANES + n, _lacking(w, k, m, f32(at - m), cosine, lacking))
+                        put(missing, k * LANES + n, _lacking(w, k, m, FLOAT(at - m), cosine, lacking))
                     for c in range(2):
                         low = inflow[w, m, c]
-                        put(above, c * LANES + n, f32(low + (at - m) * (inflow[w, m + 1, c] - low)))
+                        put(above, c * LANES + n, FLOAT(low + (at - m) * (inflow[w, m + 1, c] - low)))
                 for m in range(MODES):
                     ground_start(m, tables, ground, start)
                     if m > 0:

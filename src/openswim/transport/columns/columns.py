@@ -21,6 +21,7 @@ from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mo
 from openswim.transport.engine.eye_ways import Eye
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
@@ -62,7 +63,7 @@ class Columns:
         up = np.empty_like(self.direct) if up is None else up
         m = self.medium
         bounds = Bounds(
-            self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
+            self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), FLOAT), self.mu_sun,
             self.albedo, self.direct, self.inflow, self.lacking, self.half_m,
         )  # fmt: skip
         in_threads(
@@ -101,7 +102,7 @@ def light_from_above(
     """`top_light` and `lacking_source` of a medium."""
     inflow = top_light(shells, float(medium.levels_m[-1]), count)
     if medium.air is None:
-        return inflow, np.zeros((count, len(medium.levels_m), inflow.shape[1], 2), np.float32)
+        return inflow, np.zeros((count, len(medium.levels_m), inflow.shape[1], 2), FLOAT)
     return inflow, lacking_source(medium, coefficients, shells, inflow, count)
 
 
@@ -119,24 +120,24 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
     fields = blank_fields((nz, 1, suns), 2 * PACK)
     _, surface = clear_beam(levels, sun, shells, count, fields)
     node = np.full((1, suns), min(int((levels < shells.ground_m - 0.01).sum()), nz - 2), np.int64)
-    albedo = np.broadcast_to(shells.ground_albedo[:count, None, None], surface.shape).astype(np.float32)
+    albedo = np.broadcast_to(shells.ground_albedo[:count, None, None], surface.shape).astype(FLOAT)
     alone = replace(
-        medium, extinction=np.zeros((1, nz, 1, suns), np.float32), place=np.zeros((1, suns, 3)),
-        axes=np.tile(np.eye(3, dtype=np.float32), (1, suns, 1, 1)),
+        medium, extinction=np.zeros((1, nz, 1, suns), FLOAT), place=np.zeros((1, suns, 3)),
+        axes=np.tile(np.eye(3, dtype=FLOAT), (1, suns, 1, 1)),
     )  # fmt: skip
     column = Columns(
         alone, [_air_alone(c) for c in coefficients], node, sun, mu[None], albedo,
-        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns, 2), np.float32), count,
+        (surface * np.maximum(mu, 0)).astype(FLOAT), inflow, np.zeros((count, nz, suns, 2), FLOAT), count,
     )  # fmt: skip
     above = np.maximum(levels - shells.ground_m, 0.0)
     level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
     place = np.interp(mu, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
     cosines = np.linspace(-1, 1, SOURCE_AZIMUTHS)
-    out = np.empty((count, nz, suns, SOURCE_ZENITHS), np.float32)
+    out = np.empty((count, nz, suns, SOURCE_ZENITHS), FLOAT)
     for n, z in enumerate(np.linspace(-1, 1, SOURCE_ZENITHS)):
         table = np.moveaxis(shells.source[:, :, n, :, :count], 0, 1)  # (suns, nl, azimuths, count)
         rows = rows_between(table.reshape(len(table), -1), place).reshape(suns, table.shape[1], -1)
-        rows = rows_between(np.moveaxis(rows, 0, 1).reshape(table.shape[1], -1).astype(np.float32), level)
+        rows = rows_between(np.moveaxis(rows, 0, 1).reshape(table.shape[1], -1).astype(FLOAT), level)
         known = rows.reshape(nz, suns, SOURCE_AZIMUTHS, count)
         found, meant = np.zeros((nz, suns, count)), np.zeros((nz, suns, count))
         for x in _AZIMUTHS if abs(z) < 1 else _AZIMUTHS[:1]:
@@ -156,10 +157,10 @@ def clear_beam(levels_m: F64, sun: F64, shells: Shells, count: int, fields: F32)
     """The beam in columns of clear air under suns (1, n, 3): at the levels (count, nz, 1, n) and on the ground
     (count, 1, n); its root into ``fields``, as `direct_beam` has it."""
     nz, n = len(levels_m), sun.shape[1]
-    beams, surface = np.empty((count, nz, 1, n), np.float32), np.empty((count, 1, n), np.float32)
+    beams, surface = np.empty((count, nz, 1, n), FLOAT), np.empty((count, 1, n), FLOAT)
     in_threads(
         direct_beam, beyond_sides(1, (nz, 1, n)), np.zeros(PACK, np.int64), sun, levels_m,
-        np.full((1, n), shells.ground_m, np.float32), np.full((1, n), -1e9), np.zeros((1, n)), count, shells, beams,
+        np.full((1, n), shells.ground_m, FLOAT), np.full((1, n), -1e9), np.zeros((1, n)), count, shells, beams,
         surface, fields,
     )  # fmt: skip
     return beams, surface
@@ -167,7 +168,7 @@ def clear_beam(levels_m: F64, sun: F64, shells: Shells, count: int, fields: F32)
 
 def _air_alone(one: Coefficients) -> Coefficients:
     """Without any species, but for one of which there is nothing."""
-    return replace(one, scaled=np.zeros(1, np.float32), scattering=np.zeros((1, DEGREE), np.float32))
+    return replace(one, scaled=np.zeros(1, FLOAT), scattering=np.zeros((1, DEGREE), FLOAT))
 
 
 def top_light(shells: Shells, top_m: float, count: int) -> F32:
@@ -181,7 +182,7 @@ def top_light(shells: Shells, top_m: float, count: int) -> F32:
     direction = np.stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z], axis=-1)
     origin = np.tile([0.0, 0.0, max(top_m, shells.ground_m + 1.0)], (len(z), 1))
     tests = harmonics_of_mode(mu, 0)[[1, 3]] * weight
-    out = np.zeros((count, _COLUMN_SUNS, 2), np.float32)
+    out = np.zeros((count, _COLUMN_SUNS, 2), FLOAT)
     for n, cosine in enumerate(suns):
         sun = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
         radiance = clear_radiance(origin, direction, sun, shells, 1.0)[:, :count].reshape(mu.size, azimuth.size, count)

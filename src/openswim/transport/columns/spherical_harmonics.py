@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import LANES, choose_above, flat, read_quadruple, spread_quadruple, write
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
@@ -20,7 +21,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 MODES, ORDERS = 3, 4  # Fourier modes; degrees in each, from the mode's own on
-_ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+_ZERO, _HALF, _ONE, _TWO = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0), FLOAT(2.0)
 
 
 class Places(NamedTuple):
@@ -68,7 +69,7 @@ def mode_tables() -> F32:
     """Of every mode (MODES, _TABLE) what streaming couples, and what Marshak's conditions ask of odd harmonics."""
     x, w = np.polynomial.legendre.leggauss(16)
     x, w = (x + 1) / 2, w / 2
-    out = np.zeros((MODES, _TABLE), np.float32)
+    out = np.zeros((MODES, _TABLE), FLOAT)
     for m in range(MODES):
         y = harmonics_of_mode(x, m) * np.sqrt(1 - x**2) ** m
         ell = np.arange(m, m + ORDERS)
@@ -88,9 +89,8 @@ def _recurrence() -> tuple[F32, F32, F32]:
     m, ell = np.arange(MODES)[:, None], np.arange(MODES)[:, None] + np.arange(ORDERS)
     root_of_next = np.sqrt((ell + 1) ** 2 - m**2)
     first = np.array([_first(n) for n in range(MODES)])
-    f32 = np.float32
     up, down = (2 * ell + 1) / root_of_next, np.sqrt(ell**2 - m**2) / root_of_next
-    return up.astype(f32), down.astype(f32), first.astype(f32)
+    return up.astype(FLOAT), down.astype(FLOAT), first.astype(FLOAT)
 
 
 _UP, _BACK, _BEGIN = _recurrence()
@@ -168,8 +168,8 @@ def eliminate(m, first, count, table, places, lit, ends, rows):
             s3 = spread_quadruple(_ZERO)
             if m + 3 < DEGREE:
                 s3 = _HALF * (read_quadruple(medium, a + (4 + m) * LANES) + read_quadruple(medium, b + (4 + m) * LANES))
-            w0, w1 = np.float32(2 * m + 1), np.float32(2 * m + 3)
-            w2, w3 = np.float32(2 * m + 5), np.float32(2 * m + 7)
+            w0, w1 = FLOAT(2 * m + 1), FLOAT(2 * m + 3)
+            w2, w3 = FLOAT(2 * m + 5), FLOAT(2 * m + 7)
             ae0, ao0 = w0 * (ext - half * s0), w1 * (ext - half * s1)
             ae1, ao1 = w2 * (ext - half * s2), w3 * (ext - half * s3)
             y = m * ORDERS * LANES
@@ -256,7 +256,7 @@ def back(m, first, count, table, places, lit, ends, rows, looks):
             s3 = spread_quadruple(_ZERO)
             if m + 3 < DEGREE:
                 s3 = _HALF * (read_quadruple(medium, a + (4 + m) * LANES) + read_quadruple(medium, b + (4 + m) * LANES))
-            w1, w3 = np.float32(2 * m + 3), np.float32(2 * m + 7)
+            w1, w3 = FLOAT(2 * m + 3), FLOAT(2 * m + 7)
             ao0, ao1 = w1 * (ext - half * s1), w3 * (ext - half * s3)
             y = m * ORDERS * LANES
             so0 = w1 * beam * s1 * read_quadruple(lit, y + LANES)
@@ -275,7 +275,7 @@ def back(m, first, count, table, places, lit, ends, rows, looks):
         if m == 0:
             down = _HALF * (ve0 * e0 + ve1 * e1 - vo0 * o0 - vo1 * o1)
             here = spread_quadruple(flat(node, s))
-            write(flux, 0, choose_above(low - np.float32(0.01), here, read_quadruple(flux, 0), down))
+            write(flux, 0, choose_above(low - FLOAT(0.01), here, read_quadruple(flux, 0), down))
         a = s * (DEGREE + 1) * LANES
         n = (int(flat(places.below, s)) * MODES + m) * ORDERS * LANES
         total = read_quadruple(source, s * LANES)

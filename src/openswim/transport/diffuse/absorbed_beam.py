@@ -21,18 +21,19 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.optical_grid import OpticalGrid, total_extinction, with_ghosts
 from openswim.transport.engine.pack import LANES, choose_above, read_quadruple, root, write
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE, _EIGHTH, _QUARTER = np.float32(0.0), np.float32(1.0), np.float32(0.125), np.float32(0.25)
-_NINTH, _EIGHTEENTH = np.float32(1 / 9), np.float32(1 / 18)
-_CLOUDY = np.float32(1e-3)  # share of the extinction that cloud must be
-_OFF = np.float32(20.0)  # times its greatest optical depth, a cell may be so far off,
-_THICK = np.float32(2.0)  # and from so much on as far as the beam fades in it,
-_ASLANT = np.float32(5.0)  # where it crosses so many times as many cells as levels
-_TINY = np.float32(1e-37)
-_DARK = np.float32(1e-36)  # at a corner of less light there is the terrain's shadow, or nothing left
+_ZERO, _ONE, _EIGHTH, _QUARTER = FLOAT(0.0), FLOAT(1.0), FLOAT(0.125), FLOAT(0.25)
+_NINTH, _EIGHTEENTH = FLOAT(1 / 9), FLOAT(1 / 18)
+_CLOUDY = FLOAT(1e-3)  # share of the extinction that cloud must be
+_OFF = FLOAT(20.0)  # times its greatest optical depth, a cell may be so far off,
+_THICK = FLOAT(2.0)  # and from so much on as far as the beam fades in it,
+_ASLANT = FLOAT(5.0)  # where it crosses so many times as many cells as levels
+_TINY = FLOAT(1e-37)
+_DARK = FLOAT(1e-36)  # at a corner of less light there is the terrain's shadow, or nothing left
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -49,12 +50,12 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
     (nz - 1, rows, width): the cell beyond each node.
     """
     nz, rows, width = beam.shape
-    along_x, along_y = np.float32(1.0 / cell_m[0]), np.float32(1.0 / cell_m[1])
+    along_x, along_y = FLOAT(1.0 / cell_m[0]), FLOAT(1.0 / cell_m[1])
     for k in range(t, nz - 1, threads):
         out[k] = _ONE
         if not (near_cloud[k] and near_cloud[k + 1]):
             continue
-        along_z = np.float32(1.0 / (levels_m[k + 1] - levels_m[k]))
+        along_z = FLOAT(1.0 / (levels_m[k + 1] - levels_m[k]))
         air = max(clear[k], clear[k + 1])
         for j in range(rows - 1):
             for at in range(0, width - 1, LANES):
@@ -118,14 +119,14 @@ def amend_beam(t, threads, ratios, levels_m, near_cloud, ground_node, periodic, 
     nz, ny, columns = beam.shape
     rows, width = ratios.shape[1], ratios.shape[2]
     highest = ground_node.max()
-    around = np.empty(2 * LANES, np.float32)
+    around = np.empty(2 * LANES, FLOAT)
     for k in range(t, nz, threads):
         if not near_cloud[k]:
             continue
         down = levels_m[k] - levels_m[k - 1] if k > 0 else 0.0
         up = levels_m[k + 1] - levels_m[k] if k + 1 < nz else 0.0
-        below = np.float32(0.25 * down / (down + up))
-        above = np.float32(0.25 * up / (down + up))
+        below = FLOAT(0.25 * down / (down + up))
+        above = FLOAT(0.25 * up / (down + up))
         lower, upper = max(k - 1, 0), min(k, nz - 2)
         for j in range(ny):
             # open sides have no cells beyond
@@ -155,10 +156,10 @@ def beam_around(grid: OpticalGrid) -> F32:
     if nz < 2 or not near_cloud.any():
         return out
     # the harmonics of the first degree are those of a vector
-    sun = np.moveaxis(grid.sun_harmonics[:, (3, 1, 2)], 1, 0) * np.array([-1, -1, 1], np.float32)[:, None, None]
-    sun = with_ghosts(np.float32(math.sqrt(4 * math.pi / 3)) * sun, nx, False)
+    sun = np.moveaxis(grid.sun_harmonics[:, (3, 1, 2)], 1, 0) * np.array([-1, -1, 1], FLOAT)[:, None, None]
+    sun = with_ghosts(FLOAT(math.sqrt(4 * math.pi / 3)) * sun, nx, False)
     beam, extinction = (with_ghosts(field, nx, grid.periodic) for field in (grid.beam, total_extinction(grid)))
-    ratios = np.empty((nz - 1, *beam.shape[1:]), np.float32)
+    ratios = np.empty((nz - 1, *beam.shape[1:]), FLOAT)
     in_threads(
         cell_ratios, beam, extinction, grid.air_extinction, sun, grid.levels_m, grid.cell_m, near_cloud, ratios
     )

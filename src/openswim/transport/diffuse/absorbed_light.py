@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.diffuse.ground_nodes import all_of_ground
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.step import ALONG_Z, between_corners, upstream
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, write
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_FAINT, _TINY = np.float32(1e-3), np.float32(1e-30)  # optical depth of a step that is left as it is; least light
-_MOST = np.float32(50.0)  # times as much as the nodes say, a step may take
-_FIRST = np.float32(0.5 / math.sqrt(math.pi))  # the first harmonic
+_ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
+_FAINT, _TINY = FLOAT(1e-3), FLOAT(1e-30)  # optical depth of a step that is left as it is; least light
+_MOST = FLOAT(50.0)  # times as much as the nodes say, a step may take
+_FIRST = FLOAT(0.5 / math.sqrt(math.pi))  # the first harmonic
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -87,7 +87,7 @@ def amend_plane(
     entry = (nx - 1 if sx > 0 else 0) if grid.ends and q[0] != 0.0 and nx > 1 else -1
     skipped = 1 if grid.ends and side and q[1] != 0.0 else 0
     near, near_e = (last, last_e) if axis == ALONG_Z else (now, now_e)
-    own_share, up_share = np.float32(0.5), np.float32(0.5)
+    own_share, up_share = FLOAT(0.5), FLOAT(0.5)
     if axis == ALONG_Z:
         if top:
             return
@@ -95,8 +95,8 @@ def amend_plane(
         here = abs(z[k] - z[before])
         first = 2 * before - k
         beyond = abs(z[before] - z[first]) if 0 <= first < z.shape[0] else 0.0
-        own_share = np.float32(here / (here + abs(z[after] - z[k])))
-        up_share = np.float32(here / (here + beyond))
+        own_share = FLOAT(here / (here + abs(z[after] - z[k])))
+        up_share = FLOAT(here / (here + beyond))
     for m in range(skipped, end - begin):
         j = end - begin - m if sy > 0 else 1 + m
         row, aside = j * stride + 1, (j + sy) * stride + 1

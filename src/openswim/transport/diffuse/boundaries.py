@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.diffuse.step import step_weights
 from openswim.transport.engine.pack import flat, put
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _LEFT = 0.02  # of the light upstream, that the last sweep's stands in for
@@ -26,7 +26,7 @@ def enter(light, node, inward, extinction, node_e, length, inflow):
         share = 2.0 * (1.0 / lost - 1.0 / tau) - 1.0
     elif tau > 0.0:
         share = tau / 6.0
-    put(light, node, np.float32(inflow + share * (flat(light, node + inward) - inflow)))
+    put(light, node, FLOAT(inflow + share * (flat(light, node + inward) - inflow)))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -95,8 +95,8 @@ def cross_clear(k, before, q, grid, light, light_before, emitted, emitted_before
     length = abs(grid.levels_m[k] - grid.levels_m[before]) / abs(q[2])
     aside_x, aside_y = length * q[0] / grid.cell_m[0], length * q[1] / grid.cell_m[1]
     cells_x, cells_y = math.floor(aside_x), math.floor(aside_y)
-    a, c = np.float32(aside_x - cells_x), np.float32(aside_y - cells_y)
-    trans, near, far = step_weights(grid.air_extinction[k], grid.air_extinction[before], np.float32(length))
+    a, c = FLOAT(aside_x - cells_x), FLOAT(aside_y - cells_y)
+    trans, near, far = step_weights(grid.air_extinction[k], grid.air_extinction[before], FLOAT(length))
     for j in range(ny):
         one = (j + cells_y) % ny + 1
         two = (j + cells_y + 1) % ny + 1

@@ -11,6 +11,7 @@ does not give it back (Marshak: half of e). Synthetic acceleration, see docs/dec
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from openswim.transport.diffuse.optical_grid import OpticalGrid, coarsen, total_
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import LANES
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,7 +48,7 @@ class Diffusion:
         cloud = grid.extinction[..., :nx]
 
         def of(species: F32, air: F32) -> F32:
-            return np.asarray(np.tensordot(species, cloud, 1) + air[:, None, None], np.float32)
+            return np.asarray(np.tensordot(species, cloud, 1) + air[:, None, None], FLOAT)
 
         extinction = total_extinction(grid)[..., :nx]
         scattering = of(grid.scattering[:, 0], grid.air_scattering[:, 0])
@@ -55,7 +57,7 @@ class Diffusion:
         height = _heights(grid.levels_m)
         absorbed = (extinction - scattering) * height
         level = np.arange(len(height))[:, None, None]
-        self.source = np.where(level < ground, 0, scattering * height).astype(np.float32)
+        self.source = np.where(level < ground, 0, scattering * height).astype(FLOAT)
         self.halved: list[tuple[int, ...]] = []  # what grids (ny, nx) were before
         while ground.size > _MOST_COLUMNS and min(ground.shape) > 1:
             self.halved.append(ground.shape)
@@ -90,15 +92,23 @@ class Diffusion:
             self._rows(a) for a in (own, up, inverse, share, north, east)
         )
         if grid.periodic:
-            self.east[..., 0] = east[..., -1]
+            self.fields(self.east)[..., 0] = east[..., -1]
+
+    @property
+    def _wide(self) -> tuple[int, int, int]:
+        """Shape of fields with what their rows are filled with."""
+        nz, ny, nx = self.shape
+        return nz, ny, 2 + nx + -(2 + nx) % LANES
 
     def _rows(self, nodes: NDArray[Any] | float = 0.0) -> F32:
         """Nodes as the kernels want them."""
-        nz, ny, nx = self.shape
-        width = 2 + nx + -(2 + nx) % LANES
-        out = np.zeros(nz * ny * width + 2 * LANES, np.float32)[LANES:-LANES].reshape(nz, ny, width)
-        out[..., 1 : 1 + nx] = nodes
+        out = np.zeros(math.prod(self._wide) + 2 * LANES, FLOAT)
+        self.fields(out)[..., 1 : 1 + self.shape[2]] = nodes
         return out
+
+    def fields(self, rows: F32) -> F32:
+        """`_rows` as fields."""
+        return rows[LANES:-LANES].reshape(self._wide)
 
     def follows(self, change: F32) -> F32:
         """e of a change d of the mean radiance, both on the sweep's grid (nz, ny, nx)."""
@@ -115,11 +125,13 @@ class Diffusion:
         nx = self.shape[2]
         residual = self._rows(given)
         e, along, spare, product, cleared = (self._rows() for _ in range(5))
-        sums = np.zeros((2, LANES), np.float32)
+        sums = np.zeros((2, LANES), FLOAT)
         goal, past, step = -1.0, np.inf, 0.0
         decide = self.decide.within("diffusion")
         for _ in range(_MOST):
-            step_and_clear(np.float32(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
+            step_and_clear(
+                self._wide, FLOAT(step), along, product, e, residual, self.inverse, self.share, cleared, sums
+            )
             left, size = sums.sum(axis=1, dtype=float)
             if goal < 0:
                 goal = _CLOSE**2 * size
@@ -127,19 +139,19 @@ class Diffusion:
             if decide("close", lambda close=close: close):  # type: ignore[misc]
                 break
             turn_and_multiply(
-                np.float32(left / past), along, spare, cleared, self.own, self.up, self.north,
-                self.east, nx, self.periodic, product, sums,
+                self._wide, FLOAT(left / past), along, spare, cleared, self.own, self.up, self.north, self.east, nx,
+                self.periodic, product, sums,
             )  # fmt: skip
             along, spare = spare, along
             step = left / max(float(sums[0].sum(dtype=float)), 1e-30)
             past = left
-        return e[..., 1 : 1 + nx]
+        return self.fields(e)[..., 1 : 1 + nx]
 
     def add(self, place: NDArray[np.int32], change: F32, out: F32) -> None:
         """What follows a ``change`` (blocks, BLOCK) of the first moment, added to ``out`` (blocks, M^2, BLOCK)."""
         kept = place >= 0
         nz, ny, blocks = place.shape
-        wide = np.zeros((nz, ny, blocks, BLOCK), np.float32)
+        wide = np.zeros((nz, ny, blocks, BLOCK), FLOAT)
         wide[kept] = change[place[kept]]
         nodes = wide.reshape(nz, ny, -1)[..., : self.source.shape[2]]
         nodes[:] = self.follows(nodes)
@@ -149,7 +161,7 @@ class Diffusion:
 def _heights(levels_m: F64) -> F32:
     """What each level (nz, 1, 1) stands for."""
     steps = np.diff(levels_m)
-    return np.asarray(0.5 * (np.pad(steps, (0, 1)) + np.pad(steps, (1, 0))), np.float32)[:, None, None]
+    return np.asarray(0.5 * (np.pad(steps, (0, 1)) + np.pad(steps, (1, 0))), FLOAT)[:, None, None]
 
 
 def _conductance(depth: NDArray[Any]) -> NDArray[Any]:

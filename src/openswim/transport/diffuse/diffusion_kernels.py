@@ -1,29 +1,30 @@
 """Conjugate gradients of `diffusion.py`, an iteration in two passes, each row by row. Grids are small: one thread does.
 
 Fields are (nz, ny, width), rows of whole packs: a ghost, the nodes, a ghost, and filling. All but nodes is zero, except
-that ghosts of periodic grids are the nodes at the other side. Memory may be read a pack beyond a field's ends.
+that ghosts of periodic grids are the nodes at the other side. They lie in one row, between LANES zeros on both sides
+that packs of neighbours reach into.
 """
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import LANES, flat, put, read_quadruple, spread_quadruple, write
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO = np.float32(0.0)
+_ZERO = FLOAT(0.0)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
-def step_and_clear(step, along, product, e, residual, inverse, share, cleared, sums):
+def step_and_clear(shape, step, along, product, e, residual, inverse, share, cleared, sums):
     """Go a ``step`` ``along``, and solve columns by themselves for what is left; sums (2, LANES): of both
     multiplied, and of what is left, squared."""
-    nz, ny, width = e.shape
+    nz, ny, width = shape
     both, square = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
     for j in range(ny):
         for k in range(nz):
-            row = (k * ny + j) * width
+            row = LANES + (k * ny + j) * width
             for n in range(row, row + width, LANES):
                 write(e, n, read_quadruple(e, n) + step * read_quadruple(along, n))
                 left = read_quadruple(residual, n) - step * read_quadruple(product, n)
@@ -34,7 +35,7 @@ def step_and_clear(step, along, product, e, residual, inverse, share, cleared, s
                 write(cleared, n, left)
         for up in range(nz):
             k = nz - 1 - up
-            row = (k * ny + j) * width
+            row = LANES + (k * ny + j) * width
             for n in range(row, row + width, LANES):
                 here = read_quadruple(cleared, n) * read_quadruple(inverse, n)
                 if up > 0:
@@ -47,24 +48,24 @@ def step_and_clear(step, along, product, e, residual, inverse, share, cleared, s
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
-def turn_and_multiply(turn, along, new, cleared, own, up, north, east, columns, periodic, product, sums):
+def turn_and_multiply(shape, turn, along, new, cleared, own, up, north, east, columns, periodic, product, sums):
     """The next direction, ``cleared`` and ``turn`` times the last one, and the medium's product with it; sums: of both
     multiplied."""
-    nz, ny, width = own.shape
+    nz, ny, width = shape
     total = spread_quadruple(_ZERO)
     plane = ny * width
     for j in range(ny):
         to_north = width if j + 1 < ny else -j * width
         to_south = -width if j > 0 else (ny - 1) * width
         for k in range(nz):
-            row = (k * ny + j) * width
+            row = LANES + (k * ny + j) * width
             for n in range(row, row + width, LANES):
                 write(new, n, read_quadruple(cleared, n) + turn * read_quadruple(along, n))
             if periodic:
                 put(new, row, flat(new, row + columns))
                 put(new, row + columns + 1, flat(new, row + 1))
         for k in range(nz):
-            row = (k * ny + j) * width
+            row = LANES + (k * ny + j) * width
             for n in range(row, row + width, LANES):
                 here = read_quadruple(new, n)
                 out = read_quadruple(own, n) * here

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.diffuse.moments import between, interpolated
@@ -18,10 +17,11 @@ from openswim.transport.engine.pack import (
     spread_quadruple,
     write,
 )
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
-_FOUR_PI = np.float32(4.0 * math.pi)
+_ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
+_FOUR_PI = FLOAT(4.0 * math.pi)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -98,7 +98,7 @@ def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, emission)
 def _mixture(k, node, grid, extinction, apart, amounts):
     """What species a unit of delta-scaled extinction of the coarser grid's cloud is; all alike where there is none."""
     ns = grid.scattering.shape[0]
-    tiny = np.float32(1e-12)
+    tiny = FLOAT(1e-12)
     write(amounts, 0, spread_quadruple(_ZERO))
     total = spread_quadruple(tiny * tiny)
     for s in range(ns):

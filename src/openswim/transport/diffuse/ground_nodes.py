@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _LEAST_ASIDE = 1e-3
-_ONE, _TWO = np.float32(1.0), np.float32(2.0)
+_ONE, _TWO = FLOAT(1.0), FLOAT(2.0)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -25,7 +25,7 @@ def share_of_ground(k, q, downward, levels_m, cell_m):
     c = aside * abs(q[2]) / (levels_m[k + 1] - levels_m[k])
     if c >= 1.0:
         return _ONE
-    return np.float32(1.0 / (2.0 - c) if downward else 1.0 / max(c, _LEAST_ASIDE))
+    return FLOAT(1.0 / (2.0 - c) if downward else 1.0 / max(c, _LEAST_ASIDE))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -64,7 +64,7 @@ def all_of_ground(k, rows, q, downward, grid, amended):
     if share != _ONE:
         share *= _TWO
     elif 0 < k < levels_m.shape[0] - 1:
-        share = np.float32((levels_m[k + 1] - levels_m[k - 1]) / (levels_m[k + 1] - levels_m[k]))
+        share = FLOAT((levels_m[k + 1] - levels_m[k - 1]) / (levels_m[k + 1] - levels_m[k]))
     for j in range(rows[0], rows[1]):
         for i in range(grid.ground_node.shape[1]):
             if grid.ground_node[j, i] == k:

@@ -21,6 +21,7 @@ from openswim.transport.diffuse.sweeper import Sweeper, of_nodes
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.engine.scratch import Pool
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
@@ -45,7 +46,7 @@ class Columns:
     def light(self, clear: F32, more: F64) -> F32:
         """Radiance (ordinates, nz, 4, nodes) at all nodes of the sides, shorter ones filled with their last: ``clear``
         (ordinates, nz), and what there is ``more`` (ordinates, nz, n) of it in the columns."""
-        out = np.empty((*clear.shape, 4, max(count for count, _ in self.sides)), np.float32)
+        out = np.empty((*clear.shape, 4, max(count for count, _ in self.sides)), FLOAT)
         first = 0
         for side, (count, at) in enumerate(self.sides):
             own = more[..., first : first + len(at)]
@@ -179,7 +180,7 @@ def _light_of_wider(
     none = np.zeros(0, int)
     half_m = 0.5 * min(n * cell for n, cell in zip((across, rows), around.cell_m, strict=True))
     of_air = _moments_of_columns(
-        grid, clear, np.zeros(0, np.float32), np.zeros(0, np.float32), none, none, half_m, ordinates, tolerance,
+        grid, clear, np.zeros(0, FLOAT), np.zeros(0, FLOAT), none, none, half_m, ordinates, tolerance,
         decide,
     )
     known = harmonic_matrix(ordinates.direction, degree) @ of_air[..., 0].T

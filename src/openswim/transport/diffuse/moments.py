@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.pack import LANES, four_times_as_fine, put, read_quadruple, twice_as_fine, write
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ZERO = np.float32(0.0)
+_ZERO = FLOAT(0.0)
 
 
 class Moments(NamedTuple):
@@ -45,9 +46,9 @@ def nothing_coarser(degree: int) -> Coarser:
     """What the coarsest grid has below it."""
     count = degree * degree
     return Coarser(
-        0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), np.float32),
-        np.ones((1, BLOCK), np.float32), np.zeros((1, 1, BLOCK), np.float32), np.zeros((1, count, BLOCK), np.float32),
-        np.zeros((0, 1, 1, BLOCK), np.float32),
+        0, 1, np.full((1, 1, 1), -1, np.int32), np.zeros((1, count, BLOCK), FLOAT),
+        np.ones((1, BLOCK), FLOAT), np.zeros((1, 1, BLOCK), FLOAT), np.zeros((1, count, BLOCK), FLOAT),
+        np.zeros((0, 1, 1, BLOCK), FLOAT),
     )  # fmt: skip
 
 
@@ -63,7 +64,7 @@ def between(i, factor, count):
     x = (i - 0.5 * (factor - 1)) / factor
     m = min(max(math.floor(x), 0), count - 1)
     share = min(max(x - m, 0.0), 1.0) if m + 1 < count else 0.0
-    return m, np.float32(share)
+    return m, FLOAT(share)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -78,7 +79,7 @@ def _coarser_row(place, values, k, j, factor, scratch):
     count, nx = scratch.shape
     m, share = between(j, factor, place.shape[1])
     near = min(m + 1, place.shape[1] - 1)
-    rest = np.float32(1.0) - share
+    rest = FLOAT(1.0) - share
     for b in range(place.shape[2]):
         at, beside = place[k, m, b], place[k, near, b]
         lo, hi = b * BLOCK, min(nx, (b + 1) * BLOCK)
@@ -134,8 +135,8 @@ def gathered(moments: Moments, coarser: Coarser, j: NDArray[np.int64], i: NDArra
     if coarser.factor == 0 or kept.all():
         return out
     _, rows, _ = coarser.place.shape
-    below, north = np.array([between(int(y), coarser.factor, rows) for y in j]).T.astype(np.float32)
-    left, east = np.array([between(int(x), coarser.factor, coarser.columns) for x in i]).T.astype(np.float32)
+    below, north = np.array([between(int(y), coarser.factor, rows) for y in j]).T.astype(FLOAT)
+    left, east = np.array([between(int(x), coarser.factor, coarser.columns) for x in i]).T.astype(FLOAT)
     other = np.zeros_like(out)
     for up in (0, 1):
         for right in (0, 1):
@@ -152,7 +153,7 @@ def _kept(
     """Moments (nz, n, M*M) of columns, zero where none are kept, and whether they are (nz, n)."""
     at = place[:, j, i // BLOCK]
     kept = at >= 0
-    out = np.zeros((*at.shape, values.shape[1]), np.float32)
+    out = np.zeros((*at.shape, values.shape[1]), FLOAT)
     out[kept] = values[at[kept], :, np.broadcast_to(i % BLOCK, at.shape)[kept]]
     return out, kept
 
@@ -166,8 +167,8 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     nz, ny, nb = place.shape
     count, moments = coarse.values.shape[1], values.shape[1]
     rows, width = coarse.place.shape[1], coarse_nx + 2 + LANES
-    scratch = np.empty((count, coarsest.columns), np.float32)
-    one, two = np.zeros((count, width), np.float32), np.zeros((count, width), np.float32)
+    scratch = np.empty((count, coarsest.columns), FLOAT)
+    one, two = np.zeros((count, width), FLOAT), np.zeros((count, width), FLOAT)
     in_one, in_two = -1, -1  # the coarse rows that they hold
     for row in range(t * nz * ny // threads, (t + 1) * nz * ny // threads):
         k, j = row // ny, row % ny
@@ -209,7 +210,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
     nz, ny, nb = place.shape
     rows = coarse_place.shape[1]
     half = BLOCK // 2
-    part = np.empty((4, half), np.float32)
+    part = np.empty((4, half), FLOAT)
     for row in range(t * nz * rows // threads, (t + 1) * nz * rows // threads):
         k, m = row // rows, row % rows
         for b in range(coarse_place.shape[2]):
@@ -220,7 +221,7 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
                     continue
                 one, two = place[k, 2 * m, block], place[k, min(2 * m + 1, ny - 1), block]
                 last = min(nx - block * BLOCK, BLOCK) - 1  # a last node without a neighbour counts twice
-                part[:, :] = np.float32(0.0)
+                part[:, :] = FLOAT(0.0)
                 for i in range(min(half, last // 2 + 1)):
                     x = block * BLOCK + 2 * i
                     beside = block * BLOCK + min(2 * i + 1, last)
@@ -228,13 +229,13 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
                     w00, w01 = weight[k, 2 * m, x], weight[k, 2 * m, beside]
                     w10, w11 = weight[k, y, x], weight[k, y, beside]
                     total = w00 + w01 + w10 + w11
-                    if total > np.float32(0.0):
+                    if total > FLOAT(0.0):
                         part[0, i], part[1, i] = w00 / total, w01 / total
                         part[2, i], part[3, i] = w10 / total, w11 / total
                 for c in range(out.shape[1]):
                     for i in range(half):
                         beside = min(2 * i + 1, last)
-                        mean = np.float32(0.0)
+                        mean = FLOAT(0.0)
                         if one >= 0:
                             mean += part[0, i] * (values[one, c, 2 * i] - before[one, c, 2 * i])
                             mean += part[1, i] * (values[one, c, beside] - before[one, c, beside])
@@ -267,7 +268,7 @@ def squares(t, threads, before, after, level, change, size):
     change[t] = 0.0
     size[t] = 0.0
     for n in range(t, after.shape[0], threads):
-        changed, own = np.float32(0.0), np.float32(0.0)
+        changed, own = FLOAT(0.0), FLOAT(0.0)
         for c in range(4):
             for i in range(BLOCK):
                 changed += (after[n, c, i] - before[n, c, i]) ** 2

@@ -13,6 +13,7 @@ from openswim.transport.diffuse.moments import Coarser, Moments, prolong, restri
 from openswim.transport.diffuse.optical_grid import total_extinction, twice_as_fine_plane
 from openswim.transport.diffuse.sweeper import DARK, Sweeper
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
@@ -102,7 +103,7 @@ def begin_from_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Tra
         else:
             whole = base.as_coarser(below.moments.values, below.ratio)
         level = fine.over(whole, like[len(below.sweeps) - 1].kept if like else None)
-    values = np.empty(level.shape, np.float32)
+    values = np.empty(level.shape, FLOAT)
     in_threads(
         prolong, below.moments, base.grid.ground_node.shape[1], below.coarser, level.place,
         level.grid.ground_node.shape[1], values, False, parts=_PARTS,

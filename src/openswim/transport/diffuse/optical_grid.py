@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.empty_space import beside
 from openswim.transport.medium.delta_scaled import Coefficients
 
@@ -78,8 +79,8 @@ def coarser_grid(grid: OpticalGrid) -> OpticalGrid:
     """
     ny, nx = grid.ground_node.shape
     rows, columns = -(-ny // 2), -(-nx // 2)
-    beam = np.zeros((len(grid.beam), rows, columns + -columns % BLOCK), np.float32)
-    extinction = np.zeros((len(grid.extinction), *beam.shape), np.float32)
+    beam = np.zeros((len(grid.beam), rows, columns + -columns % BLOCK), FLOAT)
+    extinction = np.zeros((len(grid.extinction), *beam.shape), FLOAT)
 
     def share(t: int, threads: int) -> None:
         for k in range(t, len(beam), threads):
@@ -114,7 +115,7 @@ def unlit_grid(grid: OpticalGrid, levels: slice) -> OpticalGrid:
 
 def total_extinction(grid: OpticalGrid) -> F32:
     """Delta-scaled extinction of species and air (nz, ny, nx), rows filled to whole blocks, 1/m."""
-    out = np.empty(grid.beam.shape, np.float32)
+    out = np.empty(grid.beam.shape, FLOAT)
 
     def share(t: int, threads: int) -> None:
         for k in range(t, len(out), threads):
@@ -137,7 +138,7 @@ def with_ghosts(extinction: F32, nx: int, periodic: bool) -> F32:
 def thick_blocks(grid: OpticalGrid) -> NDArray[np.bool_]:
     """Blocks (nz, ny, nb) of cloud with cells of more than `_THIN` optical depth in or next to them."""
     extinction = total_extinction(grid)[..., : grid.ground_node.shape[1]]
-    thick = near_blocks(extinction * np.float32(grid.cell_m.max()) > _THIN, grid.periodic)
+    thick = near_blocks(extinction * FLOAT(grid.cell_m.max()) > _THIN, grid.periodic)
     return thick & grid.cloudy
 
 
@@ -155,7 +156,7 @@ def coarsen(field: F32) -> F32:
         if field.shape[axis] % 2:
             field = np.concatenate([field, field.take([-1], axis)], axis)
     rows = field[..., ::2, :] + field[..., 1::2, :]
-    return np.ascontiguousarray(0.25 * (rows[..., ::2] + rows[..., 1::2]), np.float32)
+    return np.ascontiguousarray(0.25 * (rows[..., ::2] + rows[..., 1::2]), FLOAT)
 
 
 def twice_as_fine_plane(field: F32, shape: tuple[int, ...]) -> F32:
@@ -164,13 +165,13 @@ def twice_as_fine_plane(field: F32, shape: tuple[int, ...]) -> F32:
         at = np.clip((np.arange(count) - 0.5) / 2, 0, field.shape[axis] - 1)
         low = np.minimum(at.astype(int), max(field.shape[axis] - 2, 0))
         high = np.minimum(low + 1, field.shape[axis] - 1)
-        share = (at - low).astype(np.float32).reshape(-1, *[1] * (-1 - axis))
+        share = (at - low).astype(FLOAT).reshape(-1, *[1] * (-1 - axis))
         field = field.take(low, axis) * (1 - share) + field.take(high, axis) * share
-    return np.ascontiguousarray(field, np.float32)
+    return np.ascontiguousarray(field, FLOAT)
 
 
 def whole_blocks(array: NDArray) -> F32:
     """Rows filled with zeros to whole blocks."""
     short = -array.shape[-1] % BLOCK
     padded = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)]) if short else array
-    return np.ascontiguousarray(padded, np.float32)
+    return np.ascontiguousarray(padded, FLOAT)

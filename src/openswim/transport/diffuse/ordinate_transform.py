@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.ordinates import harmonic_matrix
 from openswim.transport.engine.pack import LANES, flat, read_quadruple, spread_quadruple, write
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 BLOCK = LANES  # nodes of a row that are kept, or swept as clear, together
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ZERO = np.float32(0.0)
+_ZERO = FLOAT(0.0)
 _TILE = 5  # rows of a matrix that are summed side by side: one alone waits for its own last sum
 
 
@@ -71,7 +72,7 @@ def multiply(tiles, g, rows, columns, x, x_at, x_stride, y, y_at, y_stride, agai
 def _tiled(matrices: list[F64]) -> F32:
     """Matrices (tiles, columns, _TILE) of groups, _TILE rows beside each other; filled with zeros to the largest."""
     tiles = max(-(-len(m) // _TILE) for m in matrices)
-    out = np.zeros((len(matrices), tiles * _TILE, max(m.shape[1] for m in matrices)), np.float32)
+    out = np.zeros((len(matrices), tiles * _TILE, max(m.shape[1] for m in matrices)), FLOAT)
     for one, m in zip(out, matrices, strict=True):
         one[: len(m), : m.shape[1]] = m
     return np.ascontiguousarray(np.swapaxes(out.reshape(len(matrices), tiles, _TILE, -1), 2, 3))

@@ -21,6 +21,7 @@ from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.multigrid import ALIKE, Solution, Trace, begin_from_coarse, by_blocks, told_ratio
 from openswim.transport.diffuse.sweeper import Sweeper
 from openswim.transport.engine.decisions import Decisions
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -94,7 +95,7 @@ def between(
         own[:, ALIKE:] = 0
         for k in sides:
             solved, coarse = k.solution.moments.values[some], k.told[0][some]
-            counts = np.float32(k.share) * told_ratio(mean, coarse[:, :1])
+            counts = FLOAT(k.share) * told_ratio(mean, coarse[:, :1])
             own[:, :ALIKE] += counts * (solved[:, :ALIKE] - coarse)
             own[:, ALIKE:] += counts * solved[:, ALIKE:]
 
@@ -103,5 +104,5 @@ def between(
     fluxes = told_fluxes.copy()
     for k in sides:
         coarse = k.told[1]
-        fluxes += np.float32(k.share) * told_ratio(told_fluxes, coarse) * (k.solution.fluxes - coarse)
+        fluxes += FLOAT(k.share) * told_ratio(told_fluxes, coarse) * (k.solution.fluxes - coarse)
     return Solution(Moments(begun.level.place, values), begun.level.coarser, [*begun.below.sweeps, 0], [], fluxes, None)

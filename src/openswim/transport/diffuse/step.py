@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_TWO, _TWELVE = np.float32(2.0), np.float32(12.0)
-_SIXTEENTH, _SIXTH = np.float32(0.0625), np.float32(1 / 6)
-_SHORT = np.float32(0.1)
+_ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
+_TWO, _TWELVE = FLOAT(2.0), FLOAT(12.0)
+_SIXTEENTH, _SIXTH = FLOAT(0.0625), FLOAT(1 / 6)
+_SHORT = FLOAT(0.1)
 ALONG_X, ALONG_Y, ALONG_Z = 0, 1, 2  # the axis whose cells an ordinate crosses fastest
 
 
@@ -24,7 +24,7 @@ def step_weights(extinction, extinction_up, ds):
     """
     tau = (extinction + extinction_up) * (_HALF * ds)
     y = tau * _SIXTEENTH
-    p = y * (_HALF + y * (_SIXTH + y * (np.float32(1 / 24) + y * np.float32(1 / 120)))) + _ONE
+    p = y * (_HALF + y * (_SIXTH + y * (FLOAT(1 / 24) + y * FLOAT(1 / 120)))) + _ONE
     p = y * p + _ONE
     q = tau * _TWO + _TWELVE
     d = choose_above(tau, _SHORT, tau, _SHORT)
@@ -35,7 +35,7 @@ def step_weights(extinction, extinction_up, ds):
     t = t * t
     t = t * t
     t = t * t
-    series = _ONE - tau * (_HALF - tau * (_SIXTH - tau * np.float32(1 / 24)))
+    series = _ONE - tau * (_HALF - tau * (_SIXTH - tau * FLOAT(1 / 24)))
     mean = choose_above(tau, _SHORT, (_ONE - t) * (r * pq), series) * ds
     c = (r * p * d) * ds
     return t, mean * (_HALF + extinction_up * c), mean * (_HALF - extinction * c)

@@ -32,6 +32,7 @@ from openswim.transport.diffuse.ordinate_transform import BLOCK, Groups
 from openswim.transport.diffuse.step import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
 from openswim.transport.engine.pack import flat, put, read_quadruple, write
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
@@ -86,7 +87,7 @@ def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
     else:
         axis, ds, a, c = ALONG_X, tx, tx / ty, tx / tz
     step[0], step[1], step[2], step[3], step[4] = (1 - a) * (1 - c), a * (1 - c), (1 - a) * c, a * c, ds
-    up = np.float32(air_old if axis == ALONG_Z else air * (1 - c) + air_old * c)
+    up = FLOAT(air_old if axis == ALONG_Z else air * (1 - c) + air_old * c)
     step[5], step[6], step[7] = step_weights(air, up, step[4])
     return axis
 
@@ -206,7 +207,7 @@ def _carry_strip(
     q = half.direction[n]
     sx, sy = 1 if q[0] > 0 else -1, 1 if q[1] > 0 else -1
     ahead, behind = (count + 1, 1) if sy > 0 else (0, count)
-    share = half.weight[n] * np.float32(abs(q[2]) / (4.0 * math.pi))
+    share = half.weight[n] * FLOAT(abs(q[2]) / (4.0 * math.pi))
     known = half.edges.shape[3] > 0
     amend = room.amended.shape[2] > 0
     level_e = 0
@@ -257,7 +258,7 @@ def _carry_strip(
         _leave_light(k, slot, rows, place, room.row, room.light, now, room.emission)
         if amend:
             if room.near_cloud[k] > 0:
-                room.amended[t, cur, : count + 2] = np.float32(0.0)
+                room.amended[t, cur, : count + 2] = FLOAT(0.0)
             if room.near_cloud[k] == 1:
                 buried = (k + 1 if downward else k) if k <= highest else -1  # what rises begins at the ground
                 after = min(max(k - 1 if downward else k + 1, 0), nz - 1)
@@ -296,9 +297,9 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
     nz, ny, _ = grid.cloudy.shape
     groups = group.first.shape[0] - 1
     if g == 0:
-        room.flux[t] = np.float32(0.0)
+        room.flux[t] = FLOAT(0.0)
         if begins:
-            room.more[t] = np.float32(0.0)
+            room.more[t] = FLOAT(0.0)
     for k in range(nz):
         for j in range(t, ny, threads):
             if g > 0:
@@ -328,7 +329,7 @@ def share_ordinates(t, threads, g, downward, grid, half, first, place, coarser, 
     downward: ordinates whose light comes from above (or level), else from below, starting at the ground's radiance
     (ny, nx). highest: greatest of ``grid.ground_node``.
     """
-    step, at, at_e = np.empty(8, np.float32), np.empty(4, np.int64), np.empty(4, np.int64)
+    step, at, at_e = np.empty(8, FLOAT), np.empty(4, np.int64), np.empty(4, np.int64)
     for n in range(first[g] + t, first[g + 1], threads):
         _carry(
             n, n - first[g], t, downward, grid, half, place, coarser, ground_radiance, highest, room, step, at, at_e

@@ -38,6 +38,7 @@ from openswim.transport.engine.ordinates import LEVEL, Ordinates, double_gauss, 
 from openswim.transport.engine.pack import LANES
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -55,7 +56,7 @@ _GROWN = 4.0  # times the least change, or as much half-way, at which diffusion 
 _ASTRAY = 0.05  # if it is more than this of the light: mixed changes go up and down
 _ANSWERED = 3  # degrees of the moments that they mend
 DARK = 1e-12  # light of a node that nothing is made of
-_LEAST_RATIO = np.float32(0.05)  # of light that steps take to that at a node
+_LEAST_RATIO = FLOAT(0.05)  # of light that steps take to that at a node
 
 
 @dataclass
@@ -91,15 +92,15 @@ class Sweeper:
         down = directions[:, 2] >= 0
         halves = []
         for half in (down, ~down):
-            group = in_groups(directions[half], weights[half].astype(np.float32), degree, _LEAST_GROUP)
+            group = in_groups(directions[half], weights[half].astype(FLOAT), degree, _LEAST_GROUP)
             here = np.flatnonzero(half)
             if sides is not None:
                 edges = np.ascontiguousarray(sides[here])
             else:
                 known = (nz, 4, max(nx, ny)) if grid.periodic else (1, 4, 0)
-                edges = np.zeros((len(here), *known), np.float32)
+                edges = np.zeros((len(here), *known), FLOAT)
             halves.append(
-                (Half(directions[here], weights[here].astype(np.float32), np.ascontiguousarray(inflow[here].T), edges),
+                (Half(directions[here], weights[here].astype(FLOAT), np.ascontiguousarray(inflow[here].T), edges),
                  group)
             )  # fmt: skip
         extinction = with_ghosts(total_extinction(grid), nx, grid.periodic)
@@ -115,8 +116,8 @@ class Sweeper:
         up, _ = self.halves[1]
         # discrete flux of unit radiance, so that the ground gives back what it takes
         self.unit_flux = float((up.weight * np.abs(up.direction[:, 2])).sum() / (4 * np.pi))
-        self.down_flux = np.zeros(self.grid.ground_node.shape, np.float32)
-        self.up_flux = np.zeros(self.grid.ground_node.shape, np.float32)
+        self.down_flux = np.zeros(self.grid.ground_node.shape, FLOAT)
+        self.up_flux = np.zeros(self.grid.ground_node.shape, FLOAT)
 
     def as_coarser(self, values: F32, ratio: F32 | None) -> Coarser:
         """What its solution, moments and their ratio to the nodes' own, is to a grid of twice the columns each way."""
@@ -125,7 +126,7 @@ class Sweeper:
         beam = np.minimum(grid.beam, 1)  # what is thin has no cloud's part in it
         return Coarser(
             2, grid.ground_node.shape[1], self.place, values,
-            np.ones((len(values), BLOCK), np.float32) if ratio is None else ratio,
+            np.ones((len(values), BLOCK), FLOAT) if ratio is None else ratio,
             beam, grid.sun_harmonics, grid.extinction,
         )  # fmt: skip
 
@@ -146,7 +147,7 @@ class Sweeper:
     def unlit(self, levels: slice) -> Sweeper:
         """The thick part of the medium between some levels, with no light of its own."""
         cut = unlit_grid(self.grid, levels)
-        on_ground = np.float32(levels.start == 0)
+        on_ground = FLOAT(levels.start == 0)
         # a few ordinates answer as well, which tell three degrees apart; level ones are not for flat cells
         level = (np.abs(self.ordinates.direction[:, 2]) < LEVEL).any()
         few = lebedev(14) if level else double_gauss(3, 5)
@@ -155,7 +156,7 @@ class Sweeper:
             air_scattering=np.ascontiguousarray(cut.air_scattering[:, :_ANSWERED]),
         )  # fmt: skip
         dark = Sweeper.of(
-            cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
+            cut, np.zeros((len(few.direction), len(cut.levels_m)), FLOAT), on_ground * self.ground_albedo,
             0 * self.direct_flux, few, self.pool, decide=self.decide.within("unlit"),
         )  # fmt: skip
         extinction = dark.extinction if levels.start == 0 else dark.extinction[: len(cut.levels_m)]
@@ -183,13 +184,18 @@ class Sweeper:
         return Diffusion(self.grid, self.ground_albedo, self.on_ground, self.decide)
 
     @cached_property
+    def _going_round(self) -> list[F32]:
+        """Light that a sweep leaves at the sides of a period, for the next one to begin from."""
+        return [half.edges for half, _ in self.halves] if self.grid.periodic else []
+
+    @cached_property
     def shape(self) -> tuple[int, int, int]:
         """Of the moments."""
         return int(self.place.max()) + 1, self.grid.air_scattering.shape[1] ** 2, BLOCK
 
     def nothing(self) -> F32:
         """Moments of darkness."""
-        return np.zeros(self.shape, np.float32)
+        return np.zeros(self.shape, FLOAT)
 
     def fluxes(self) -> F32:
         """Of the last sweep (2, ny, nx): down to the ground, up through the top."""
@@ -216,7 +222,7 @@ class Sweeper:
             True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
         )
         arriving = self.ground_albedo * (self.direct_flux + self.down_flux)
-        radiance = np.asarray(arriving / np.float32(self.unit_flux), np.float32)
+        radiance = np.asarray(arriving / FLOAT(self.unit_flux), FLOAT)
         self.up_flux = half_sweep(
             False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
         )
@@ -303,7 +309,8 @@ class Sweeper:
             earlier, before, least = before, changed, min(least, moved)
             astray = lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2)
             if decide("astray", astray):
-                values.fill(0.0)
+                for light in (values, *self._going_round):
+                    light.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue
             if decide("falling", corrected and (n == 1 or changed < _FALLING * earlier)):
@@ -311,11 +318,11 @@ class Sweeper:
                 continue
             spare = None
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
-            residual = np.empty((len(image), 4, BLOCK), np.float32)
-            in_threads(weighted_change, values, image, level, weight.astype(np.float32), residual)
+            residual = np.empty((len(image), 4, BLOCK), FLOAT)
+            in_threads(weighted_change, values, image, level, weight.astype(FLOAT), residual)
             if n > _SETTLED:  # all by the same light, or the greatest would seem to be nearest to its end
                 recent.reweigh(weight, level)
-            recent.mix(image, residual, weight, values)
+            recent.mix(image, residual, weight, values, self._going_round)
         return image, values, n
 
 
@@ -353,6 +360,7 @@ class _Anderson:
         self.images: list[F32] = []
         self.residuals: list[F32] = []
         self.weights: list[F64] = []  # of their levels
+        self.rounds: list[list[F32]] = []  # light on its way round a period
 
     def spare(self) -> F32 | None:
         """Room for the next image: that of the one to be forgotten."""
@@ -360,19 +368,22 @@ class _Anderson:
             return None
         self.residuals.pop(0)
         self.weights.pop(0)
+        self.rounds.pop(0)
         return self.images.pop(0)
 
     def reweigh(self, weight: F64, level: NDArray[np.int64]) -> None:
         """Give the levels' ``weight`` to the earlier residuals, whose blocks (n,) are on each ``level``."""
         for n, residual in enumerate(self.residuals):
-            residual *= (weight / self.weights[n]).astype(np.float32)[level, None, None]
+            residual *= (weight / self.weights[n]).astype(FLOAT)[level, None, None]
             self.weights[n] = weight
 
-    def mix(self, image: F32, residual: F32, weight: F64, out: F32) -> None:
-        """The best combination, into ``out``; ``weight`` of levels is in the residual."""
+    def mix(self, image: F32, residual: F32, weight: F64, out: F32, going_round: list[F32]) -> None:
+        """The best combination, into ``out``; ``weight`` of levels is in the residual. Of ``going_round``, what goes
+        round a period after the last sweep, the same combination in its place: it is as much a part of the light."""
         self.images.append(image)
         self.residuals.append(residual)
         self.weights.append(weight)
+        self.rounds.append([light.copy() for light in going_round])
         # inner products of the residuals' differences from the last, from those of the residuals
         count = len(self.residuals)
         inner = np.empty((count, count))
@@ -382,9 +393,13 @@ class _Anderson:
         gram = inner[:-1, :-1] - inner[:-1, -1:] - beside[None, :]
         gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
         weights = np.linalg.solve(gram, -beside)
-        np.multiply(image, np.float32(1 - weights.sum()), out=out)
+        np.multiply(image, FLOAT(1 - weights.sum()), out=out)
         for w, earlier in zip(weights, self.images[:-1], strict=True):
-            in_threads(add_scaled, out.reshape(-1), np.float32(w), earlier.reshape(-1))
+            in_threads(add_scaled, out.reshape(-1), FLOAT(w), earlier.reshape(-1))
+        for n, light in enumerate(going_round):
+            light *= FLOAT(1 - weights.sum())
+            for w, before in zip(weights, self.rounds[:-1], strict=True):
+                light += FLOAT(w) * before[n]
 
 
 def _inner(a: F32, b: F32) -> float:

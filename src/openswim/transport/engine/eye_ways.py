@@ -9,9 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import LANES, read_quadruple, root, spread_quadruple
+from openswim.transport.engine.types import FLOAT
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ONE = np.float32(1.0)
+_ONE = FLOAT(1.0)
 
 
 class Eye(NamedTuple):
@@ -26,14 +27,14 @@ class Eye(NamedTuple):
         """Of columns with axes (ny, nx, 3, 3) at sea-level points (ny, nx, 3)."""
         away = np.zeros_like(place) if parallel else place - eye
         rows = np.concatenate([away, axes.reshape(*axes.shape[:2], 9)], axis=-1)
-        return cls(wide(np.ascontiguousarray(np.moveaxis(rows, -1, 1), np.float32)), eye, parallel)
+        return cls(wide(np.ascontiguousarray(np.moveaxis(rows, -1, 1), FLOAT)), eye, parallel)
 
 
 def wide(array: NDArray[Any]) -> NDArray[np.float32]:
     """The array itself, or with rows too short for a pack made long enough."""
     short = LANES - array.shape[-1]
     padded = array if short <= 0 else np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)])
-    return np.require(padded, np.float32, "CW")
+    return np.require(padded, FLOAT, "CW")
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -53,7 +54,7 @@ def way_from_eye(j, i, height_m, eye):
         vx = read_quadruple(columns, c) + height_m * ax
         vy = read_quadruple(columns, c + nx) + height_m * ay
         vz = read_quadruple(columns, c + 2 * nx) + height_m * az
-        r = _ONE / (root(vx * vx + vy * vy + vz * vz) + np.float32(1e-6))
+        r = _ONE / (root(vx * vx + vy * vy + vz * vz) + FLOAT(1e-6))
         vx, vy, vz = vx * r, vy * r, vz * r
     x = read_quadruple(columns, c + 3 * nx) * vx + read_quadruple(columns, c + 4 * nx) * vy
     x += read_quadruple(columns, c + 5 * nx) * vz

@@ -1,28 +1,32 @@
-"""Packs: several float32 at once in a vector register, and how Numba's kernels read, split and reckon with them.
+"""Packs: several numbers at once in a vector register, and how Numba's kernels read, split and reckon with them.
 
 PACK of them are one number per wavelength; 2 PACK and 4 PACK lie together where a place has several such numbers.
 Arithmetic among packs of a width, and of packs with scalars, is lane by lane. Without this LLVM must prove that arrays
 lie apart before it vectorises, and mostly cannot; where a processor's registers are narrower, LLVM splits a pack.
+Numbers are `types.FLOAT`. In a checked build what lies beyond an array is neither read nor written.
 """
 
 from __future__ import annotations
 
 import operator
 
+import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.core.cgutils import get_or_insert_function
+from numba import from_dtype, types
+from numba.core.cgutils import get_or_insert_function, if_unlikely
 from numba.core.errors import TypingError
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
+
+from openswim.transport.engine.types import BYTES, CHECKED, FLOAT
 
 PACK = 4  # wavelengths carried together
 LANES = 4 * PACK  # numbers in the widest pack
 
 
 class PackType(types.Type):
-    """``width`` float32 at once."""
+    """``width`` numbers at once."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -30,7 +34,8 @@ class PackType(types.Type):
 
 
 _NARROW, _DOUBLE, _QUADRUPLE = (PackType(n * PACK) for n in (1, 2, 4))
-_FLOAT, _INT = ir.FloatType(), ir.IntType(32)
+_NUMBER = from_dtype(np.dtype(FLOAT))
+_FLOAT, _INT = ir.FloatType() if BYTES == 4 else ir.DoubleType(), ir.IntType(32)
 _FAST = ("contract", "reassoc", "nsz", "arcp", "nnan", "ninf")
 
 
@@ -56,7 +61,7 @@ def _spread(context, builder, kind, value, wanted):
     """A pack of equal numbers; packs pass."""
     if isinstance(kind, PackType):
         return value
-    value = context.cast(builder, value, kind, types.float32)
+    value = context.cast(builder, value, kind, _NUMBER)
     one = builder.insert_element(_undefined(wanted), value, _INT(0))
     return builder.shuffle_vector(one, _undefined(wanted), _indices([0] * wanted.width))
 
@@ -93,15 +98,20 @@ for _operation, _instruction in (
     _arithmetic(_operation, _instruction)
 
 
-def _element(context, builder, array_type, array, n):
-    """Pointer to flat element n."""
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.gep(data, [n])
+def _element(context, builder, array_type, array, n, width=1):
+    """Pointer to flat element n, from which ``width`` are to be read or written."""
+    whole = context.make_array(array_type)(context, builder, array)
+    if CHECKED:
+        beyond = builder.icmp_signed(">", n, builder.sub(whole.nitems, n.type(width)))
+        with if_unlikely(builder, builder.or_(beyond, builder.icmp_signed("<", n, n.type(0)))):
+            words = f"{context.fndesc.qualname}: {width} in a row of {array_type} are not all within it"
+            context.call_conv.return_user_exc(builder, IndexError, (words,))
+    return builder.gep(whole.data, [n])
 
 
-def _flat_array(array) -> None:
-    if not isinstance(array, types.Array) or array.layout != "C":
-        raise TypingError(f"a C-contiguous array is needed, not {array}")
+def _flat_array(array, element=None) -> None:
+    if not isinstance(array, types.Array) or array.layout != "C" or element not in (None, array.dtype):
+        raise TypingError(f"a C-contiguous array of {element or 'any kind'} is needed, not {array}")
 
 
 @intrinsic
@@ -118,40 +128,40 @@ def flat(typingctx, array, n):
 
 def _reader(kind):
     def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        return builder.load(builder.bitcast(pointer, _vector(kind).as_pointer()), align=4)
+        pointer = _element(context, builder, sig.args[0], args[0], args[1], kind.width)
+        return builder.load(builder.bitcast(pointer, _vector(kind).as_pointer()), align=BYTES)
 
     return lower
 
 
 @intrinsic
 def read(typingctx, array, n):
-    """The PACK numbers from flat element n of a float32 array."""
-    _flat_array(array)
+    """The PACK numbers from flat element n of an array."""
+    _flat_array(array, _NUMBER)
     return _NARROW(array, types.intp), _reader(_NARROW)
 
 
 @intrinsic
 def read_double(typingctx, array, n):
-    """The 2 PACK numbers from flat element n of a float32 array."""
-    _flat_array(array)
+    """The 2 PACK numbers from flat element n of an array."""
+    _flat_array(array, _NUMBER)
     return _DOUBLE(array, types.intp), _reader(_DOUBLE)
 
 
 @intrinsic
 def read_quadruple(typingctx, array, n):
-    """The 4 PACK numbers from flat element n of a float32 array."""
-    _flat_array(array)
+    """The 4 PACK numbers from flat element n of an array."""
+    _flat_array(array, _NUMBER)
     return _QUADRUPLE(array, types.intp), _reader(_QUADRUPLE)
 
 
 @intrinsic
 def read_bytes(typingctx, array, n):
     """The PACK numbers from flat element n of an int8 array, n a multiple of PACK."""
-    _flat_array(array)
+    _flat_array(array, types.int8)
 
     def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
+        pointer = _element(context, builder, sig.args[0], args[0], args[1], PACK)
         kind = _vector(_NARROW, ir.IntType(8))
         return builder.sitofp(builder.load(builder.bitcast(pointer, kind.as_pointer()), align=4), _vector(_NARROW))
 
@@ -161,7 +171,7 @@ def read_bytes(typingctx, array, n):
 @intrinsic
 def read_lanes(typingctx, array, start, rows):
     """Lane by lane its own row of a table (rows, PACK) that begins at flat element ``start``; ``rows`` a pack >= 0."""
-    _flat_array(array)
+    _flat_array(array, _NUMBER)
 
     def lower(context, builder, sig, args):
         whole = builder.fptosi(args[2], _vector(_NARROW, _INT))
@@ -179,11 +189,11 @@ def read_lanes(typingctx, array, start, rows):
 @intrinsic
 def write(typingctx, array, n, pack):
     """Store a pack at flat element n."""
-    _flat_array(array)
+    _flat_array(array, _NUMBER)
 
     def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1])
-        builder.store(args[2], builder.bitcast(pointer, _vector(sig.args[2]).as_pointer()), align=4)
+        pointer = _element(context, builder, sig.args[0], args[0], args[1], sig.args[2].width)
+        builder.store(args[2], builder.bitcast(pointer, _vector(sig.args[2]).as_pointer()), align=BYTES)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, pack), lower
@@ -215,7 +225,7 @@ def root(typingctx, pack):
 
     def lower(context, builder, sig, args):
         kind = args[0].type
-        name = f"llvm.sqrt.v{sig.return_type.width}f32"
+        name = f"llvm.sqrt.v{sig.return_type.width}f{8 * BYTES}"
         function = get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), name)
         return builder.call(function, args)
 
@@ -243,7 +253,8 @@ def expect(typingctx, array, n):
 
     def lower(context, builder, sig, args):
         byte = ir.IntType(8).as_pointer()
-        pointer = builder.bitcast(_element(context, builder, sig.args[0], args[0], args[1]), byte)
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data  # asking beyond an array does no harm
+        pointer = builder.bitcast(builder.gep(data, [args[1]]), byte)
         kind = ir.FunctionType(ir.VoidType(), [byte, _INT, _INT, _INT])
         function = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
         builder.call(function, [pointer, _INT(0), _INT(3), _INT(1)])
@@ -262,7 +273,7 @@ def pack_of(typingctx, a, b, c, d):
             out = builder.insert_element(out, x, _INT(w))
         return out
 
-    return _NARROW(types.float32, types.float32, types.float32, types.float32), lower
+    return _NARROW(_NUMBER, _NUMBER, _NUMBER, _NUMBER), lower
 
 
 @intrinsic
@@ -275,7 +286,7 @@ def each(typingctx, a, b, c, d):
             out = builder.insert_element(out, x, _INT(w))
         return builder.shuffle_vector(out, _undefined(_NARROW), _indices([n // PACK for n in range(4 * PACK)]))
 
-    return _QUADRUPLE(types.float32, types.float32, types.float32, types.float32), lower
+    return _QUADRUPLE(_NUMBER, _NUMBER, _NUMBER, _NUMBER), lower
 
 
 def _finer(factor: int):
@@ -348,18 +359,18 @@ def largest(typingctx, pack):
             lanes.append(builder.select(builder.fcmp_ordered(">", a, b, flags=_FAST), a, b))
         return lanes[0]
 
-    return types.float32(pack), lower
+    return _NUMBER(pack), lower
 
 
 @intrinsic
 def choose_above(typingctx, a, b, above, other):
     """``above`` where a > b, else ``other``: for scalars, or lane by lane for packs."""
     given = (a, b, above, other)
-    kind = _width_of(given) or types.float32
+    kind = _width_of(given) or _NUMBER
 
     def lower(context, builder, sig, args):
-        if kind is not types.float32:
+        if kind is not _NUMBER:
             args = [_spread(context, builder, t, v, kind) for t, v in zip(sig.args, args, strict=True)]
         return builder.select(builder.fcmp_ordered(">", args[0], args[1], flags=_FAST), args[2], args[3])
 
-    return (kind(*given) if kind is not types.float32 else kind(kind, kind, kind, kind)), lower
+    return (kind(*given) if kind is not _NUMBER else kind(kind, kind, kind, kind)), lower

@@ -12,10 +12,11 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import PACK, choose_above, flat
+from openswim.transport.engine.types import FLOAT
 
 __all__ = ["PACK", "flat"]  # beside what stands here
 
-_F1 = np.float32(1.0)
+_F1 = FLOAT(1.0)
 _MOST_DEGREE = 12
 
 
@@ -40,9 +41,9 @@ def transmission(optical_depth):
 
     The Taylor polynomial of exp at a sixteenth of the depth, inverted and squared four times.
     """
-    y = optical_depth * np.float32(0.0625)
+    y = optical_depth * FLOAT(0.0625)
     p = _F1 + y * (
-        _F1 + y * (np.float32(0.5) + y * (np.float32(1 / 6) + y * (np.float32(1 / 24) + y * np.float32(1 / 120))))
+        _F1 + y * (FLOAT(0.5) + y * (FLOAT(1 / 6) + y * (FLOAT(1 / 24) + y * FLOAT(1 / 120))))
     )
     t = _F1 / p
     t = t * t
@@ -59,13 +60,13 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
     right in the thin and the thick limit. ``depth`` = (beta_n + beta_f) ds/2, ``trans`` = e^-depth.
     """
     mean_transmission = choose_above(
-        depth, np.float32(0.01), (_F1 - trans) / depth, _F1 - depth * (np.float32(0.5) - depth * np.float32(1 / 6))
+        depth, FLOAT(0.01), (_F1 - trans) / depth, _F1 - depth * (FLOAT(0.5) - depth * FLOAT(1 / 6))
     )
     slope = (source_near * extinction_far - source_far * extinction_near) * step_m
     return (
         mean_transmission
         * step_m
-        * (np.float32(0.5) * (source_near + source_far) + slope / (np.float32(12.0) + np.float32(2.0) * depth))
+        * (FLOAT(0.5) * (source_near + source_far) + slope / (FLOAT(12.0) + FLOAT(2.0) * depth))
     )
 
 
@@ -73,8 +74,8 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
 def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
     """Share (0..1) of a step after which ``optical_depth`` is met, extinction linear along it; it must be met."""
     depth_per_m = optical_depth / step_m
-    square = extinction_near * extinction_near + np.float32(2.0) * (extinction_far - extinction_near) * depth_per_m
-    return min(np.float32(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, np.float32(0.0)))), _F1)
+    square = extinction_near * extinction_near + FLOAT(2.0) * (extinction_far - extinction_near) * depth_per_m
+    return min(FLOAT(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, FLOAT(0.0)))), _F1)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.engine.types import FLOAT
+
 F32 = NDArray[np.float32]
 
 
@@ -20,5 +22,5 @@ class Pool:
         """An array of the shape with whatever (finite) its last user left in it."""
         size = math.prod(shape)
         if name not in self._buffers or self._buffers[name].size < size:
-            self._buffers[name] = np.zeros(size, np.float32)
+            self._buffers[name] = np.zeros(size, FLOAT)
         return self._buffers[name][:size].reshape(shape)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.ordinates import LEVEL, Ordinates
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
@@ -29,9 +30,9 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
     down = np.flatnonzero(ordinates.direction[:, 2] > LEVEL)
     way, weight = ordinates.direction[down], ordinates.weight[down, None] * radiance[down]
     weight = weight * way[:, 2:]
-    weight = (weight / np.maximum(weight.sum(axis=0), 1e-30)).astype(np.float32)
+    weight = (weight / np.maximum(weight.sum(axis=0), 1e-30)).astype(FLOAT)
     depth = np.pad(depth, ((0, 0), (1, 1), (1, 1)), "constant" if ends else "edge")
-    out = np.zeros((len(down), ny, nx), np.float32)
+    out = np.zeros((len(down), ny, nx), FLOAT)
 
     def share(t: int, threads: int) -> None:
         for n in range(t, len(down), threads):
@@ -39,7 +40,7 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
             for k, own in enumerate(depth):
                 rows, columns = _shifted(ny, y[k], medium.periodic), _shifted(nx, x[k], medium.periodic)
                 out[n] += own[rows[:, None], columns]
-            np.exp(out[n] / np.float32(-way[n, 2]), out=out[n])
+            np.exp(out[n] / FLOAT(-way[n, 2]), out=out[n])
 
     in_threads(share)
     return np.einsum("nw,nji->wji", weight, out, optimize=True)
@@ -50,7 +51,7 @@ def _layers(medium: Medium, scaled: F32) -> tuple[F64, F32]:
     extinction, levels = medium.extinction_above_ground, medium.levels_m
     cloudy = np.flatnonzero(extinction.any(axis=(0, 2, 3)))
     thickness = np.gradient(levels) * np.where(np.isin(np.arange(len(levels)), (0, len(levels) - 1)), 0.5, 1.0)
-    depth = np.einsum("s,skji,k->kji", scaled, extinction[:, cloudy], thickness[cloudy].astype(np.float32))
+    depth = np.einsum("s,skji,k->kji", scaled, extinction[:, cloudy], thickness[cloudy].astype(FLOAT))
     return np.maximum(levels[cloudy] - float(medium.terrain_m.mean()), 0.0), depth
 
 

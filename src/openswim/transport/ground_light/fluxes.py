@@ -16,6 +16,7 @@ from openswim.transport.air.shells import beam_transmission, clear_radiance, row
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import Ordinates, hemisphere_product
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.clear_share import clear_share
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
@@ -56,8 +57,8 @@ class Lighting:
     def of_clear_sky(cls, surface: Surface, frame: Frame) -> Lighting:
         """A single column at the frame's place."""
         albedo = surface.albedo([frame.lat], [frame.lon]).T
-        blank = np.zeros((len(albedo), 1, 1), np.float32)
-        ground_m, of_column = float(surface.terrain_m[0, 0]), albedo[:, :, None].astype(np.float32)
+        blank = np.zeros((len(albedo), 1, 1), FLOAT)
+        ground_m, of_column = float(surface.terrain_m[0, 0]), albedo[:, :, None].astype(FLOAT)
         return cls(ground_m, albedo[:, 0], of_column, blank, blank.copy(), blank.copy())
 
     @classmethod
@@ -66,14 +67,14 @@ class Lighting:
         _, ny, nx = medium.shape
         lat, lon, _ = medium.frame.latlon(medium.place.reshape(-1, 3))
         albedo = surface.albedo(lat, lon).T.reshape(-1, ny, nx)
-        blank = np.zeros(albedo.shape, np.float32)
+        blank = np.zeros(albedo.shape, FLOAT)
         land = Terrain(medium.terrain_m, medium.cell_m, medium.periodic)
         slope_y, slope_x = land.slopes()
         axes = medium.axes.astype(float)
         normal = axes[..., 2, :] - slope_x[..., None] * axes[..., 0, :] - slope_y[..., None] * axes[..., 1, :]
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         return cls(
-            medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(np.float32), blank, blank.copy(), blank.copy(),
+            medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(FLOAT), blank, blank.copy(), blank.copy(),
             normal=normal, axes=medium.axes,
             steepness=steepness_below(blurred(slope_x**2 + slope_y**2), medium.scene_cell_m),
             terrain=None if land.level else land,
@@ -88,7 +89,7 @@ class Lighting:
 
     def direct_horizontal(self, w: int) -> F32:
         """Direct flux through the horizontal (ny, nx)."""
-        return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(np.float32)
+        return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(FLOAT)
 
     def albedo_for_sweeps(self, w: int) -> F32:
         """Albedo (ny, nx) of a plain that returns as much as the terrain does: of what slopes and hollows reflect part
@@ -121,7 +122,7 @@ class Lighting:
     def _ground_around(self) -> tuple[F32, F32]:
         """Albedo, and albedo times ``direct`` (nw, ny, nx), over some cells."""
         albedo, sunlit = (
-            np.stack([blurred(one) for one in every]).astype(np.float32)
+            np.stack([blurred(one) for one in every]).astype(FLOAT)
             for every in (self.albedo, self.albedo * self.direct)
         )
         return albedo, sunlit
@@ -138,7 +139,7 @@ class Lighting:
         around = grey * sunlit / np.maximum(sunlit.mean(axis=0), 1e-9)
         # what the ground around has of the sky, and of the ground, is as much as here
         again = 1 / (1 - (1 - view) * albedo)
-        return np.asarray(view * again, np.float32), np.asarray(around * again, np.float32)
+        return np.asarray(view * again, FLOAT), np.asarray(around * again, FLOAT)
 
     def light_clear(self, shells: Shells, sun: F64) -> None:
         """Fluxes below the shells alone, and their sky."""
@@ -148,7 +149,7 @@ class Lighting:
         self.direct[:, 0, 0] = beam
         self.diffuse[:, 0, 0] = sky_flux(shells, mu)[0]
         self.up_top[:, 0, 0] = outgoing_flux(shells, sun)
-        self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(np.float32)
+        self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(FLOAT)
         self.clear_sky = clear_sky_table(shells, sun)
 
     def correct_quadrature(
@@ -167,7 +168,7 @@ class Lighting:
         mu = np.array([sun[2]])
         ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
         missed = (np.clip(ratio, 0.8, 1.25) - 1) * raw
-        self.diffuse += missed.astype(np.float32)[:, None, None] * clear_share(
+        self.diffuse += missed.astype(FLOAT)[:, None, None] * clear_share(
             medium, scaled, ordinates, inflow[:, 0], ends
         )
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.scene.rays import Rays
 from openswim.scene.rims import rim_m
 from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.relief import HeightField, Relief
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
@@ -127,7 +128,7 @@ class Landscape:
     def _field(self, axes: F64, low: NDArray, high: NDArray, step: float, reach: float) -> HeightField:
         """The field from nodes ``low`` to ``high`` (x, y), counted from the eye."""
         (nx, ny), origin = (high - low + 1).tolist(), low * step
-        height, share, mapped = np.empty((3, ny, nx), np.float32)
+        height, share, mapped = np.empty((3, ny, nx), FLOAT)
         rows = max(2, _BAND // nx)
         for first in range(0, ny, rows):
             part = slice(first, min(ny, first + rows))
@@ -142,8 +143,8 @@ class Landscape:
             height += share * (mapped - height)
         # the edge of what is known must not stand as a wall
         x, y = (np.abs(start + step * np.arange(n)) / reach for start, n in zip(origin, (nx, ny), strict=True))
-        ground_m = np.float32(self.widest.medium.ground_m)
-        known = np.clip((1.0 - np.maximum(x[None, :], y[:, None])) / _RIM, 0.0, 1.0).astype(np.float32)
+        ground_m = FLOAT(self.widest.medium.ground_m)
+        known = np.clip((1.0 - np.maximum(x[None, :], y[:, None])) / _RIM, 0.0, 1.0).astype(FLOAT)
         height = ground_m + known * (height - ground_m)
         return HeightField((float(origin[0]), float(origin[1])), step, height)
 
@@ -247,4 +248,4 @@ def _within_edges(share: F32, width: float) -> F32:
         across = 2 * half + 1
         head, tail = np.moveaxis(total, axis, 0)[across:], np.moveaxis(total, axis, 0)[:-across]
         mean = np.moveaxis(head - tail, 0, axis) / across
-    return np.clip(2.0 * mean - 1.0, 0.0, 1.0).astype(np.float32)
+    return np.clip(2.0 * mean - 1.0, 0.0, 1.0).astype(FLOAT)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.scalar import height_m
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import FAR_M, SUN_RADIUS_RAD
 
 F32 = NDArray[np.float32]
@@ -160,7 +161,7 @@ def packed(fields: tuple[HeightField, ...]) -> Fields:
     heights = [f.height_m.ravel() for f in fields]
     return Fields(
         np.array([[*f.origin_m, f.step_m, f.height_m.shape[1], f.height_m.shape[0]] for f in fields], float),
-        np.cumsum([0] + [h.size for h in heights[:-1]]).astype(np.int64), np.concatenate(heights).astype(np.float32),
+        np.cumsum([0] + [h.size for h in heights[:-1]]).astype(np.int64), np.concatenate(heights).astype(FLOAT),
         np.array([len(own) for own in tops], np.int64), (np.cumsum(sizes) - sizes).reshape(-1, _LEVELS), shape,
         np.concatenate([t.ravel() for own in tops for t in own]),
     )  # fmt: skip
@@ -183,7 +184,7 @@ def _pyramid(cells: F32) -> list[F32]:
     for _ in range(_LEVELS):
         around = np.pad(cells, 1, mode="edge")
         wide = np.maximum(np.maximum(around[:-2], around[1:-1]), around[2:])
-        out.append(np.maximum(np.maximum(wide[:, :-2], wide[:, 1:-1]), wide[:, 2:]).astype(np.float32))
+        out.append(np.maximum(np.maximum(wide[:, :-2], wide[:, 1:-1]), wide[:, 2:]).astype(FLOAT))
         ny, nx = cells.shape
         if min(ny, nx) < 4:
             break

@@ -23,6 +23,7 @@ from openswim.transport.columns.columns import Columns
 from openswim.transport.columns.discrete_ordinates import Layers
 from openswim.transport.diffuse.moments import Coarser, Moments
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import GridLight, LitGrid
@@ -175,7 +176,7 @@ def _lit(
 def _check_medium(m: Medium) -> None:
     """What kernels take for granted of a medium."""
     nz, ny, nx = m.shape
-    _require(m.extinction.shape == (len(m.species), nz, ny, nx) and m.extinction.dtype == np.float32, "extinction")
+    _require(m.extinction.shape == (len(m.species), nz, ny, nx) and m.extinction.dtype == FLOAT, "extinction")
     _require(bool((np.diff(m.levels_m) > 0).all()) and nz > 1, "levels that rise")
     _require(m.axes.shape == (ny, nx, 3, 3) and m.place.shape == (ny, nx, 3), "columns of the terrain's shape")
     _require(bool(np.isfinite(m.terrain_m).all() and np.isfinite(m.place).all()), "columns in their place")

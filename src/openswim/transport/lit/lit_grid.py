@@ -19,6 +19,7 @@ from openswim.transport.columns.discrete_ordinates import Layers
 from openswim.transport.diffuse.moments import Coarser, Moments
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import harmonic_matrix
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.ground_light.landscape import Landscape
 from openswim.transport.march.volume import DEGREE, Shells, Volume
@@ -77,7 +78,7 @@ class GridLight:
     def sun_harmonics(self) -> F32:
         """Harmonics (M^2, ny, nx) of the direction to the sun in every column's axes."""
         harmonics = harmonic_matrix(self.local_sun.reshape(-1, 3), DEGREE).T
-        return np.ascontiguousarray(harmonics.reshape(-1, *self.local_sun.shape[:2]), np.float32)
+        return np.ascontiguousarray(harmonics.reshape(-1, *self.local_sun.shape[:2]), FLOAT)
 
 
 @dataclass(frozen=True, eq=False)

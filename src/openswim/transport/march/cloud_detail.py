@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import PACK, flat, put, read, read_bytes, spread, write
 from openswim.transport.engine.scalar import smoothstep, transmission
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 
 # The noise: nodes of its period, a power of two; domes in it, each way; its integers per standard deviation
 TILE, _DOMES, _STEPS = 64, 11, 32
@@ -35,7 +36,7 @@ _EDGE = 0.2  # standard deviation of the octaves that are left out
 _SURPLUS, _SURPLUS_M = 0.1, 500.0
 _THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
 _QUANTILES = 256
-_SHADING = np.float32(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
+_SHADING = FLOAT(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
 # Scratch: the octaves' weights, what `noise_at` finds; extinction, forward peaks and source where a detailed step
 # ended, and whether the next begins there
 NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 6 * PACK, 7 * PACK
@@ -55,8 +56,8 @@ class Detail(NamedTuple):
 
 
 NO_DETAIL = Detail(
-    np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), np.float32), np.zeros(0),
-    np.zeros(0, np.float32), np.zeros(2, np.float32), np.zeros(1, np.float32), np.zeros((1, 1, 1), np.float32),
+    np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), FLOAT), np.zeros(0),
+    np.zeros(0, FLOAT), np.zeros(2, FLOAT), np.zeros(1, FLOAT), np.zeros((1, 1, 1), FLOAT),
 )  # fmt: skip
 
 
@@ -104,16 +105,16 @@ def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
     least = 0.5 / _QUANTILES
     return Detail(
         _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
-        np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(np.float32), wavelength,
-        weight.astype(np.float32), ndtri(np.clip(share, least, 1 - least)).astype(np.float32), refined,
-        np.asarray(np.float32(most) * maximum_filter(extinction, 3, mode="nearest"), np.float32),
+        np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(FLOAT), wavelength,
+        weight.astype(FLOAT), ndtri(np.clip(share, least, 1 - least)).astype(FLOAT), refined,
+        np.asarray(FLOAT(most) * maximum_filter(extinction, 3, mode="nearest"), FLOAT),
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def normal_share(x):
     """Share of a normal distribution below x, within 2e-4 (Page 1977, Appl. Stat. 26, 75)."""
-    y = x * (np.float32(1.5957691) + np.float32(0.0713548) * x * x)
+    y = x * (FLOAT(1.5957691) + FLOAT(0.0713548) * x * x)
     e = transmission(abs(y))
     return (_ONE if y >= _ZERO else e) / (_ONE + e)
 
@@ -121,10 +122,10 @@ def normal_share(x):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _quantile(share, table):
     n = table.shape[0] - 1
-    t = min(max(share, _ZERO), _ONE) * np.float32(n)
+    t = min(max(share, _ZERO), _ONE) * FLOAT(n)
     i = min(int(t), n - 1)
     low = flat(table, i)
-    return low + (t - np.float32(i)) * (flat(table, i + 1) - low)
+    return low + (t - FLOAT(i)) * (flat(table, i + 1) - low)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -158,7 +159,7 @@ def scalar_at(field, ix, iy, level):
     """A field (nz, ny, nx) at fractional indices within it."""
     nz, ny, nx = field.shape
     k, j, i = min(int(level), nz - 2), min(int(iy), ny - 2), min(int(ix), nx - 2)
-    a, b, c = np.float32(ix - i), np.float32(iy - j), np.float32(level - k)
+    a, b, c = FLOAT(ix - i), FLOAT(iy - j), FLOAT(level - k)
     n = (k * ny + j) * nx + i
     m = n + ny * nx
     return lerp(
@@ -174,12 +175,12 @@ def seen_octaves(detail, blur_m, scratch):
     count = 0
     left = _ONE
     for n in range(detail.wavelength_m.shape[0]):
-        seen = np.float32(smoothstep(flat(detail.wavelength_m, n) / blur_m - 1.0)) * flat(detail.weight, n)
+        seen = FLOAT(smoothstep(flat(detail.wavelength_m, n) / blur_m - 1.0)) * flat(detail.weight, n)
         put(scratch, n, seen)
         left -= seen * seen
         if seen > _ZERO:
             count = n + 1
-    return count, np.float32(math.sqrt(left))
+    return count, FLOAT(math.sqrt(left))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -195,7 +196,7 @@ def noise_at(detail, count, x, y, z, scratch):
         v = flat(turn, m + 3) * x + flat(turn, m + 4) * y + flat(turn, m + 5) * z
         w = flat(turn, m + 6) * x + flat(turn, m + 7) * y + flat(turn, m + 8) * z
         fu, fv, fw = math.floor(u), math.floor(v), math.floor(w)
-        a, b, c = np.float32(u - fu), np.float32(v - fv), np.float32(w - fw)
+        a, b, c = FLOAT(u - fu), FLOAT(v - fv), FLOAT(w - fw)
         i, j, k = int(fu) & mask, int(fv) & mask, int(fw) & mask
         i1, j1, k1 = ((i + 1) & mask) * TILE * TILE * PACK, ((j + 1) & mask) * TILE * PACK, ((k + 1) & mask) * PACK
         i, j, k = i * TILE * TILE * PACK, j * TILE * PACK, k * PACK
@@ -207,5 +208,5 @@ def noise_at(detail, count, x, y, z, scratch):
             lerp(read_bytes(tile, i1 + j + k), read_bytes(tile, i1 + j + k1), c),
             lerp(read_bytes(tile, i1 + j1 + k), read_bytes(tile, i1 + j1 + k1), c), b,
         )  # fmt: skip
-        total += np.float32(1 / _STEPS) * flat(scratch, n) * read(detail.sun, n * PACK) * lerp(low, up, a)
+        total += FLOAT(1 / _STEPS) * flat(scratch, n) * read(detail.sun, n * PACK) * lerp(low, up, a)
     write(scratch, NOISE, total)

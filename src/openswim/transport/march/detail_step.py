@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import PACK, flat, largest, put, read, write
 from openswim.transport.engine.scalar import height_of_square_m, step_emission, transmission
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import (
     FRESH,
     HERE,
@@ -24,15 +24,15 @@ from openswim.transport.march.state import Gathered
 from openswim.transport.march.walk import PLACE_LEVEL, PLACE_S, PLACE_X, PLACE_Y, RISE, SQUARE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 
 FAINT = 0.03  # transmission below which detail is not seen
 _FINEST, _COARSEST_M = 0.07, 35.0  # least part of a step, of the first wavelength, and at most
 _PART = 1.5  # part of a step, of the ray's width
 _BLUR = 1.6  # wavelength that begins to be seen, in parts of a step
-_HASTE = np.float32(6.0)  # by how much parts grow, less one, as it becomes dark
-_FOLLOWS = np.float32(0.8)  # share of the beam's changes that the diffuse light follows in full sun
-_NOTHING = np.float32(1e-12)
+_HASTE = FLOAT(6.0)  # by how much parts grow, less one, as it becomes dark
+_FOLLOWS = FLOAT(0.8)  # share of the beam's changes that the diffuse light follows in full sun
+_NOTHING = FLOAT(1e-12)
 
 
 def widest_m(wavelength_m: float) -> float:
@@ -57,7 +57,7 @@ def _next_part(a, least, left):
     """How much of a step is done after its next part, and that part; ``left``: transmission so far."""
     part = least * (_ONE + _HASTE * (_ONE - left))
     rest = _ONE - a
-    if left < np.float32(FAINT) or np.float32(1.2) * part > rest:
+    if left < FLOAT(FAINT) or FLOAT(1.2) * part > rest:
         return _ONE, rest
     return a + part, part
 
@@ -89,7 +89,7 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
     first_m = flat(detail.wavelength_m, 0)
     finest_m = max(_PART * step.width_m, min(_FINEST * first_m, _COARSEST_M))
     count, edge = seen_octaves(detail, _BLUR * finest_m, scratch)
-    least, lump_m = np.float32(min(finest_m / step.ds_m, 1.0)), np.float32(0.25 * first_m)
+    least, lump_m = FLOAT(min(finest_m / step.ds_m, 1.0)), FLOAT(0.25 * first_m)
     clear = largest(near.air) + _NOTHING
     radiance, through, ahead = seen.radiance, seen.through, seen.ahead
     last, last_forward, last_source = (

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.engine.types import FLOAT
+
 U32 = NDArray[np.uint32]
 Bools = NDArray[np.bool_]
 
@@ -66,7 +68,7 @@ def steepness(terrain_m: NDArray, cell_m: Sequence[float], periodic: bool) -> ND
             # the last node's cell is none; it counts with the one before
             rise = np.diff(terrain_m.astype(float), axis=axis, append=np.take(terrain_m, [-1], axis)) / cell
             square += maximum_filter(np.abs(rise), 2 * STEEP_CELLS + 3, mode="nearest") ** 2
-    return np.sqrt(square).astype(np.float32)
+    return np.sqrt(square).astype(FLOAT)
 
 
 def _moved(array: NDArray, by: int, axis: int, periodic: bool, outside: np.generic) -> NDArray:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.scene.phase import PhaseFunction
+from openswim.transport.engine.types import FLOAT
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     low = weight[:degree] * (moments[:degree] - f)
     table = np.repeat((phase.value(x) - low @ legendre[:degree])[:, None], _DEPTHS, axis=1)
     if f < _NO_PEAK:
-        return table.astype(np.float32)
+        return table.astype(FLOAT)
     left = moments.copy()
     left[:degree] = f
     p = np.minimum(left / f, 1.0)  # the beam holds no more of a moment than of all its light
@@ -69,7 +70,7 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
     growth = (growth - np.exp(-phi)) * _TAPER
     table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
-    return table.astype(np.float32)
+    return table.astype(FLOAT)
 
 
 def blunted(tables: NDArray[np.float32], angle_deg: float) -> NDArray[np.float32]:

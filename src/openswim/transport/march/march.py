@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from openswim.transport.engine.pack import PACK, flat, largest, put, write
 from openswim.transport.engine.scalar import step_emission, table_index, transmission
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import FRESH, NO_DETAIL, Detail
 from openswim.transport.march.detail_step import FAINT, WIDEST, Step, detailed_step
 from openswim.transport.march.sample import prepare_ray, sample_air, sample_grid, turn_ray
@@ -67,11 +68,11 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-DARK = np.float32(3e-5)  # transmission below which a ray has seen enough
+DARK = FLOAT(3e-5)  # transmission below which a ray has seen enough
 MOST_SAMPLES = 20_000
 TILE = 256  # rays that follow each other
 _PARTS = 16  # of a view's rays for each thread, taken one by one
-_ZERO, _SIXTH, _HALF = np.float32(0.0), np.float32(1 / 6), np.float32(0.5)
+_ZERO, _SIXTH, _HALF = FLOAT(0.0), FLOAT(1 / 6), FLOAT(0.5)
 
 
 class Marched(NamedTuple):
@@ -118,7 +119,7 @@ def _gather(lane, world, cone, species_depth):
     w, places, nodes = lane.walk, lane.places, lane.nodes
     shells, volume, detail, sun = world.shells, world.volume, world.detail, world.sun
     ns, radius_m = volume.species, shells.radius_m
-    ray = Ray(lane.own[ANGLE], np.float32(lane.own[SHARE]), lane.constants, lane.peak)
+    ray = Ray(lane.own[ANGLE], FLOAT(lane.own[SHARE]), lane.constants, lane.peak)
     # r mu_sun = sunward + s cos_angle
     sunward = w[OX] * sun[0] + w[OY] * sun[1] + (radius_m + w[OZ]) * sun[2]
     seen, near = gathered(lane)
@@ -130,7 +131,7 @@ def _gather(lane, world, cone, species_depth):
     for n in range(count):
         place = n * PLACE
         s, level = flat(places, place + PLACE_S), flat(places, place + PLACE_LEVEL)
-        ds_m = np.float32(flat(places, place + PLACE_STEP))
+        ds_m = FLOAT(flat(places, place + PLACE_STEP))
         a, b = flat(places, place + PLACE_X), flat(places, place + PLACE_Y)
         half_step_m = _HALF * ds_m
         ahead = seen.ahead + half_step_m * near.forward
@@ -155,7 +156,7 @@ def _gather(lane, world, cone, species_depth):
         )
         if (
             near.refined + refined > _ZERO and ds_m > _ZERO and level >= 0.0
-            and flat(places, before + PLACE_LEVEL) >= 0.0 and largest(seen.through) > np.float32(FAINT)
+            and flat(places, before + PLACE_LEVEL) >= 0.0 and largest(seen.through) > FLOAT(FAINT)
         ):  # fmt: skip
             step = Step(ds_m, width_m, before, place)
             seen = detailed_step(
@@ -260,11 +261,11 @@ def march_rays(
     rays = eye_rays(origin, direction, ends, cone)
     n = len(rays.order)
     out = Marched(
-        *(np.zeros((n, PACK), np.float32) for _ in range(3)), np.zeros((n, max(volume.species, 1)), np.float32),
+        *(np.zeros((n, PACK), FLOAT) for _ in range(3)), np.zeros((n, max(volume.species, 1)), FLOAT),
         np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
     parts = parts_of(n)
-    peaks = np.array(table, np.float32, order="C")
+    peaks = np.array(table, FLOAT, order="C")
     in_threads(
         _march_share, rays, world_of(sun, peaks, shells, volume, scale, detail), Lanes.of(parts, volume, peaks), out,
         parts=parts,
@@ -325,7 +326,7 @@ def ground_radiance(x, y, z, sx, sy, sz, shells, out):
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
 def ground_radiance_rows(place, sun, shells):
     """`ground_radiance` (n, PACK) at places (n, 3) on the ground."""
-    out = np.zeros((place.shape[0], PACK), np.float32)
+    out = np.zeros((place.shape[0], PACK), FLOAT)
     for n in range(place.shape[0]):
         ground_radiance(place[n, 0], place[n, 1], place[n, 2], sun[0], sun[1], sun[2], shells, out[n])
     return out

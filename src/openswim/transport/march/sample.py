@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import (
@@ -28,11 +27,12 @@ from openswim.transport.engine.pack import (
     write,
 )
 from openswim.transport.engine.scalar import harmonics, shadow_fraction, smoothstep, table_index, transmission
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.state import AEROSOL, MOLECULES, SPECIES, Sample
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 
 # directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
 SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
@@ -58,14 +58,14 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     of `Volume.single`, to which the part (1 - share) R(Theta, 0) of the peaks is added; ``peak`` is R(Theta, phi).
     """
     inner, outer = volume.peak_inner, volume.peak_outer
-    share = np.float32(smoothstep((cos_angle - outer) / (inner - outer)))
+    share = FLOAT(smoothstep((cos_angle - outer) / (inner - outer)))
     for s in range(volume.species):
         write(constants, SPECIES + s * PACK, spread(_ZERO))
     for kind in range(2):
         p0, p1 = 1.0, cos_angle
         total = spread(_ZERO)
         for ell in range(DEGREE):
-            legendre = np.float32((2 * ell + 1) * p0)
+            legendre = FLOAT((2 * ell + 1) * p0)
             total += legendre * read(phase, (kind * DEGREE + ell) * PACK)
             if kind == 0:
                 for s in range(volume.species):
@@ -77,7 +77,7 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     n = table.shape[1] - 1
     t = math.sqrt(angle / math.pi) * n
     i = min(int(t), n - 1)
-    a = np.float32(t - i)
+    a = FLOAT(t - i)
     depths = table.shape[2] if share > _ZERO else 1
     stride = table.shape[2] * PACK
     for s in range(table.shape[0]):
@@ -115,7 +115,7 @@ def sun_table_coordinate(mu, mu_horizon, count):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _peak_place(depth, count):
     """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth)."""
-    last = np.float32(count - 1)
+    last = FLOAT(count - 1)
     p = depth / (_ONE + depth) * last
     q = whole(choose_above(p, last - _ONE, last - _ONE, p))
     return q, p - q
@@ -172,11 +172,11 @@ def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
     """
     nz, ny, nx, nc = volume.fields.shape
     k = min(int(level), nz - 2)
-    g = np.float32(level - k)
+    g = FLOAT(level - k)
     i = min(int(ix), nx - 1)
     j = min(int(iy), ny - 1)
-    a = np.float32(ix - i)
-    b = np.float32(iy - j)
+    a = FLOAT(ix - i)
+    b = FLOAT(iy - j)
     right, up = nc, nx * nc
     if i + 1 >= nx:
         right = -i * nc if volume.periodic else 0
@@ -258,11 +258,11 @@ def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
     z = 0.5 * (SOURCE_ZENITHS - 1) * (1.0 + min(max(mu, -1.0), 1.0))
     x = 0.5 * (SOURCE_AZIMUTHS - 1) * (1.0 + min(max(x, -1.0), 1.0))
     i, j = min(int(z), SOURCE_ZENITHS - 2), min(int(x), SOURCE_AZIMUTHS - 2)
-    a, b = np.float32(z - i), np.float32(x - j)
+    a, b = FLOAT(z - i), FLOAT(x - j)
     suns = shells.source.shape[1]
     place = table_index(mu_sun, -1.0, 0.5 * (shells.moment_sun_table.shape[0] - 1), shells.moment_sun_table)
     m = min(int(place), suns - 2)
-    e = np.float32(place - m)
+    e = FLOAT(place - m)
     u11 = share * e
     u01, u10 = e - u11, share - u11
     u00 = _ONE - share - u01
@@ -283,7 +283,7 @@ def air_at(h_m, shells):
     k = min(int(level), shells.rows.shape[0] - 2)
     c = level - k
     rows = shells.rows
-    row = _lerp(read_quadruple(rows, k * 4 * PACK), read_quadruple(rows, (k + 1) * 4 * PACK), np.float32(c))
+    row = _lerp(read_quadruple(rows, k * 4 * PACK), read_quadruple(rows, (k + 1) * 4 * PACK), FLOAT(c))
     return row, k, c
 
 
@@ -294,12 +294,12 @@ def sample_air(mu, mu_sun, h_m, ray, ahead, half_step_m, shells):
     cosine above the horizon; the aerosol's peak is the last of the ray's."""
     row, k, part_up = air_at(h_m, shells)
     mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), part_up)
-    c = np.float32(part_up)
-    lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
+    c = FLOAT(part_up)
+    lit = FLOAT(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
     columns = shells.slant.shape[1]
     t = sun_table_coordinate(mu_sun, mu_horizon, columns)
     m = int(t)
-    e = np.float32(t - m)
+    e = FLOAT(t - m)
     v11 = c * e
     v01, v10 = e - v11, c - v11
     v00 = _ONE - c - v01

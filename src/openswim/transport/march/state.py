@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import PACK, flat, put, read, spread, write
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import SCRATCH, Detail
 from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
 from openswim.transport.march.walk import BATCH, PLACE, PLACE_LEVEL, WALK
@@ -20,7 +21,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 
 IN_TURN = 4  # rays that walk in turn
 
@@ -109,7 +110,7 @@ class Lanes(NamedTuple):
     def of(cls, parts: int, volume: Volume, table: F32) -> Lanes:
         widest = max(volume.fields.shape[3], GATHERED, SPECIES + volume.species * PACK + DEGREE * DEGREE)
         own, walk, places = (np.zeros((parts, IN_TURN, size)) for size in (OWN, WALK, LAST + PLACE))
-        peak = np.zeros((parts, IN_TURN, table.shape[0], table.shape[2], PACK), np.float32)
+        peak = np.zeros((parts, IN_TURN, table.shape[0], table.shape[2], PACK), FLOAT)
         return cls(own, walk, places, *blank_fields((3, parts, IN_TURN), widest), peak)
 
 

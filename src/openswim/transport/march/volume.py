@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import PACK, flat
 from openswim.transport.engine.scalar import height_m
+from openswim.transport.engine.types import BYTES, FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -23,7 +24,7 @@ PEAK_COSINES = (0.75**0.5, 0.0)  # forward peaks: read out within 30 degrees of 
 FAR_M = 1e30  # a distance that no ray meets
 STEP_DEPTH = 0.25  # optical depth of air that a step may pass
 _OUTSIDE = -1e9
-_LINE = 64 // 4  # float32 in a cache line
+_LINE = 64 // BYTES  # numbers in a cache line
 
 
 class Shells(NamedTuple):
@@ -119,8 +120,8 @@ def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:
     """Zeros (nz, ny, nx, channels or more), each node in cache lines of its own."""
     whole = -(-channels // _LINE) * _LINE
     size = int(np.prod(shape)) * whole
-    store = np.zeros(size + _LINE, np.float32)
-    first = -(store.ctypes.data // 4) % _LINE
+    store = np.zeros(size + _LINE, FLOAT)
+    first = -(store.ctypes.data // BYTES) % _LINE
     return store[first : first + size].reshape(*shape, whole)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -42,7 +43,7 @@ def finer_columns(grid: Grid, frame: Frame, fineness: int) -> tuple[F32, F64]:
     iy, ix = np.mgrid[0:ny, 0:nx] / fineness
     if not frame.curved:
         place = np.stack([grid.x[0] + ix * grid.step[0], grid.y[0] + iy * grid.step[1], 0 * ix], axis=-1)
-        return np.broadcast_to(np.eye(3, dtype=np.float32), (ny, nx, 3, 3)).copy(), place
+        return np.broadcast_to(np.eye(3, dtype=FLOAT), (ny, nx, 3, 3)).copy(), place
     return _columns_at(grid, frame, ix, iy)
 
 
@@ -60,7 +61,7 @@ def _columns_at(grid: Grid, frame: Frame, ix: F64, iy: F64) -> tuple[F32, F64]:
     along = np.where(np.isfinite(along), along, np.array([1.0, 0.0, 0.0]))  # the map ends here
     along -= (along * up).sum(-1, keepdims=True) * up
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
-    return np.stack([along, np.cross(up, along), up], axis=-2).astype(np.float32), place
+    return np.stack([along, np.cross(up, along), up], axis=-2).astype(FLOAT), place
 
 
 def chart_of(grid: Grid, frame: Frame) -> tuple[float, float, F64]:

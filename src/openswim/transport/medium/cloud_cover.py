@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.optics import OpticalSpecies
 from openswim.optics.cover import CLOUD, LEAST_COVER
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.medium.noise import Octave
 from openswim.transport.medium.subdivision import around_nodes, finer_cloud, subdivided
 
@@ -80,16 +81,16 @@ def _tables(cell_m: float, shown: float) -> tuple[F32, F32]:
         content[:, n] = (density * inside).mean(axis=1)
         content[:, n] *= weight.sum() / (weight * content[:, n]).sum()
         cover[:, n] = inside.mean(axis=1)
-    return content.astype(np.float32), cover.astype(np.float32)
+    return content.astype(FLOAT), cover.astype(FLOAT)
 
 
 def _looked_up(table: F32, g: F32, cover: F32) -> F32:
     a = np.clip((g + 4.0) * ((_G.size - 1) / 8.0), 0, _G.size - 1.001)
     b = np.clip(np.log(np.maximum(cover, LEAST_COVER) / LEAST_COVER) / np.log(_COVERS[1] / _COVERS[0]), 0, 63.999)
     i, j = a.astype(np.int64), b.astype(np.int64)
-    u, v = (a - i).astype(np.float32), (b - j).astype(np.float32)
+    u, v = (a - i).astype(FLOAT), (b - j).astype(FLOAT)
     low = table[i, j] * (1 - u) + table[i + 1, j] * u
-    return np.asarray(low * (1 - v) + (table[i, j + 1] * (1 - u) + table[i + 1, j + 1] * u) * v, np.float32)
+    return np.asarray(low * (1 - v) + (table[i, j + 1] * (1 - u) + table[i + 1, j + 1] * u) * v, FLOAT)
 
 
 def _nearby(field: F32) -> F32:
@@ -98,7 +99,7 @@ def _nearby(field: F32) -> F32:
         f = np.moveaxis(field, axis, 0)
         padded = np.concatenate([f[1:2], f, f[-2:-1]])
         field = np.moveaxis((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4, 0, axis)
-    return np.asarray(field, np.float32)
+    return np.asarray(field, FLOAT)
 
 
 def cloud_under_cover(
@@ -110,11 +111,11 @@ def cloud_under_cover(
     kinds = [one.kind for one in species]
     extinction, left, shown = broken_cloud(fields, kinds, cover, levels_m, place_m, cell_m, fineness)
     clouds = [n for n, kind in enumerate(kinds) if kind in CLOUD + PRECIPITATION]
-    thickness = np.gradient(levels_m).astype(np.float32)[:, None, None]
-    scaled = np.zeros(extinction.shape[1:], np.float32)
+    thickness = np.gradient(levels_m).astype(FLOAT)[:, None, None]
+    scaled = np.zeros(extinction.shape[1:], FLOAT)
     for n in clouds:
         g = float(np.mean([phase.asymmetry for phase in species[n].phase]))
-        scaled += np.float32(0.866 * (1 - g)) * extinction[n] * thickness
+        scaled += FLOAT(0.866 * (1 - g)) * extinction[n] * thickness
     share = effective_share(scaled, left, cell_m, shown)
     for n in clouds:
         extinction[n] *= share
@@ -141,8 +142,8 @@ def broken_cloud(
         sizes, shown = [], 0.0
     noise = [Octave(place_m.reshape(-1, 3), size, float(np.clip(2 * size, 1000.0, _TALL_M))) for size in sizes]
     content, left = _tables(float(round(cell_m, -2)), round(shown, 3))
-    out = np.zeros((len(fields), len(levels_m), ny, nx), np.float32)
-    covers = np.zeros(out.shape[1:], np.float32)
+    out = np.zeros((len(fields), len(levels_m), ny, nx), FLOAT)
+    covers = np.zeros(out.shape[1:], FLOAT)
     falling = under_cloud(cover)
     for k, height in enumerate(levels_m):
         there = [n for n, field in enumerate(fields) if field[k].any()]
@@ -153,7 +154,7 @@ def broken_cloud(
                 out[n, k] = fields[n][k] if fineness == 1 else finer_cloud(fields[n][k], fineness)
             covers[k] = subdivided(cover[k], fineness)
             continue
-        parts = [np.float32(size ** (_EXPONENT / 2)) * one.at(height) for size, one in zip(sizes, noise, strict=True)]
+        parts = [FLOAT(size ** (_EXPONENT / 2)) * one.at(height) for size, one in zip(sizes, noise, strict=True)]
         g = np.sum(parts, axis=0).reshape(ny, nx)
         # what the model resolves is its own: the noise is the same around each of its nodes in mean and spread
         g = g - subdivided(_nearby(around_nodes(g, fineness)), fineness)
@@ -169,9 +170,9 @@ def broken_cloud(
             wanted = _nearby(fields[n][k])
             for _ in range(2):
                 ratio = wanted / np.maximum(_nearby(around_nodes(fine, fineness)), 1e-12)
-                fine *= subdivided(np.minimum(ratio, np.float32(_MOST_RATIO)), fineness)
+                fine *= subdivided(np.minimum(ratio, FLOAT(_MOST_RATIO)), fineness)
             kept = float(around_nodes(fine, fineness).sum())
-            out[n, k] = fine * np.float32(min(float(fields[n][k].sum()) / max(kept, 1e-20), 2.0))
+            out[n, k] = fine * FLOAT(min(float(fields[n][k].sum()) / max(kept, 1e-20), 2.0))
     return out, covers, shown
 
 
@@ -184,7 +185,7 @@ def reflecting_share(depth: F32, cover: F32, spread2: F64 | float) -> F32:
     within = depth / cover
     within = within / (1 + spread2 * within / (1 + within))
     reflected = np.minimum(cover * within / (1 + within), 0.999)
-    return np.where(depth > 1e-6, reflected / (1 - reflected) / np.maximum(depth, 1e-6), 1.0).astype(np.float32)
+    return np.where(depth > 1e-6, reflected / (1 - reflected) / np.maximum(depth, 1e-6), 1.0).astype(FLOAT)
 
 
 def effective_share(scaled: F32, cover: F32, cell_m: float, shown: float) -> F32:
@@ -193,17 +194,17 @@ def effective_share(scaled: F32, cover: F32, cell_m: float, shown: float) -> F32
     scaled (nz, ny, nx): x of each layer; cover (nz, ny, nx) within the nodes. Clouds overlap maximally where they
     touch, at random elsewhere (Geleyn and Hollingsworth 1979). Layers count for the columns' cover by what they hold.
     """
-    clear, below = np.ones(cover.shape[1:], np.float32), np.zeros(cover.shape[1:], np.float32)
-    greatest = np.zeros(cover.shape[1:], np.float32)
+    clear, below = np.ones(cover.shape[1:], FLOAT), np.zeros(cover.shape[1:], FLOAT)
+    greatest = np.zeros(cover.shape[1:], FLOAT)
     depth, within = np.zeros_like(clear), np.zeros_like(clear)
     for x, c in zip(scaled, cover, strict=True):
-        c = np.where(x > 1e-5, np.clip(c, LEAST_COVER, 1.0), 0.0).astype(np.float32)
-        clear *= (1 - np.maximum(c, below)) / np.maximum(1 - below, np.float32(1e-6))
+        c = np.where(x > 1e-5, np.clip(c, LEAST_COVER, 1.0), 0.0).astype(FLOAT)
+        clear *= (1 - np.maximum(c, below)) / np.maximum(1 - below, FLOAT(1e-6))
         greatest = np.maximum(greatest, c)
         depth += np.where(c > 0, x, 0)
-        within += np.where(c > 0, x / np.maximum(c, np.float32(LEAST_COVER)), 0)
+        within += np.where(c > 0, x / np.maximum(c, FLOAT(LEAST_COVER)), 0)
         below = c
-    overlap = np.clip(1 - clear, greatest, 1.0) / np.maximum(greatest, np.float32(1e-6))
+    overlap = np.clip(1 - clear, greatest, 1.0) / np.maximum(greatest, FLOAT(1e-6))
     share = np.clip(depth / np.maximum(within, 1e-9) * overlap, LEAST_COVER, 1.0)
     spread2 = spread_in_cloud(share.astype(float), cell_m) ** 2 * (1 - shown)
-    return reflecting_share(depth, share.astype(np.float32), spread2)
+    return reflecting_share(depth, share.astype(FLOAT), spread2)

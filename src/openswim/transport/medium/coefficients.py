@@ -8,6 +8,7 @@ from scipy.linalg import solveh_banded
 
 from openswim.transport.air.shells import rows_between, shell_levels
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.forward_peak import forward_share, peak_tables
 from openswim.transport.march.volume import DEGREE, Shells
 from openswim.transport.medium.delta_scaled import Coefficients
@@ -23,10 +24,10 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
     rows = [s.phase for s in medium.species]
     if medium.air is not None:
         last = peak_tables([medium.air.aerosol_phase], DEGREE)
-        clouds = peak_tables(rows, DEGREE) if rows and fast else np.zeros((len(rows), *last.shape[1:]), np.float32)
+        clouds = peak_tables(rows, DEGREE) if rows and fast else np.zeros((len(rows), *last.shape[1:]), FLOAT)
         return np.concatenate([clouds * _scattering(medium), last])
     if not rows or not fast:
-        return np.zeros((len(rows) + 1, 2, 2, PACK), np.float32)
+        return np.zeros((len(rows) + 1, 2, 2, PACK), FLOAT)
     clouds = peak_tables(rows, medium.degree) * _scattering(medium)
     return np.concatenate([clouds, np.zeros_like(clouds[:1])])
 
@@ -34,7 +35,7 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
 def _scattering(medium: Medium) -> F32:
     """omega per reference extinction, (ns, 1, 1, nw)."""
     rows = [s.relative_extinction * s.single_scattering_albedo for s in medium.species]
-    return np.array(rows, np.float32).reshape(len(rows), 1, 1, PACK)
+    return np.array(rows, FLOAT).reshape(len(rows), 1, 1, PACK)
 
 
 def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coefficients:
@@ -49,12 +50,11 @@ def coefficients_of(medium: Medium, shells: Shells, w: int, fast: bool) -> Coeff
     air = np.zeros((len(medium.levels_m), 1 + DEGREE))
     if medium.air is not None:
         air = on_levels(medium, shells, np.column_stack([shells.extinction[:, w], shells.scattering[:, :, w]]))
-    f32 = np.float32
     return Coefficients(
-        np.array(scaled, f32),
-        np.array(scattering, f32).reshape(-1, medium.degree),
-        air[:, 0].astype(f32),
-        air[:, 1:].astype(f32),
+        np.array(scaled, FLOAT),
+        np.array(scattering, FLOAT).reshape(-1, medium.degree),
+        air[:, 0].astype(FLOAT),
+        air[:, 1:].astype(FLOAT),
     )
 
 
@@ -68,7 +68,7 @@ def on_levels(medium: Medium, shells: Shells, rows: NDArray) -> F64:
     levels, dz = medium.levels_m, np.diff(medium.levels_m)
     height = levels[:-1] + share[..., 0] * dz
     own = np.interp(np.maximum(height - shells.ground_m, 0.0), shell_levels(), np.arange(len(rows)))
-    within = 0.5 * (weight[:, None] * dz)[..., None] * rows_between(np.asarray(rows, np.float32), own)
+    within = 0.5 * (weight[:, None] * dz)[..., None] * rows_between(np.asarray(rows, FLOAT), own)
     given = np.zeros((len(levels), rows.shape[1]))
     given[:-1] += (within * (1 - share)).sum(axis=0)
     given[1:] += (within * share).sum(axis=0)

@@ -14,6 +14,7 @@ from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
 from openswim.scene.levels import on_levels
 from openswim.transport.air.shells import shell_levels
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.chart import chart_of, finer_columns, fixed_to_earth
 from openswim.transport.medium.cloud_cover import cloud_under_cover
@@ -83,7 +84,7 @@ class Medium:
         below = self.levels_m[node] - self.terrain_m
         share = np.where(node > 0, 1 + below / half, 1.0)
         j, i = np.indices(node.shape)
-        out[:, node, j, i] *= np.clip(share, 0.0, None).astype(np.float32)
+        out[:, node, j, i] *= np.clip(share, 0.0, None).astype(FLOAT)
         return out
 
     @property
@@ -156,7 +157,7 @@ def build_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> Medium:
         fixed = fixed_to_earth(frame, place)
         extinction = cloud_under_cover(fields[:-1], species, fields[-1], levels, fixed, cell_m, fineness)
     else:
-        extinction = np.zeros((len(species), len(levels), *place.shape[:2]), np.float32)
+        extinction = np.zeros((len(species), len(levels), *place.shape[:2]), FLOAT)
         for out, own in zip(extinction, fields, strict=True):
             out[:] = own if fineness == 1 else finer_cloud(own, fineness)
     if fineness > 1:
@@ -198,7 +199,7 @@ def halved_medium(medium: Medium, layers_too: bool) -> Medium:
 
 def _with_air_above(medium: Medium, above_m: F64) -> Medium:
     """With further levels on which there is but air."""
-    more = np.zeros((len(medium.species), above_m.size, *medium.terrain_m.shape), np.float32)
+    more = np.zeros((len(medium.species), above_m.size, *medium.terrain_m.shape), FLOAT)
     return replace(
         medium, levels_m=np.concatenate([medium.levels_m, above_m]),
         extinction=np.concatenate([medium.extinction, more], axis=1),

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -128,7 +129,7 @@ class Octave:
             out = np.empty(len(self._place))
             in_threads(_lattice, self._place, (self._octave + 100) * _SLICES + k % _SLICES, out)
             self._known = {n: field for n, field in self._known.items() if n == k - 1} | {
-                k: (out * _SCALE).astype(np.float32)
+                k: (out * _SCALE).astype(FLOAT)
             }
         return self._known[k]
 
@@ -137,4 +138,4 @@ class Octave:
         k, part = divmod(height_m / self._tall_m + 8.0, 1.0)
         low = self._slice(int(k))
         angle = 0.5 * np.pi * part  # keeps the variance between slices that know nothing of each other
-        return np.asarray(np.cos(angle) * low + np.sin(angle) * self._slice(int(k) + 1), np.float32)
+        return np.asarray(np.cos(angle) * low + np.sin(angle) * self._slice(int(k) + 1), FLOAT)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.engine.types import FLOAT
+
 F32 = NDArray[np.float32]
 
 
@@ -13,7 +15,7 @@ def subdivided(field: F32, fineness: int) -> F32:
     while fineness > 1:
         for axis in (-2, -1):
             f = np.moveaxis(field, axis, -1)
-            out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), np.float32)
+            out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), FLOAT)
             out[..., ::2] = f
             out[..., 2:-1:2] = (f[..., :-2] + 6 * f[..., 1:-1] + f[..., 2:]) / 8
             out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
@@ -45,8 +47,8 @@ def finer_cloud(field: F32, fineness: int) -> F32:
 def with_means_of(fine: F32, field: F32, fineness: int, most: float = 6.0) -> F32:
     """``fine`` scaled, by at most a factor ``most``, so that its mean around each node is that of ``field``."""
     mean = around_nodes(fine, fineness)
-    ratio = np.where(mean > 0, np.clip(field / np.maximum(mean, 1e-12), 0, most), 1).astype(np.float32)
-    return np.asarray(fine * subdivided(ratio, fineness), np.float32)
+    ratio = np.where(mean > 0, np.clip(field / np.maximum(mean, 1e-12), 0, most), 1).astype(FLOAT)
+    return np.asarray(fine * subdivided(ratio, fineness), FLOAT)
 
 
 def around_nodes(fine: F32, fineness: int) -> F32:

@@ -13,6 +13,7 @@ from openswim.optics.cover import LEAST_COVER
 from openswim.optics.matter import Matter
 from openswim.optics.species import OpticalSpecies
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.medium.chart import chart_of, columns_on
 from openswim.transport.medium.cloud_cover import cloud_under_cover
 from openswim.transport.medium.medium import Medium, air_of, outside_ground_m
@@ -68,8 +69,8 @@ def _spread(t, threads, values, heights, levels, out):
 def spread_on_levels(values: F32, heights: NDArray, levels: F64) -> F32:
     """A field (nz, ny, nx) at heights (nz,) or (nz, ny, nx) on levels (n,): its columns hold what they held."""
     if heights.ndim == 1:
-        heights = np.broadcast_to(heights.astype(np.float32)[:, None, None], values.shape)
-    out = np.zeros((len(levels), *values.shape[1:]), np.float32)
+        heights = np.broadcast_to(heights.astype(FLOAT)[:, None, None], values.shape)
+    out = np.zeros((len(levels), *values.shape[1:]), FLOAT)
     in_threads(_spread, values, heights, levels, out)
     return out
 
@@ -85,12 +86,12 @@ def large_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> tuple[Me
     levels = plan.own_levels_m
     species: list[OpticalSpecies] = []
     fields: list[F32] = []
-    nothing = np.zeros((0, 0, 0), np.float32)
+    nothing = np.zeros((0, 0, 0), FLOAT)
     for one in matter.species:
         fields.append(spread_on_levels(one.extinction_per_m, heights, levels))
         species.append(replace(one, extinction_per_m=nothing))
     thickness = np.gradient(levels)
-    extinction = np.empty((len(fields), len(levels), ny, nx), np.float32)
+    extinction = np.empty((len(fields), len(levels), ny, nx), FLOAT)
     for n in range(len(fields)):
         extinction[n] = fields[n]
         fields[n] = nothing
@@ -102,7 +103,7 @@ def large_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> tuple[Me
     ground_m = outside_ground_m(terrain)
     medium = Medium(
         matter.frame, grid, matter.wavelengths_nm, species, extinction, levels, grid.spacing_m(), terrain,
-        np.zeros((0, 0, 3, 3), np.float32), np.zeros((0, 0, 3)), False, *chart_of(grid, matter.frame), ground_m,
+        np.zeros((0, 0, 3, 3), FLOAT), np.zeros((0, 0, 3)), False, *chart_of(grid, matter.frame), ground_m,
         air_of(matter.air, ground_m),
     )  # fmt: skip
     return medium, cover

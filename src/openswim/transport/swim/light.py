@@ -13,6 +13,7 @@ from openswim.transport.beam.lit_volume import depths_to_sun
 from openswim.transport.beam.sun_sweep import beyond_sides, inside
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
 from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.empty_space import beside, occupied
@@ -34,7 +35,7 @@ _CONSERVATIVE = 0.999  # single-scattering albedo above which absorption is not 
 def backscatter_weights(medium: Medium) -> F32:
     """b_i (ns, nw) of Eq. 4, per reference extinction."""
     rows = [s.backscatter_fraction * s.relative_extinction for s in medium.species]
-    return np.array(rows, np.float32).reshape(len(rows), len(medium.wavelengths_nm))
+    return np.array(rows, FLOAT).reshape(len(rows), len(medium.wavelengths_nm))
 
 
 def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64) -> None:
@@ -46,8 +47,8 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     lighting.clear_sky = clear_sky_table(shells, sun)
     ground = (medium.levels_m[:, None, None] < medium.terrain_m).sum(axis=0)
     ground = np.minimum(ground, len(medium.levels_m) - 1)[None]
-    airs = np.empty((light.count, *medium.shape), np.float32)
-    clears = np.empty((light.count, *shape), np.float32)
+    airs = np.empty((light.count, *medium.shape), FLOAT)
+    clears = np.empty((light.count, *shape), FLOAT)
     in_threads(
         direct_beam, beyond_sides(1, medium.shape), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
         medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
@@ -63,11 +64,11 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
         path = _sun_path(medium, local_sun, w)
         if path is not None:
-            transmittance *= absorbed_transmittance(*path).astype(np.float32)
+            transmittance *= absorbed_transmittance(*path).astype(FLOAT)
             reflected *= multiple_scattering_albedo(*(np.take_along_axis(x, ground, 0)[0] for x in path))  # Eq. 31
-        scattering = np.zeros(medium.shape, np.float32)
+        scattering = np.zeros(medium.shape, FLOAT)
         for s, extinction in zip(medium.species, medium.extinction, strict=True):
-            scattering += np.float32(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
+            scattering += FLOAT(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
         volume.fields[..., PACK + w] = scattering * transmittance * air  # Eq. 8
         below = np.take_along_axis(transmittance, ground, 0)[0]
         vertical = np.take_along_axis(backscatter_depth, ground, 0)[0] * np.maximum(lighting.mu_sun, 0.02)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.transport.engine.pack import PACK, flat, low, put, spread, write
 from openswim.transport.engine.scalar import share_of_step, step_emission, transmission
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import NO_DETAIL
 from openswim.transport.march.march import MOST_SAMPLES, TILE, eye_rays, parts_of, world_of
 from openswim.transport.march.sample import air_at, sample_grid
@@ -43,9 +44,9 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_NOTHING = np.float32(1e-12)
-DEPTH_OF_VIEW = np.float32(2.0)  # l of Eq. 12
+_ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
+_NOTHING = FLOAT(1e-12)
+DEPTH_OF_VIEW = FLOAT(2.0)  # l of Eq. 12
 
 
 class NearSide(NamedTuple):
@@ -87,7 +88,7 @@ def _follow(n, lane, world, out):
         while w[STATE] == GOING and w[COUNT] < BATCH:
             walk_on(w, places, shells, volume, world.highest_m, world.scale)
         for place in range(0, int(w[COUNT]) * PLACE, PLACE):
-            ds_m = np.float32(flat(places, place + PLACE_STEP))
+            ds_m = FLOAT(flat(places, place + PLACE_STEP))
             half_step_m = _HALF * ds_m
             if cloud > _ZERO:
                 for m in range(volume.species):
@@ -110,7 +111,7 @@ def _follow(n, lane, world, out):
                         put(species_depth, m, flat(species_depth, m) + half_step_m * flat(nodes, 2 * PACK + m))
                 if cloud_depth < _ONE and cloud_depth + added > _ONE:
                     fronting = share_of_step(cloud, cloud_far, ds_m, _ONE - cloud_depth)
-                middle_m = np.float32(flat(places, place + PLACE_S)) - ds_m * (_ONE - _HALF * fronting)
+                middle_m = FLOAT(flat(places, place + PLACE_S)) - ds_m * (_ONE - _HALF * fronting)
                 distance_m += middle_m * min(added, max(_ONE - cloud_depth, _ZERO))
                 if cloud_depth + added <= DEPTH_OF_VIEW:
                     lit += through * _lit_step(source, source_far, extinction, extinction_far, ds_m)
@@ -153,10 +154,10 @@ def near_side(
     """What rays (n, 3) meet of cloud; ``ends`` and ``scale`` as `march_rays` has them."""
     n = len(direction)
     out = NearSide(
-        *(np.zeros((n, PACK), np.float32) for _ in range(3)), np.zeros((n, max(volume.species, 1)), np.float32),
-        np.zeros(n, np.float32), np.zeros(n), np.zeros(n, np.int64),
+        *(np.zeros((n, PACK), FLOAT) for _ in range(3)), np.zeros((n, max(volume.species, 1)), FLOAT),
+        np.zeros(n, FLOAT), np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
-    parts, peaks = parts_of(n), np.zeros((volume.species + 1, 2, 1, PACK), np.float32)
+    parts, peaks = parts_of(n), np.zeros((volume.species + 1, 2, 1, PACK), FLOAT)
     world = world_of(np.zeros(3), peaks, shells, volume, scale, NO_DETAIL)
     in_threads(
         _near_side_share, eye_rays(origin, direction, ends, None), world, Lanes.of(parts, volume, peaks), out,

@@ -37,6 +37,7 @@ from openswim.transport.engine.ordinates import Ordinates
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.delta_scaled import Coefficients
@@ -166,7 +167,7 @@ class Beyond:
         """Radiance (levels x altitudes x `_SEEN` bearings, columns) less that of the clear sky, through each side."""
         grid, moments = _on_columns(self.light, w, self._levels, self.ends)
         node, pool, level = grid.ground_node, Pool(), np.arange(self._levels)[:, None]
-        blank = np.zeros(node.shape, np.float32)
+        blank = np.zeros(node.shape, FLOAT)
         out: list[list[F32]] = [[], [], [], []]
         for down, clear in zip(_ordinates(), self._clear[..., w], strict=True):
             # a sweeper has ordinates of both hemispheres, though but one is carried
@@ -284,7 +285,7 @@ def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[Opti
         False, ends, ground_node, own, beam[:levels],
     )  # fmt: skip
     kept = place[:levels]
-    moments = np.zeros((kept.size, values.shape[1], BLOCK), np.float32)
+    moments = np.zeros((kept.size, values.shape[1], BLOCK), FLOAT)
     some = kept[kept >= 0]
     moments[kept.ravel() >= 0] = values[some] if ratio is None else values[some] * ratio[some, None]
     return grid if factor else grid._replace(beam=beam_around(grid)), moments
@@ -297,7 +298,7 @@ def _carried_down(sweeper: Sweeper, moments: F32) -> tuple[F32, NDArray[np.int64
     nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
     whole = replace(sweeper, place=places(np.ones(sweeper.place.shape, bool)), amends=False)
     room, (half, group) = whole.room(get_num_threads()), whole.halves[0]
-    blank, highest = np.zeros((ny, nx), np.float32), int(grid.ground_node.max())
+    blank, highest = np.zeros((ny, nx), FLOAT), int(grid.ground_node.max())
     # a sweep but for its moments, which nobody needs
     in_threads(share_rows, 0, True, grid, group, whole.place, moments, whole.coarser, moments, room)
     in_threads(share_ordinates, 0, True, grid, half, group.first, whole.place, whole.coarser, blank, highest, room)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openswim.ground import water
 from openswim.scene.rays import Rays
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.relief import Relief
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import FAR_M
@@ -195,7 +196,7 @@ def _among(values: F64, known: NDArray[np.bool_], x: F64, y: F64) -> F32:
         w = (share + 1e-6) * known[r, c]
         total += w
         out += w[:, None] * values[r, c]
-    return np.where(total[:, None] > 0, out / np.maximum(total, 1e-12)[:, None], np.nan).astype(np.float32)
+    return np.where(total[:, None] > 0, out / np.maximum(total, 1e-12)[:, None], np.nan).astype(FLOAT)
 
 
 def _axis(angle: F64, most: int) -> F64:

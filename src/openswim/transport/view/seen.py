@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -43,6 +44,6 @@ class Seen(NamedTuple):
     def nothing(cls, n: int, species: int) -> Seen:
         """Rays that have not set out."""
         return cls(
-            np.zeros((n, PACK), np.float32), np.ones((n, PACK), np.float32), np.ones((n, PACK), np.float32),
-            np.full(n, -1.0), np.zeros((n, species), np.float32), 0, np.zeros(n, np.int8),
+            np.zeros((n, PACK), FLOAT), np.ones((n, PACK), FLOAT), np.ones((n, PACK), FLOAT),
+            np.full(n, -1.0), np.zeros((n, species), FLOAT), 0, np.zeros(n, np.int8),
         )  # fmt: skip

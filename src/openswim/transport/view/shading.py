@@ -16,6 +16,7 @@ from openswim.transport.air.shells import beam_transmission, beam_transmission_a
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import SKY_AZIMUTHS, SKY_MU, Lighting, sky_flux
 from openswim.transport.ground_light.relief import Relief
 from openswim.transport.lit.lit_grid import LitGrid
@@ -78,7 +79,7 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
     Water mirrors the scene's own sky where it is known what of it, else the clear sky.
     """
     lit = own.lit
-    out = np.empty((len(place), PACK), np.float32)
+    out = np.empty((len(place), PACK), FLOAT)
     on_slopes = lit.lighting.diffuse_on_slopes()
     # worked out by all threads, which a share is not
     beyond = _beyond(lit) if _any_outside(lit, place) else None
@@ -90,7 +91,7 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
             mirrored = None
             if own.mirrored is not None and not ground.sample.lambertian:
                 wet = np.flatnonzero(ground.sample.water > WET)
-                mirrored = np.full((len(ground.mu_sun), PACK), np.nan, np.float32)
+                mirrored = np.full((len(ground.mu_sun), PACK), np.nan, FLOAT)
                 mirrored[wet] = own.mirrored.along(direction[part][wet])
             out[part] = _reflected(lit, own.sky, ground, mirrored)
 
@@ -211,7 +212,7 @@ def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | No
     return reflected_radiance(
         ground.sample, lit.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
-    ).astype(np.float32)  # fmt: skip
+    ).astype(FLOAT)  # fmt: skip
 
 
 def _steepness(lighting: Lighting, medium: Medium, ix: F64, iy: F64) -> F64:

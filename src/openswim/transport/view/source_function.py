@@ -22,14 +22,15 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.scalar import ALONG, BACK, UP
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.empty_space import beside
 from openswim.transport.march.volume import DEGREE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
-_ROOT_2 = np.float32(2.0**0.5)
-_TINY = np.float32(1e-30)
-_FIRST = np.float32(0.28209479177387814)
+_ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
+_ROOT_2 = FLOAT(2.0**0.5)
+_TINY = FLOAT(1e-30)
+_FIRST = FLOAT(0.28209479177387814)
 _MOMENTS = DEGREE * DEGREE
 
 
@@ -62,7 +63,7 @@ def _geometry(j, i, height_m, eye, harmonics):
         p0, p1 = spread_quadruple(_ZERO), corner
         for ell in range(m, DEGREE):
             if ell > m:
-                up = np.float32(UP[ell, m]) * (z * p1 - np.float32(BACK[ell, m]) * p0)
+                up = FLOAT(UP[ell, m]) * (z * p1 - FLOAT(BACK[ell, m]) * p0)
                 p0, p1 = p1, up
             n = (ell * ell + ell) * LANES
             if m == 0:
@@ -70,7 +71,7 @@ def _geometry(j, i, height_m, eye, harmonics):
             else:
                 write(harmonics, n + m * LANES, _ROOT_2 * p1 * cosine)
                 write(harmonics, n - m * LANES, _ROOT_2 * p1 * sine)
-        corner *= np.float32(ALONG[m])
+        corner *= FLOAT(ALONG[m])
         cosine, sine = cosine * x - sine * y, sine * x + cosine * y
 
 
@@ -159,12 +160,12 @@ def _row(j, scatterers, stands_for, field, eye, count, part, fields):
     kept, values, coarse_kept, coarse_values = field.kept, field.values, field.coarse_kept, field.coarse_values
     factor, columns = field.factor, field.columns
     nz, ny, nx = fields.shape[0], fields.shape[1], extinction.shape[3]
-    harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
-    source, amounts = np.empty((PACK, LANES), np.float32), np.empty((extinction.shape[0], LANES), np.float32)
+    harmonics, moments = np.empty((_MOMENTS, LANES), FLOAT), np.empty((_MOMENTS, LANES), FLOAT)
+    source, amounts = np.empty((PACK, LANES), FLOAT), np.empty((extinction.shape[0], LANES), FLOAT)
     widest = 0
     for w in range(count):
         widest = max(widest, coarse_kept[w].shape[2] * BLOCK)
-    row = np.empty((count, _MOMENTS, widest + LANES + 2), np.float32)
+    row = np.empty((count, _MOMENTS, widest + LANES + 2), FLOAT)
     for k in range(part[0, 0], part[0, 1]):
         for w in range(count):
             if factor[w] > 0 and kept[w][k, j].min() < 0:
@@ -173,7 +174,7 @@ def _row(j, scatterers, stands_for, field, eye, count, part, fields):
                 )
         for block in range(part[2, 0] // LANES, (part[2, 1] + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
-            _geometry(j, i, np.float32(levels_m[k]), eye, harmonics)
+            _geometry(j, i, FLOAT(levels_m[k]), eye, harmonics)
             own = min(LANES, fields.shape[2] - i)
             _amounts((k * ny + j) * nx + i, own, nz * ny * nx, extinction, stands_for, amounts)
             for w in range(count):

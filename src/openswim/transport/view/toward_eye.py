@@ -12,6 +12,7 @@ from openswim.transport.engine.eye_ways import Eye
 from openswim.transport.engine.ordinates import harmonic_matrix, lebedev
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.lit.lit_grid import GridLight, LitGrid
 from openswim.transport.march.empty_space import beside
 from openswim.transport.march.volume import DEGREE, Volume
@@ -113,10 +114,10 @@ def _turning(lit: LitGrid, volume: Volume, part: Part, near: NDArray[np.bool_]) 
     row = np.zeros(light.medium.shape, np.int32)
     row[where][near] = np.arange(1, count + 1)
     directions = lebedev(50).direction
-    told = np.linalg.pinv(harmonic_matrix(directions, DEGREE)).astype(np.float32)
-    rows = np.zeros((count + 1, DEGREE * DEGREE, PACK), np.float32)
+    told = np.linalg.pinv(harmonic_matrix(directions, DEGREE)).astype(FLOAT)
+    rows = np.zeros((count + 1, DEGREE * DEGREE, PACK), FLOAT)
     for some in np.split(np.arange(len(directions)), 10):
-        sources = np.empty((len(some), count, PACK), np.float32)
+        sources = np.empty((len(some), count, PACK), FLOAT)
         for source, n in zip(sources, some, strict=True):
             _put_sources(lit, light, volume, directions[n], True, part)
             source[:] = volume.fields[where][..., PACK : 2 * PACK][near]

@@ -18,6 +18,7 @@ from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.relief import Relief
 from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
@@ -166,8 +167,8 @@ class Viewer:
         """What rays see; memory is bounded by tiling over them."""
         n, lit = len(rays), self.lit
         out = View(
-            np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),
-            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(lit.volume.species, 1)), np.float32), 0,
+            np.zeros((n, PACK), FLOAT), np.zeros((n, PACK), FLOAT), np.zeros(n, bool),
+            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(lit.volume.species, 1)), FLOAT), 0,
         )  # fmt: skip
         with job("view", n) as meter:
             for part, grid in self._tiles(rays):
@@ -245,7 +246,7 @@ def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
             return NO_DETAIL
         _, ny, nx = m.shape
         return detail_of(
-            m.extinction[refined].sum(axis=0), np.array(refined, np.float32), m.drawn_cell_m,
+            m.extinction[refined].sum(axis=0), np.array(refined, FLOAT), m.drawn_cell_m,
             light.local_sun[ny // 2, nx // 2],
         )  # fmt: skip
 
