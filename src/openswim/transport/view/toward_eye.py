@@ -39,7 +39,7 @@ def aimed(lit: LitGrid, eye: F64, parallel: bool) -> Volume:
         return lit.volume
     volume = with_fields(lit.volume, light.medium, lit.channels)
     eye = np.array(eye, float)
-    if light.layers is not None:
+    if light.layers is not None and parallel:  # else a viewer aims at each direction by itself
         for w, layers in enumerate(light.layers):
             volume.fields[:, 0, 0, PACK + w] = layers.source(eye)
     if light.moments is None and light.columns is None:
