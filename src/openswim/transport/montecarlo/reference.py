@@ -23,7 +23,6 @@ from openswim.transport.montecarlo.checkpoint import Checkpoint
 from openswim.transport.montecarlo.ground import Seen, seen_ground
 from openswim.transport.montecarlo.kernels import flux_kernel, path_kernel, scout_kernel
 from openswim.transport.montecarlo.phase import Phases
-from openswim.transport.montecarlo.sun_guess import shaded
 from openswim.transport.montecarlo.world import World, build_world
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def solve_reference(solver: Solver, scene: Scene, sun: F64, wavelengths_nm: F64)
     from openswim.scene.frame import scene_frame
 
     return ReferenceField(
-        solver, scene, scene_frame(scene), sun, wavelengths_nm, shaded(world), phases, medium, lighting,
+        solver, scene, scene_frame(scene), sun, wavelengths_nm, world, phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},
     )  # fmt: skip
 
