@@ -13,7 +13,7 @@ from openswim.optics import mie
 from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflectance, seen_ground
+from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflected, seen_ground
 from openswim.transport.montecarlo.phase import (
     drawn_q,
     exponential,
@@ -184,7 +184,7 @@ def test_ground_reflects_as_everywhere_else() -> None:
     cos_angle = mu * mu0 + np.sqrt((1 - mu**2) * (1 - mu0**2)) * np.cos(azimuth)
     seen, out = seen_ground(sample, wavelengths), np.zeros((n, 2))
     for i in range(n):
-        reflectance(mu0[i], mu[i], cos_angle[i], i, seen, out[i])
+        reflected(mu0[i], mu[i], cos_angle[i], i, seen, out[i])
     np.testing.assert_allclose(out, truth, rtol=2e-3, atol=1e-6)
 
 

@@ -17,7 +17,7 @@ from openswim.transport.montecarlo.ground import (
     mirrored_density,
     mirrored_light,
     mirrored_share,
-    reflectance,
+    reflected,
 )
 from openswim.transport.montecarlo.phase import drawn_q, phase_place, turned, uniform, unit_circle
 from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet
@@ -156,7 +156,7 @@ def trace(
                 toward_eye = -(nx * dx + ny * dy + nz * dz)
                 cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
                 if straight:
-                    reflectance(toward_sun, toward_eye, cos_angle, ray, seen, factor)
+                    reflected(toward_sun, toward_eye, cos_angle, ray, seen, factor)
                     by_waves = mirrored_share(ray, seen)
                     if by_waves > 0.0:
                         bright = total * mirrored_light(toward_eye, ray, seen)
@@ -220,7 +220,7 @@ def trace(
                     own = 4.0 * max(toward, 0.0)
                     if straight:
                         cos_angle = -(dx * ax + dy * ay + dz * az)
-                        reflectance(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
+                        reflected(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
                     else:
                         diffuse_albedo(ix, iy, world, factor)
                     for w in range(nw):
