@@ -103,11 +103,6 @@ def _drawn(scene: "Scene", fast: bool, divide: bool = True) -> tuple[int, bool, 
     return math.prod(medium.shape), False, medium.divided
 
 
-def swept(scene: "Scene") -> bool:
-    """Whether `fast` lights a scene by sweeps: clear skies need none, nor do columns that are solved each by itself."""
-    return scene.grid is not None and not lit_in_parts(scene) and not _drawn(scene, True)[1]
-
-
 def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:
     """Of a domain lit in parts: the scene's own fields, their extinction on levels, and a part."""
     assert scene.grid is not None

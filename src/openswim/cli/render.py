@@ -74,10 +74,9 @@ def run(request: RenderRequest) -> None:
     import numpy as np
 
     import openswim
-    from openswim.cli.estimate import announce, swept
+    from openswim.cli.estimate import announce
     from openswim.optics.species import for_wavelengths
     from openswim.rendering import WAVELENGTHS_NM
-    from openswim.transport import warm_up as compiling
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps
@@ -86,8 +85,6 @@ def run(request: RenderRequest) -> None:
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
     )
     scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
-    if solver.name == "fast" and any(swept(level) for level in scene.levels):
-        compiling.begin()
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:

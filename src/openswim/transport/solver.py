@@ -19,7 +19,6 @@ from openswim.optics.species import for_wavelengths
 from openswim.progress import job
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.scene import Scene
-from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance, no_volume
 from openswim.transport.columns.columns import clear_beam, columns_of_grid, light_from_above, stand_alone
 from openswim.transport.columns.discrete_ordinates import solve_layers
@@ -309,7 +308,6 @@ def _diffuse(
     wider: PackField | None,
 ) -> list[list[int]]:
     """Coarse-to-fine sweeps of every wavelength; their counts, from the coarsest grid on. ``ends``: `OpticalGrid`."""
-    compiling.wait()
     medium = light.medium
     nz, ny, nx = medium.shape
     setting = solver.setting
