@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import warnings
@@ -57,7 +58,7 @@ F64 = NDArray[np.float64]
 
 NAMES = ("swim", "fast", "reference")
 _WITHIN_ZONE = 4  # directions in which a level ordinate looks out of the grid
-_NARROW = 0.5  # of its height, a period's width in which level light goes round too often
+_NARROWEST = 0.5  # of its height, a period's width without air: in less level light goes round too often
 
 
 @dataclass(frozen=True)
@@ -312,8 +313,14 @@ def _diffuse(
     nz, ny, nx = medium.shape
     setting = solver.setting
     width_m, height_m = min(ny * medium.cell_m[1], nx * medium.cell_m[0]), float(np.ptp(medium.levels_m))
-    endless = medium.periodic and (medium.air is not None or width_m < _NARROW * height_m)
-    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, endless)
+    if medium.periodic and medium.air is None and width_m < _NARROWEST * height_m:
+        raise UserError(
+            f"a period of {width_m:.0f} m without air is narrow for its height of {height_m:.0f} m: repeat it until it "
+            f"is {math.ceil(_NARROWEST * height_m)} m wide, or use solver 'reference'"
+        )
+    ordinates = ordinates_for(
+        medium.cell_m, medium.levels_m, setting.ordinates, medium.periodic and medium.air is not None
+    )
     inflow = _inflow(medium, shells, sun, ordinates)
     traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}
