@@ -187,5 +187,5 @@ def write(path: Path, sample: Path | None = None) -> None:
 
 
 if __name__ == "__main__":
-    assert pyproj  # before ecCodes: see openswim.readers.grib_file
+    assert pyproj  # before ecCodes: see openswim.readers.grib.file
     write(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)

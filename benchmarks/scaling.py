@@ -39,7 +39,7 @@ def solved(columns: int) -> tuple[Any, dict[str, float]]:
     from openswim.lights import sun_position
     from openswim.scene.frame import scene_frame
     from openswim.scene.procedural import demo_scene
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
     scene = demo_scene(columns, columns, LEVELS, spacing_m=SPACING_M)
     assert scene.time is not None

@@ -60,7 +60,7 @@ def rendered(
     stages: Stages, prefix: str, solver: str, scene: Any, toward_sun: Any, camera: Any, rays: Any
 ) -> None:
     """Solve, view and colour once; the solver's own timings become stages of their own."""
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
     field = timed(stages, f"{prefix}solve", Solver(solver).solve, scene, toward_sun, WAVELENGTHS_NM)
     for name, seconds in field.timings.items():

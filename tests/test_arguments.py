@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, render, to_rgb
+from openswim.ground.maps import maps_of
 
 FIELD, AXIS, LEVELS = np.zeros((5, 4, 4)), np.arange(4.0), np.arange(5.0)
 CAMERA, CLEAR = Camera.allsky(46, 8, size=8), Scene.clear(46, 8)
@@ -52,7 +53,7 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: CLEAR.to_netcdf(None), "output"),
         (lambda: Solver(tolerance="a"), "tolerance"),
         (lambda: Solver("reference", seed=1.5), "seed"),
-        (lambda: Ground(albedo=3).open(), "albedo"),
+        (lambda: maps_of(Ground(albedo=3)), "albedo"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Rays
-from openswim.outlines import outlines, soften
+from openswim.outlines import outlines, outlines_of, softened
 from openswim.scene.frame import Frame
 
 FRAME = Frame(6_371_000.0, 40.0, 10.0)
@@ -41,16 +41,14 @@ def test_a_pixel_across_a_ridge_is_the_mean_of_both_sides(slope: float) -> None:
     direction = np.stack([x, np.ones_like(x), z], axis=-1).reshape(-1, 3)
     rays = Rays(np.array([0.0, 0.0, 100.0]), direction / np.linalg.norm(direction, axis=-1, keepdims=True), width)
     sky = look(rays.directions())
-    field = SimpleNamespace(
-        frame=FRAME, view=lambda r, more: SimpleNamespace(radiance=look(r.directions())[:, None].astype(np.float32))
-    )
-    view = SimpleNamespace(distance_m=np.where(sky, -1.0, 500.0), transmittance=np.ones((sky.size, 1)))
+    eye = SimpleNamespace(view=lambda r: SimpleNamespace(radiance=look(r.directions())[:, None].astype(np.float32)))
+    distance_m = np.where(sky, -1.0, 500.0)
+    edge = outlines(distance_m, 1.0 * sky, np.ones((n, n), bool))
     radiance = sky[:, None].astype(np.float32)
-    soften(radiance, view, field, rays, SimpleNamespace(inside=np.ones((n, n), bool)))
+    radiance[edge] = softened(eye, rays[np.flatnonzero(edge)], FRAME)
     u, v = np.meshgrid(np.linspace(-0.5, 0.5, 41) * width, np.linspace(-0.5, 0.5, 41) * width)
     above = z.ravel() - slope * x.ravel() - 0.3e-3
     share = np.mean([above + dv - slope * du > 0 for du, dv in zip(u.ravel(), v.ravel(), strict=True)], axis=0)
-    edge = outlines(view.distance_m, 1.0 * sky, np.ones((n, n), bool))
     assert np.abs(radiance[edge, 0] - share[edge]).max() <= 0.25
     assert np.abs(radiance[edge, 0] - share[edge]).mean() < 0.07
     assert np.abs(sky[edge] - share[edge]).mean() > 0.1
@@ -66,10 +64,12 @@ def test_bright_and_dark_ground_are_mixed_but_not_clouds() -> None:
     def look(directions: np.ndarray) -> np.ndarray:
         return np.where(directions[:, 0] > 0.3e-3, 2.0, 1.0)[:, None].astype(np.float32)
 
-    field = SimpleNamespace(frame=FRAME, view=lambda r, more: SimpleNamespace(radiance=look(r.directions())))
-    pixels = SimpleNamespace(inside=np.ones((n, n), bool))
+    eye = SimpleNamespace(view=lambda r: SimpleNamespace(radiance=look(r.directions())))
     for through, distance_m, expected in ((1.0, 500.0, {1.0, 1.25, 2.0}), (0.0, -1.0, {1.0, 2.0})):
-        view = SimpleNamespace(distance_m=np.full(n * n, distance_m), transmittance=np.full((n * n, 1), through))
         radiance = look(rays.directions())
-        soften(radiance, view, field, rays, pixels)
+        view = SimpleNamespace(
+            distance_m=np.full(n * n, distance_m), transmittance=np.full((n * n, 1), through), radiance=radiance
+        )
+        edge = np.flatnonzero(outlines_of(view, np.ones((n, n), bool)))
+        radiance[edge] = softened(eye, rays[edge], FRAME)
         assert set(np.unique(radiance)) == expected

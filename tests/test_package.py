@@ -19,7 +19,13 @@ def _dependencies() -> set[str]:
         *project["dependencies"],
         *(d for extra in project["optional-dependencies"].values() for d in extra),
     ]
-    return {re.split(r"[<>=!~ ]", line)[0].lower() for line in wanted}
+    return {re.split(r"[<>=!~ ]", line)[0].lower() for line in wanted if not line.startswith("openswim[")}
+
+
+def test_the_extra_all_has_every_optional_library() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (line,) = extras["all"]
+    assert set(line.removeprefix("openswim[").removesuffix("]").split(",")) == set(extras) - {"all", "dev"}
 
 
 def test_import_loads_nothing_heavy() -> None:

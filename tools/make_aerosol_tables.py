@@ -1,4 +1,4 @@
-"""Make src/openswim/optics/data/mie_aerosol.npz: optics of the aerosol types that are made from size and index.
+"""Make src/openswim/scene/data/mie_aerosol.npz: optics of the aerosol types that are made from size and index.
 
 Needs miepython (`pip install 'openswim[mie]'`); takes a minute. Run it after changing a recipe below.
 
@@ -17,7 +17,7 @@ import numpy as np
 from openswim.optics.spheres import Mode, lognormal_sizes, scattering_angles, scattering_by_spheres
 
 WAVELENGTH_NM = np.array([400.0, 450.0, 500.0, 550.0, 615.0, 700.0])
-OUT = Path(__file__).parents[1] / "src/openswim/optics/data/mie_aerosol.npz"
+OUT = Path(__file__).parents[1] / "src/openswim/scene/data/mie_aerosol.npz"
 SIZES = 600
 
 

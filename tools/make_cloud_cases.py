@@ -17,10 +17,10 @@ import xarray as xr
 
 import openswim
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.optics.species import scene_optics
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.montecarlo.reference import ReferenceView
 
 ALBEDOS, ASYMMETRY, AZIMUTH_DEG = (0.0, 0.2), 0.85, 200.0

@@ -14,7 +14,7 @@ from typing import Any
 from openswim import Camera, open_scene, render
 from openswim.cli.render import framed
 from openswim.colour import save
-from openswim.readers.neighbourhood import Neighbourhood, reach_m
+from openswim.readers.domain.neighbourhood import Neighbourhood, reach_m
 
 TARGET = Path(__file__).parents[1] / "docs/images/gallery"
 PANORAMA, SPACE = (200, 480), (400, 400)

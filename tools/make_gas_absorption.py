@@ -1,4 +1,4 @@
-"""Make src/openswim/irradiance/data/gas_absorption.csv: absorption by water vapour, ozone and mixed gases.
+"""Make src/openswim/fluxes/data/gas_absorption.csv: absorption by water vapour, ozone and mixed gases.
 
 The table is that of the simple spectral model of Bird and Riordan (1984, SERI/TR-215-2436), a report of the US
 government in the public domain; the wheel of pvlib carries it:
@@ -13,7 +13,7 @@ import sys
 import zipfile
 from pathlib import Path
 
-TARGET = Path(__file__).parents[1] / "src/openswim/irradiance/data/gas_absorption.csv"
+TARGET = Path(__file__).parents[1] / "src/openswim/fluxes/data/gas_absorption.csv"
 COLUMNS = ("wavelength", "water_vapor_absorption", "ozone_absorption", "mixed_absorption")
 
 

@@ -16,9 +16,10 @@ from pyproj import CRS
 
 import openswim
 from openswim.colour import save
-from openswim.rendering import light, render
+from openswim.lighting import light
+from openswim.rendering import render
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.procedural_noise import blur, fractal_noise, lattice_noise, sample, smoothstep
+from openswim.scene.procedural.noise import blur, fractal_noise, lattice_noise, sample, smoothstep
 
 TARGET = Path(__file__).parents[1] / "docs/images"
 LAT, LON = 46.5, 10.5

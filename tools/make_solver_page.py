@@ -21,11 +21,11 @@ import xarray as xr
 
 from openswim import Camera, Solver, render, to_rgb
 from openswim.colour.rgb import auto_exposure
-from openswim.rendering import light
+from openswim.lighting import light
 from openswim.scene.procedural import demo_scene
-from openswim.validate import cases3d
-from openswim.validate.metrics import LIT, Score, block_means, image_score, score
-from openswim.validate.reference import read_reference
+from openswim.validation import cases3d
+from openswim.validation.metrics import LIT, Score, block_means, image_score, score
+from openswim.validation.reference import read_reference
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

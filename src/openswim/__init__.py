@@ -5,7 +5,7 @@
     openswim.to_rgb(image)
 
 The folders follow the light: `readers` and `scene` (the world), `optics`, `lights`, `transport`, `ground`,
-`cameras`, `colour`, `irradiance`. Names are imported on first use, so `import openswim` itself costs nothing.
+`cameras`, `colour`, `fluxes`. Names are imported on first use, so `import openswim` itself costs nothing.
 """
 
 from importlib import import_module
@@ -15,26 +15,37 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera as Camera
+    from openswim.cameras.files import load_camera as load_camera
+    from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
+    from openswim.lighting import light as light
+    from openswim.lighting import open_light as open_light
     from openswim.readers import open_scene as open_scene
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
-    from openswim.transport import Solver as Solver
+    from openswim.solver import Solver as Solver
 
 _HOME = {
     "Camera": "openswim.cameras",
     "Ground": "openswim.ground",
     "Scene": "openswim.scene",
-    "Solver": "openswim.transport",
+    "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "light": "openswim.lighting",
+    "load_camera": "openswim.cameras.files",
+    "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
+    "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
 }
 
-__all__ = ["Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "open_scene", "render", "to_rgb"]
+__all__ = [
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
+    "open_scene", "render", "save_camera", "to_rgb",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

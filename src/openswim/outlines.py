@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras import Rays
-
-if TYPE_CHECKING:
-    from openswim.cameras.pixels import Pixels
-    from openswim.transport import Field
-    from openswim.transport.field import View
+from openswim.scene.frame import Frame
+from openswim.scene.rays import Rays
+from openswim.transport.field import Viewpoint
+from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
 
@@ -24,24 +20,26 @@ _HIDDEN = 1e-3  # transmittance
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
 
 
-def soften(radiance: NDArray[np.float32], view: View, field: Field, rays: Rays, pixels: Pixels) -> None:
-    """Give the pixels on outlines, of ``radiance`` (n, nw), the mean of what four rays through each of them see."""
-    up = rays.origin_m + np.array([0.0, 0.0, field.frame.radius_m])
-    inside = np.asarray(pixels.inside)
-    # what is hidden by a cloud, whose edges are soft, has no outline
-    distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
-    edge = np.flatnonzero(outlines(distance, radiance.mean(axis=1), inside))
-    if not edge.size:
-        return
-    direction = rays.directions()[edge]
-    across = np.cross(direction, up)
+def softened(eye: Viewpoint, rays: Rays, frame: Frame) -> NDArray[np.float32]:
+    """Mean radiance (n, nw) of what four rays through each of some pixels see, whose middle ``rays`` see."""
+    if not len(rays):
+        return eye.view(rays).radiance
+    direction = rays.directions()
+    across = np.cross(direction, rays.origin_m + np.array([0.0, 0.0, frame.radius_m]))
     across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
     above = np.cross(across, direction)
-    width = np.broadcast_to(np.asarray(rays.width_rad, float), len(rays))[edge]
+    width = np.broadcast_to(np.asarray(rays.width_rad, float), len(rays))
     parts = np.concatenate([direction + width[:, None] * (a * across + b * above) for a, b in _PARTS])
     parts /= np.linalg.norm(parts, axis=-1, keepdims=True)
-    seen = field.view(Rays(rays.origins()[0], parts, np.tile(0.5 * width, len(_PARTS))), more=True)
-    radiance[edge] = seen.radiance.reshape(len(_PARTS), edge.size, -1).mean(axis=0)
+    seen = eye.view(Rays(rays.origins()[0], parts, np.tile(0.5 * width, len(_PARTS))))
+    return np.asarray(seen.radiance.reshape(len(_PARTS), len(rays), -1).mean(axis=0), np.float32)
+
+
+def outlines_of(view: View, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether pixels (n,) of those ``inside`` an image (ny, nx) lie on outlines."""
+    # what is hidden by a cloud, whose edges are soft, has no outline
+    distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
+    return outlines(distance, view.radiance.astype(np.float32).mean(axis=1), inside)
 
 
 def outlines(distance_m: F64, brightness: NDArray[np.floating], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -109,6 +109,26 @@ def test_options_make_the_camera(world, options: list[str], expected: dict) -> N
     assert (camera.lat, camera.lon) == (47.0, 11.0)
 
 
+def test_a_camera_file_in_place_of_a_view(world, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from openswim.cameras import Camera
+    from openswim.cameras.files import save_camera
+
+    roof = Camera.fisheye(47.0, 11.0, size=(60, 80), lens="equisolid", rotation_deg=20, tilt_deg=2)
+    save_camera(roof, tmp_path / "roof.toml")
+    for more in ([], ["--lat", "48", "--height", "30"], ["--size", "40"]):
+        assert run(["render", "f.nc", "--camera", "roof.toml", *more, "-o", "x.png"]) == 0
+    whole, moved, small = world.cameras
+    assert whole == roof
+    assert (moved.lat, moved.lon, moved.height_m, moved.lens_optics) == (48.0, 11.0, 30.0, roof.lens_optics)
+    assert small == roof.resized(40)
+    assert world.places[0].lat == 47.0
+    capsys.readouterr()
+    for wrong in (["--fov", "90"], ["--size", "40x40"]):
+        assert run(["render", "f.nc", "--camera", "roof.toml", *wrong, "-o", "x.png"]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert run(["render", "f.nc", "--camera", "roof.toml", "-o", "roof.toml"]) == 2
+
+
 @pytest.mark.parametrize(("options", "quality"), [([], "standard"), (["--quality", "high"], "high")])
 def test_the_quality_reaches_the_solver(world, options: list[str], quality: str) -> None:
     assert run(["render", "f.nc", *ARGUMENTS, *options, "-o", "x.png"]) == 0
@@ -247,12 +267,12 @@ def test_debug_shows_the_traceback(world, monkeypatch, capsys: pytest.CaptureFix
 def test_the_demo_writes_four_pictures(
     world, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    from openswim import rendering
+    from openswim import lighting
     from openswim.scene import procedural
 
     scene = SimpleNamespace(place=(47.7, 11.2), source="made up")
     monkeypatch.setattr(procedural, "demo_scene", lambda: scene)
-    monkeypatch.setattr(rendering, "light", lambda scene: scene)
+    monkeypatch.setattr(lighting, "light", lambda scene: scene)
     assert run(["demo", "-o", str(tmp_path / "new" / "folder")]) == 0
     names = sorted(p.name for p in (tmp_path / "new" / "folder").iterdir())
     assert names == [f"demo_{view}.png" for view in ("airborne", "allsky", "panorama", "space")]

@@ -11,7 +11,7 @@ import xarray as xr
 import openswim
 from openswim.errors import UserError
 from openswim.ground.albedo import surface_properties
-from openswim.ground.maps import AlbedoMap, HeightMap
+from openswim.ground.maps import AlbedoMap, HeightMap, maps_of
 from openswim.ground.raster import Raster
 from openswim.scene.grid import Grid
 
@@ -243,11 +243,11 @@ def test_what_is_wrong_with_a_map_is_said_in_a_line(tmp_path, make, says):
 
 def test_a_picture_is_no_elevation_model(tmp_path):
     with pytest.raises(UserError, match="8-bit"):
-        openswim.Ground(height=write(tmp_path / "a.tif", np.zeros((1, 9, 9), np.uint8))).open()
+        maps_of(openswim.Ground(height=write(tmp_path / "a.tif", np.zeros((1, 9, 9), np.uint8))))
 
 
 def test_missing_rasterio_says_what_to_install(tmp_path, monkeypatch):
     path = write(tmp_path / "a.tif", ramp(9, 9))
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(UserError, match=r"pip install 'openswim\[geotiff\]'"):
-        openswim.Ground(albedo=path).open()
+        maps_of(openswim.Ground(albedo=path))

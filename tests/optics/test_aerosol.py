@@ -11,11 +11,13 @@ import xarray as xr
 
 import openswim
 from openswim.errors import UserError
-from openswim.optics import aerosol_optics, aerosol_profile, aerosol_type, fit_double_hg, phase
-from openswim.optics.aerosol import NAMES, TABULATED, AerosolPhase, spectral_albedo, spectral_phase
+from openswim.optics import aerosol_optics, aerosol_profile, aerosol_type, fit_double_hg
+from openswim.optics.aerosol import NAMES, described_profile, spectral_albedo, spectral_phase
 from openswim.optics.species import background, scene_optics
 from openswim.scene import Grid
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.phase import AerosolPhase, phase_from_dict
+from openswim.scene.phase.tables import TABULATED
 
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", ROOT.parent / "shared"))
@@ -115,9 +117,9 @@ def test_types_survive_json(name):
 
 
 def test_a_profile_by_name():
-    named = AerosolProfile.from_dict({"aerosol_type": "smoke", "optical_depth": 0.4})
+    named = described_profile({"aerosol_type": "smoke", "optical_depth": 0.4})
     assert named == aerosol_profile("smoke", 0.4)
-    own = AerosolProfile.from_dict({"aerosol_type": "smoke", "single_scattering_albedo": 0.8})
+    own = described_profile({"aerosol_type": "smoke", "single_scattering_albedo": 0.8})
     assert own.single_scattering_albedo == 0.8
     assert own.angstrom_exponent == aerosol_type("smoke").angstrom_exponent
 
@@ -170,4 +172,4 @@ def test_unknown_names():
     with pytest.raises(UserError, match="known: continental, dust"):
         aerosol_type("pollen")
     with pytest.raises(UserError, match="no aerosol table"):
-        phase.phase_from_dict({"type": "aerosol", "name": "dust", "wavelength_nm": 551.0})
+        phase_from_dict({"type": "aerosol", "name": "dust", "wavelength_nm": 551.0})

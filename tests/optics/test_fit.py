@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from openswim.optics.aerosol import double_hg
 from openswim.optics.fit import fit_double_hg
-from openswim.optics.phase import HenyeyGreenstein, TablePhase
+from openswim.scene.phase import HenyeyGreenstein, TablePhase
 
 
 @settings(max_examples=40, deadline=None)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_type, spectral_phase
 from openswim.optics.hydrometeors import HYDROMETEORS, phase_function
-from openswim.optics.phase import (
+from openswim.scene.phase import (
     AlbersDHG,
     DoubleHenyeyGreenstein,
     HenyeyGreenstein,

@@ -12,10 +12,10 @@ from openswim.errors import UserError
 from openswim.optics import mie
 from openswim.optics.aerosol import aerosol_profile
 from openswim.optics.cover import cloud_cover
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.optics.species import scene_optics, size_bins
 from openswim.scene import Optics
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.phase import HenyeyGreenstein
 
 SHAPE = (3, 4, 5)
 WAVELENGTHS = (615.0, 546.0, 450.0)

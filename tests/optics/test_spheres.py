@@ -7,8 +7,8 @@ import pytest
 
 from openswim.errors import UserError
 from openswim.optics import irregular
-from openswim.optics.phase import Rayleigh
 from openswim.optics.spheres import Mode, Sizes, gamma_sizes, lognormal_sizes, scattering_by_spheres
+from openswim.scene.phase import Rayleigh
 
 miepython = pytest.importorskip("miepython")
 

@@ -13,10 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj  # noqa: F401 - before ecCodes, as in openswim.readers.grib_file
-import pytest
-
-pytest.importorskip("eccodes", reason="ecCodes is not installed (pip install 'openswim[grib]')")
+import pyproj  # noqa: F401 - before ecCodes, as in openswim.readers.grib.file
 
 GAS, GRAVITY = 287.05, 9.80665
 TEMPERATURE_K = 260.0

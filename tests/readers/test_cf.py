@@ -14,7 +14,7 @@ import xarray as xr
 
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
-from openswim.readers.units import conversion
+from openswim.readers.common.units import conversion
 
 LEVELS = np.array([100.0, 600.0, 1500.0])
 CONTENT = (np.arange(24.0).reshape(3, 2, 4) * 1e-5).astype("f4")

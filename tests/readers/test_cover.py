@@ -10,7 +10,7 @@ from tests.readers import grib_files as gf
 from tests.readers.model_files import cosp, era5
 
 from openswim.readers import open_scene
-from openswim.readers.cover import cover_from_humidity
+from openswim.readers.fields.cover import cover_from_humidity
 
 
 @pytest.mark.parametrize("make", [era5, cosp], ids=["ERA5", "COSP"])

@@ -231,7 +231,7 @@ def test_description_tells_what_opening_will_assume(tmp_path):
 
 
 def test_other_readers_are_left_alone(tmp_path):
-    from openswim.readers.grib import GRIBReader
+    from openswim.readers.grib.reader import GRIBReader
 
     assert not GRIBReader().detects(tmp_path)
     (tmp_path / "text").write_bytes(b"no weather here")

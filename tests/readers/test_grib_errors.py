@@ -164,7 +164,7 @@ def test_faults_of_parsing_are_one_line(tmp_path, monkeypatch, look):
     def fails(columns):
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("openswim.readers.grib.air_of", fails)
+    monkeypatch.setattr("openswim.readers.grib.reader.air_of", fails)
     with pytest.raises(UserError, match=r"file: cannot be read: damaged"):
         look(path)
 
@@ -208,7 +208,7 @@ def test_without_eccodes(tmp_path, monkeypatch):
 
     monkeypatch.delitem(sys.modules, "eccodes")
     monkeypatch.setattr(builtins, "__import__", refuse)
-    assert "pip install 'openswim[grib]'" in _error(path)
+    assert "pip install --force-reinstall eccodes" in _error(path)
 
 
 @pytest.mark.parametrize("seed", range(60))

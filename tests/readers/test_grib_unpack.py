@@ -9,7 +9,7 @@ import pytest
 from tests.readers import grib_files as gf
 
 from openswim.errors import UserError
-from openswim.readers.grib_file import GRIBFile
+from openswim.readers.grib.file import GRIBFile
 
 
 def _both(path: Path):

@@ -13,9 +13,9 @@ from tests.readers.model_files import HUMIDITY, NZ, TEMPERATURE, cosp, density, 
 from openswim.errors import UserError
 from openswim.optics.hydrometeors import extinction_per_m
 from openswim.readers import describe, open_scene
-from openswim.readers.aerosol_species import SPECIES
-from openswim.readers.fileset import dates_of
-from openswim.readers.particles import Category, together
+from openswim.readers.common.fileset import dates_of
+from openswim.readers.fields.aerosol_species import SPECIES
+from openswim.readers.fields.particles import Category, together
 
 LEVELS = ("bottom_top", "south_north", "west_east")
 

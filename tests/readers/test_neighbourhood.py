@@ -8,17 +8,10 @@ from pyproj import CRS
 
 from openswim import Scene
 from openswim.errors import UserError
-from openswim.readers.beyond import far_m, with_beyond
-from openswim.readers.neighbourhood import (
-    LARGE_COLUMNS,
-    WIDER_SIDE,
-    Mesh,
-    Neighbourhood,
-    is_large,
-    part_of,
-    reach_m,
-    select,
-)
+from openswim.readers.domain.beyond import with_beyond
+from openswim.readers.domain.cutting import LARGE_COLUMNS, is_large, part_of, select
+from openswim.readers.domain.mesh import Mesh
+from openswim.readers.domain.neighbourhood import WIDER_SIDE, Neighbourhood, far_m, reach_m
 from openswim.scene.grid import great_circle_m
 
 SPHERE = CRS.from_proj4("+proj=longlat +R=6371000 +no_defs")

@@ -12,7 +12,7 @@ from tests.readers import grib_files as gf
 from openswim import Scene
 from openswim.errors import UserError
 from openswim.readers import Neighbourhood, open_scene
-from openswim.readers.nested import merged
+from openswim.readers.domain.nested import merged
 from openswim.scene import Grid
 from openswim.scene.variables import SURFACE_DIMS
 

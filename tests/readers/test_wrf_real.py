@@ -53,8 +53,8 @@ def test_wind_against_own_rotation(nwp, name):
 
 def test_dry_density_against_own_specific_volume(nwp):
     """WRF's AL + ALB is the inverse density of dry air; contents are mixing ratios times that density."""
-    from openswim.readers.wrf import _air
-    from openswim.readers.wrf_file import WRFFile
+    from openswim.readers.wrf.file import WRFFile
+    from openswim.readers.wrf.reader import _air
 
     path = nwp / ALPS
     with WRFFile(path) as file:

@@ -8,9 +8,9 @@ import pytest
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.procedural import demo_levels, demo_scene, summer_sounding
-from openswim.scene.procedural_cirrus import cirrus_field
-from openswim.scene.procedural_cumulus import adiabatic_content_gradient, cumulus_field
-from openswim.scene.procedural_noise import blur, fractal_noise, lattice_noise, sample, spline_weights
+from openswim.scene.procedural.cirrus import cirrus_field
+from openswim.scene.procedural.cumulus import adiabatic_content_gradient, cumulus_field
+from openswim.scene.procedural.noise import blur, fractal_noise, lattice_noise, sample, spline_weights
 
 
 @pytest.fixture(scope="module")

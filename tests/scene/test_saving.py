@@ -15,10 +15,10 @@ from hypothesis.extra.numpy import arrays
 from pyproj import CRS
 
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein, Mixture, TablePhase
 from openswim.readers import open_scene
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.phase import HenyeyGreenstein, Mixture, TablePhase
 from openswim.scene.variables import VARIABLES, variable
 
 SYSTEMS = [

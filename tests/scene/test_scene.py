@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Grid, Optics, Scene
+from openswim.scene.phase import HenyeyGreenstein
 
 AXES = dict(x_m=np.arange(4) * 10.0, y_m=np.arange(3) * 10.0, z_m=np.arange(2) * 10.0)
 SHAPE = (2, 3, 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,18 @@ from numpy.typing import ArrayLike
 from pyproj import CRS
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport.field import View
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.transport.field import Field
+from openswim.transport.lit.lit_grid import LitGrid, Once
+from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.plan import Fineness, plan_medium
 from openswim.transport.montecarlo.reference import ReferenceView
+from openswim.transport.view.seen import View
+from openswim.transport.view.viewer import AimedGrid
 
 WAVELENGTH_NM = 546.0
 LAT, LON = 40.0, 10.0
@@ -102,3 +110,22 @@ def mean_by_chance(view: View) -> tuple[float, float]:
     """Mean radiance of what `reference` saw, and its standard error."""
     assert isinstance(view, ReferenceView)
     return float(view.radiance.mean()), float(np.sqrt((view.sigma**2).sum()) / view.sigma.size)
+
+
+def aimed_at(lit: LitGrid, eye: ArrayLike = (0.0, 0.0, 1e3)) -> AimedGrid:
+    """The light of a grid turned toward an eye."""
+    return AimedGrid.at(lit, np.asarray(eye, float), False, None, [level.shells for level in lit.levels])
+
+
+def changed(field: Field, **changes: Any) -> Field:
+    """The same light with other attributes of its packs, and nothing of what followed from those it had."""
+    return Field([replace(lit, once=Once(), **changes) for lit in field.lit])
+
+
+def medium_of(
+    scene: Scene, wavelengths_nm: ArrayLike, mu_sun: float, refine: bool = True, divide: bool = True, **more: bool
+) -> Medium:
+    """The medium of a scene that has no wider one around it."""
+    matter, surface = matter_of(scene, wavelengths_nm), surface_of(scene, wavelengths_nm)
+    plan = plan_medium(matter, surface.terrain_m, mu_sun, Fineness(refine, divide, **more))
+    return build_medium(plan, matter, surface)

@@ -7,7 +7,7 @@ from tests.transport.scenes import toward
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.air.shells import shell_levels
 
 SUN = toward(90.0, 30.0)

@@ -7,8 +7,9 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from openswim.transport.diffuse.absorbed_beam import beam_around
-from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
 from openswim.transport.engine.ordinates import harmonic_matrix
+from openswim.transport.medium.delta_scaled import Coefficients
 
 NZ, NY, NX = 18, 2, 32
 CELL_M = 50.0

@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 from tests.transport.scenes import WAVELENGTH_NM, grid_scene, sun_at_zenith_angle, toward
 
 from openswim.cameras import Rays
-from openswim.transport import Solver
+from openswim.solver import Solver
 
 CELL_M, NODES = 40.0, 25
 OMEGA = 0.01  # whatever is scattered twice does not count

@@ -7,10 +7,13 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, sun_at_zenith_angle
 
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
+from openswim.transport import Field
+from openswim.transport.view import shading
 from openswim.transport.view.beyond_sides import Beyond
+from openswim.transport.view.shading import _beyond
 
 ALBEDO = 0.2
 SHAPE, CELL = (25, 33, 33), 50.0
@@ -29,7 +32,7 @@ def flux(field, x_m, y_m) -> np.ndarray:
 
 
 def beyond(field: Field) -> Beyond:
-    found = field.packs[0].beyond
+    found = _beyond(field.lit[0])
     assert found is not None
     return found
 
@@ -37,7 +40,7 @@ def beyond(field: Field) -> Beyond:
 def diffuse(field: Field, x_m, y_m) -> np.ndarray:
     """Flux of diffuse light at places of a scene without air, whose sky has none."""
     x, y = np.broadcast_arrays(np.asarray(x_m, float), np.asarray(y_m, float))
-    inside = field.packs[0].lighting.diffuse
+    inside = field.lit[0].lighting.diffuse
     at = (x.ravel() + HALF) / CELL, (y.ravel() + HALF) / CELL
     return beyond(field).flux(*at, np.zeros((x.size, 4)), inside)[:, 0].reshape(x.shape)
 
@@ -78,7 +81,7 @@ def test_ground_all_around_gets_what_a_thin_cloud_sends_down(thin: Field) -> Non
         assert seen[outside & part].sum() == pytest.approx(expected[outside & part].sum(), rel=0.1)
 
 
-def test_it_is_as_monte_carlo_has_it() -> None:
+def test_it_is_as_monte_carlo_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A block as wide as its grid, by which half of the light on the ground before it is diffuse, and all behind."""
     scene = grid_scene(
         box(SHAPE, (slice(10, 20), slice(None), slice(None)), 0.01), SHAPE, (CELL,) * 3, surface_albedo=ALBEDO
@@ -88,10 +91,9 @@ def test_it_is_as_monte_carlo_has_it() -> None:
     x = np.concatenate([-HALF - way[:-1], HALF + way, 0 * way])
     y = np.concatenate([0 * x[:-5], HALF + way])
     fast, exact = Solver().solve(scene, sun, [550.0]), Solver("reference", paths=8000).solve(scene, sun, [550.0])
-    field = fast.packs[0]
     seen, truth = flux(fast, x, y), flux(exact, x, y)
     np.testing.assert_allclose(seen, truth, atol=0.025)
-    field.beyond = None
+    monkeypatch.setattr(shading, "_beyond", lambda lit: None)
     assert np.abs(flux(fast, x, y) - truth).max() > 0.1
 
 
@@ -117,7 +119,7 @@ def test_without_clouds_the_ground_has_the_clear_sky() -> None:
     field = Solver().solve(scene, sun_at_zenith_angle(40.0), [550.0])
     clear = np.full((3, 4), 0.1)
     at = np.array([-1.0, 40.0, 500.0])
-    np.testing.assert_array_equal(beyond(field).flux(at, at, clear, field.packs[0].lighting.diffuse), clear)
+    np.testing.assert_array_equal(beyond(field).flux(at, at, clear, field.lit[0].lighting.diffuse), clear)
 
 
 def test_clouds_beside_hide_some_of_a_bright_sky() -> None:

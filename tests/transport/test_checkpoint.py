@@ -12,7 +12,7 @@ from tests.transport.scenes import WAVELENGTH_NM, cloud_scene, down_on, grid_sce
 
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.montecarlo import reference as montecarlo
 
 

@@ -9,7 +9,7 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene, sla
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.scene.scene import EARTH_RADIUS_M
-from openswim.transport import Solver
+from openswim.solver import Solver
 
 CELL_M = (10_000.0, 10_000.0, 400.0)  # drawn on finer ones, of more than 1.2 km
 AROUND = np.radians([30.0, 120.0, 210.0, 330.0])
@@ -58,7 +58,7 @@ def test_fluxes_close() -> None:
     """Nothing absorbs but the ground; in the middle, since light enters by the sides of the domain."""
     for tau, zenith_deg in ((1.0, 30.0), (60.0, 70.0)):
         field = Solver().solve(_deck(tau, surface_albedo=0.3), sun_at_zenith_angle(zenith_deg), [WAVELENGTH_NM])
-        light = field.packs[0].lighting
+        light = field.lit[0].lighting
         middle = (0, slice(80, 105), slice(80, 105))
         down = light.diffuse[middle] + light.direct_horizontal(0)[middle[1:]]
         total = light.up_top[middle] + 0.7 * down
@@ -109,7 +109,7 @@ def test_a_deck_that_ends_with_the_domain_is_no_brighter_there(altitude_deg: flo
     cloud = box(shape, (slice(4, 12), slice(None), slice(None)), 0.02)
     scene = grid_scene(cloud, shape, (5000.0, 5000.0, 300.0), True, air=True)
     field = Solver().solve(scene, toward(60.0, altitude_deg), [546.0])
-    up = field.packs[0].lighting.up_top[0]
+    up = field.lit[0].lighting.up_top[0]
     middle = up[up.shape[0] // 2, up.shape[1] // 2]
     np.testing.assert_allclose(up[:, -1], middle, rtol=0.12)
     np.testing.assert_allclose(up[-1], middle, rtol=0.12)

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.transport.scenes import WAVELENGTH_NM, grid_scene, toward
+from tests.transport.scenes import WAVELENGTH_NM, changed, grid_scene, toward
 
 from openswim.cameras import Rays
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.engine.pack import PACK
 from openswim.transport.march.cloud_detail import (
     NOISE,
@@ -24,6 +25,7 @@ from openswim.transport.march.cloud_detail import (
 )
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.march import march_rays
+from openswim.transport.view.viewer import Viewer
 
 CELL_M = 100.0
 SUN = toward(240.0, 45.0)
@@ -166,10 +168,9 @@ def test_wide_rays_see_the_grid_as_it_is(cumulus: Field) -> None:
 
 def test_rays_know_how_wide_they_have_become(cumulus: Field) -> None:
     """Begun on their way with the width that they have there, they see the same."""
-    pack = cumulus.packs[0]
     rays = looking(2e-3, 6.0)
-    cumulus.view(rays)
-    world = pack.sun, pack.table, pack.shells, pack.volume, 1.0
+    pack = Viewer.of(cumulus.lit[0], rays, None).grid
+    world = pack.lit.sun, pack.table, pack.sky, pack.volume, 1.0
     o, d, n = rays.origins(), rays.directions(), len(rays)
     whole = march_rays(o, d, *world, cone=np.tile([0.0, 2e-3], (n, 1)), detail=pack.detail)
     later = march_rays(o - 400.0 * d, d, *world, cone=np.tile([-400.0 * 2e-3, 2e-3], (n, 1)), detail=pack.detail)
@@ -180,10 +181,9 @@ def test_rays_know_how_wide_they_have_become(cumulus: Field) -> None:
 
 def test_forward_peaks_have_the_detail_that_their_cloud_has(cumulus: Field) -> None:
     """What a ray meets more, or less, of cloud liquid fades its forward peaks as liquid does, 1 : 1 - f."""
-    pack = cumulus.packs[0]
     rays = looking(2e-3)
-    cumulus.view(rays)
-    world = pack.sun, pack.table, pack.shells, pack.volume, 1.0
+    pack = Viewer.of(cumulus.lit[0], rays, None).grid
+    world = pack.lit.sun, pack.table, pack.sky, pack.volume, 1.0
     seen, plain = (
         march_rays(rays.origins(), rays.directions(), *world, cone=np.tile([0.0, width], (len(rays), 1)),
                    detail=pack.detail)
@@ -215,12 +215,8 @@ def test_rays_do_not_know_of_each_other_nor_of_threads(cumulus: Field) -> None:
 def test_switched_off(cumulus: Field) -> None:
     rays = looking(2e-3)
     plain = without(cumulus, rays)
-    pack = cumulus.packs[0]
-    solver, pack.solver = pack.solver, Solver(tolerance=0.3, detail=False)
-    try:
-        np.testing.assert_array_equal(cumulus.view(rays).radiance, plain)
-    finally:
-        pack.solver = solver
+    without_detail = changed(cumulus, options=Solver(tolerance=0.3, detail=False))
+    np.testing.assert_array_equal(without_detail.view(rays).radiance, plain)
 
 
 @pytest.mark.parametrize("kind", ["other", "liquid"])

@@ -11,9 +11,9 @@ from tests.transport.scenes import grid_scene, mean_by_chance, sky_directions, t
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser, places, prolong, restrict
 from openswim.transport.diffuse.optical_grid import coarsen
 from openswim.transport.diffuse.ordinate_transform import BLOCK, in_groups, multiply
@@ -42,7 +42,7 @@ def test_the_default_tolerance_is_near_the_converged_light(albedo: float) -> Non
     """Tolerance .02 is what a sweep may still mend; what remains is 1 % of fluxes and 4 % of images (RMSE)."""
     scene = grid_scene(broken_cloud(), SHAPE, CELL_M, surface_albedo=albedo)
     quick, exact = (Solver(tolerance=t).solve(scene, SUN, [546.0]) for t in (0.02, 0.002))
-    assert len(quick.packs[0].sweeps[0]) >= 3
+    assert len(quick.lit[0].sweeps[0]) >= 3
     for name, flux in exact.fluxes().items():
         np.testing.assert_allclose(quick.fluxes()[name], flux, rtol=0.01, atol=1e-6, err_msg=name)
     across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (50, 2))
@@ -161,7 +161,7 @@ def test_even_decks_on_uneven_levels_keep_their_light(
         extinction.astype(np.float32), x, x, levels, phase=HenyeyGreenstein(0.85), surface_albedo=0.2
     )
     sun = toward(90.0, 90.0 - zenith_deg)
-    lighting = Solver().solve(scene, sun, [546.0]).packs[0].lighting
+    lighting = Solver().solve(scene, sun, [546.0]).lit[0].lighting
     middle = (0, slice(21, 27), slice(21, 27))
     down = lighting.diffuse[middle] + lighting.direct_horizontal(0)[middle[1:]]
     assert float((lighting.up_top[middle] + 0.8 * down).mean()) == pytest.approx(sun[2], rel=0.035)
@@ -206,7 +206,7 @@ def test_a_narrow_period_with_air_is_its_column(altitude_deg: float, depth: floa
     uneven = cloud * rng.uniform(0.99, 1.01, shape)
     scenes = (grid_scene(field, shape, air=True, periodic=True, surface_albedo=0.2) for field in (cloud, uneven))
     column, swept = (Solver().solve(scene, toward(30.0, altitude_deg), [546.0]) for scene in scenes)
-    assert max(swept.packs[0].sweeps[0]) < 60
+    assert max(swept.lit[0].sweeps[0]) < 60
     for name, flux in column.fluxes().items():
         np.testing.assert_allclose(swept.fluxes()[name], flux, rtol=0.01, err_msg=name)
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from tests.transport.scenes import grid_scene, toward
 
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.diffuse.diffusion import Diffusion
-from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
+from openswim.transport.medium.delta_scaled import Coefficients
 
 NY, NX = 18, 21  # rows that end within a pack
 
@@ -139,7 +140,7 @@ def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
     scene = grid_scene(np.full(shape, 100 / 375), shape, (1500.0, 1500.0, 25.0), True, phase=HenyeyGreenstein(0.6))
     sun = toward(30.0, 74.0)
     field = Solver().solve(scene, sun, [546.0])
-    lighting = field.packs[0].lighting
+    lighting = field.lit[0].lighting
     middle = tuple(slice(n // 3, 2 * n // 3) for n in lighting.diffuse[0].shape)
     leaves = lighting.up_top[0][middle] + lighting.diffuse[0][middle]
     assert leaves.mean() == pytest.approx(sun[2], rel=0.01)
@@ -155,7 +156,7 @@ def test_lone_thick_cells_are_solved() -> None:
     sun = toward(250.0, 25.0)
     field = Solver().solve(scene, sun, [546.0])
     total = sum(float(field.fluxes()[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert max(field.packs[0].sweeps[0]) < 40
+    assert max(field.lit[0].sweeps[0]) < 40
     assert total == pytest.approx(sun[2], rel=0.03)
 
 

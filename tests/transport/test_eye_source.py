@@ -5,11 +5,12 @@ import pytest
 from tests.transport.scenes import toward
 
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.engine.ordinates import harmonic_matrix
 from openswim.transport.engine.pack import PACK
 from openswim.transport.march.volume import DEGREE
 from openswim.transport.view.source_function import thickest_around
+from openswim.transport.view.toward_eye import aimed
 
 
 def moments_of_row(kept, coarser, k: int, j: int, nx: int) -> np.ndarray:
@@ -60,11 +61,11 @@ def test_nodes_without_cloud_are_stood_for_by_the_thickest_around(periodic: bool
 def test_source_is_what_the_moments_scatter_toward_the_eye(columns, factor: int) -> None:
     """sum_l sigma_l sum_m Y_lm(v) M_lm per extinction, where moments are kept and where the coarser grid's are."""
     sun = toward(200.0, 40.0)
-    field = Solver(tolerance=0.5).solve(demo_scene(*columns, 20), sun, [615.0, 450.0])._first
+    field = Solver(tolerance=0.5).solve(demo_scene(*columns, 20), sun, [615.0, 450.0]).lit[0]
     light, medium = field.light, field.medium
     nz, ny, nx = medium.shape
     eye = np.array([300.0, -200.0, 2500.0])
-    light.aim(field.volume, eye, False)
+    fields = aimed(field, eye, False).fields
     kept = np.repeat(light.moments[0].place >= 0, light.moments[0].values.shape[2], axis=2)[..., :nx]
     assert 0.02 < kept.mean() < 0.98
     orders = np.repeat(np.arange(DEGREE), 2 * np.arange(DEGREE) + 1)
@@ -81,4 +82,4 @@ def test_source_is_what_the_moments_scatter_toward_the_eye(columns, factor: int)
             total = c.scattering.T @ cloud + c.air_scattering[k][:, None]
             diffuse = np.einsum("li,il,li->i", total[orders], harmonic_matrix(local, DEGREE), moments)
             diffuse /= c.scaled @ cloud + c.air_extinction[k]
-            np.testing.assert_allclose(field.volume.fields[k, j, :, PACK + w], diffuse, rtol=2e-4, atol=1e-9)
+            np.testing.assert_allclose(fields[k, j, :, PACK + w], diffuse, rtol=2e-4, atol=1e-9)

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from tests.ground.test_maps import rasterio, write
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, toward
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, aimed_at, grid_scene, medium_of, toward
 
 import openswim
 from openswim.cameras import Rays
 from openswim.ground import Ground, earth
+from openswim.ground.surface import surface_of
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.ground_light.landscape import Landscape, Lattice, landscape_of
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M
-from openswim.transport.medium.medium import build_medium
 
 assert rasterio
 RADIUS = 6_371_000.0
@@ -43,7 +43,7 @@ def pixels(half_m: float, step_m: float) -> np.ndarray:
 
 
 def landscape(scene: Scene) -> Landscape:
-    found = landscape_of(scene, build_medium(scene, np.array([WAVELENGTH_NM]), 0.5))
+    found = landscape_of(surface_of(scene, WAVELENGTH_NM), medium_of(scene, np.array([WAVELENGTH_NM]), 0.5))
     assert found is not None
     return found
 
@@ -133,7 +133,7 @@ def test_steep_slopes_see_less_of_the_sky(tmp_path) -> None:
     x = pixels(6e3, 15.0)
     ripples = BASE_M + 95.0 * np.cos(2 * np.pi * x / 600.0)
     scene = scene_with(np.broadcast_to(ripples, (x.size, x.size)), tmp_path / "dem.tif", 6e3, air=True)
-    frame = build_medium(scene, np.array([WAVELENGTH_NM]), 0.5).frame
+    frame = medium_of(scene, np.array([WAVELENGTH_NM]), 0.5).frame
     field = Solver(detail=False).solve(scene, toward(90.0, -3.0), [WAVELENGTH_NM])
     metre = np.degrees(1 / RADIUS) / np.cos(np.radians(LAT))
     crest, flank = (frame.position(LAT, LON + east * metre, 2000.0) for east in (0.0, 150.0))
@@ -147,18 +147,17 @@ def test_steep_slopes_see_less_of_the_sky(tmp_path) -> None:
 def test_rays_told_where_the_ground_is_see_what_those_see_that_find_it() -> None:
     """Air light and transmission up to a distance are those up to the ground at that distance."""
     scene = scene_with(None, "", air=True)
-    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).packs[0]
-    pack.landscape = None
+    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).lit[0]
     eye = pack.frame.position(LAT, LON, BASE_M + 1500.0)
+    volume = aimed_at(pack, eye).volume
     direction = fan(30.0, np.linspace(-1.2, 0.6, 60))
-    pack.view(Rays(eye, direction))
-    own = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5)
+    own = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5)
     ends = np.where(own.distance_m >= 0, own.distance_m, FAR_M)
-    told = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=ends)
+    told = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5, ends=ends)
     np.testing.assert_allclose(told.distance_m, own.distance_m, rtol=1e-9)
     np.testing.assert_allclose(told.radiance[:, 0], own.radiance[:, 0], rtol=2e-3)
     np.testing.assert_allclose(told.full[:, 0], own.full[:, 0], rtol=2e-3)
-    nearer = march_rays(eye, direction, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=0.5 * ends)
+    nearer = march_rays(eye, direction, pack.sun, pack.table, pack.shells, volume, 0.5, ends=0.5 * ends)
     met = own.distance_m >= 0
     assert (nearer.radiance[met, 0] < own.radiance[met, 0]).all()
     assert (nearer.full[met, 0] > own.full[met, 0]).all()
@@ -167,13 +166,12 @@ def test_rays_told_where_the_ground_is_see_what_those_see_that_find_it() -> None
 def test_under_the_terrain_of_the_grid_there_is_air(tmp_path) -> None:
     """Into a gorge 800 m deep, which the model fills: more air is looked through, and ever more light added."""
     scene = scene_with(None, "", air=True, terrain_m=1000.0)
-    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).packs[0]
-    pack.landscape = None
+    pack = Solver("fast", tolerance=0.5).solve(scene, toward(200.0, 40.0), [WAVELENGTH_NM]).lit[0]
     eye = pack.frame.position(LAT, LON, 1200.0)
+    volume = aimed_at(pack, eye).volume
     down = np.array([[0.0, 0.0, -1.0]])
-    pack.view(Rays(eye, down))
     through = [
-        march_rays(eye, down, pack.sun, pack.table, pack.shells, pack.volume, 0.5, ends=np.array([end]))
+        march_rays(eye, down, pack.sun, pack.table, pack.shells, volume, 0.5, ends=np.array([end]))
         for end in (200.0, 600.0, 1000.0)
     ]
     depth = -np.log([t.full[0, 0] for t in through])
@@ -242,13 +240,13 @@ def test_a_mosaic_has_no_seams(tmp_path) -> None:
 def test_no_landscape_where_the_grid_says_it_all(monkeypatch) -> None:
     """Flat scenes, scenes that know no terrain, and all without elevation models where pvlib is missing."""
     flat = grid_scene({}, (5, 5, 5))
-    assert landscape_of(flat, build_medium(flat, np.array([WAVELENGTH_NM]), 0.5)) is None
+    assert landscape_of(surface_of(flat, WAVELENGTH_NM), medium_of(flat, np.array([WAVELENGTH_NM]), 0.5)) is None
     scene = scene_with(None, "")
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.5)
+    medium = medium_of(scene, np.array([WAVELENGTH_NM]), 0.5)
     without = replace(scene, data=scene.data.drop_vars("surface_altitude"))
-    assert landscape_of(without, medium) is None
+    assert landscape_of(surface_of(without, WAVELENGTH_NM), medium) is None
     monkeypatch.setattr(earth, "_relief_path", lambda: None)
-    assert landscape_of(scene, medium) is None
+    assert landscape_of(surface_of(scene, WAVELENGTH_NM), medium) is None
 
 
 @pytest.mark.skipif(not earth.has_relief(), reason="needs pvlib's height map: pip install 'openswim[relief]'")
@@ -269,7 +267,7 @@ def test_far_mountains_stand_beyond_the_domain() -> None:
     x = 2000.0 * (np.arange(21) - 10)
     scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0))
     land = landscape(scene)
-    assert landscape_of(replace(scene, ground=Ground(mountains=False)), land.medium) is None
+    assert landscape_of(surface_of(replace(scene, ground=Ground(mountains=False)), WAVELENGTH_NM), land.medium) is None
     frame = land.medium.frame
     eye = frame.position(45.1, 8.5, 122.0)
     altitude = np.radians(np.arange(-0.5, 4.0, 0.01))
@@ -314,7 +312,7 @@ def test_a_high_eye_sees_the_terrain_to_its_horizon() -> None:
     crs = CRS.from_proj4(f"+proj=laea +lat_0={LAT} +lon_0={LON} +R=6371000")
     terrain = np.broadcast_to(2000.0 + 1500.0 * np.sin(x / 300e3), (61, 61))
     scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain)
-    land = Landscape(scene, build_medium(scene, np.array([WAVELENGTH_NM]), 0.5))
+    land = Landscape(surface_of(scene, WAVELENGTH_NM), medium_of(scene, np.array([WAVELENGTH_NM]), 0.5))
     seen = land.seen_from(Rays(eye_at(land, 60e3), fan(90.0, np.linspace(-0.5, 0.1, 50)), 2e-3))
     lon = LON + np.array([-8.0, -4.0, 3.0, 7.5])
     place = land.medium.frame.position(np.full(4, LAT), lon, 0.0)
@@ -342,7 +340,7 @@ def test_terrain_of_nested_grids() -> None:
     wider = of(3000.0, 41, np.full((41, 41), 200.0))
     scene = of(500.0, 61, np.full((61, 61), 800.0))
     inner, outer = (
-        Landscape(one, build_medium(one, np.array([WAVELENGTH_NM]), 0.5)) for one in (scene, wider)
+        Landscape(surface_of(one, WAVELENGTH_NM), medium_of(one, WAVELENGTH_NM, 0.5)) for one in (scene, wider)
     )
     inner.wider = outer
     lon, lat = scene.grid.lonlat(np.linspace(30, 90, 200), 30.0)  # type: ignore[union-attr]
@@ -364,11 +362,11 @@ def test_terrain_that_ends_at_the_domains_side_is_no_wall(azimuth_deg: float) ->
     field = np.zeros((12, 24, 24), np.float32)
     field[10] = 1e-9
     scene = grid_scene(field, field.shape, (500.0, 500.0, 300.0), curved=True, air=True, terrain_m=terrain)
-    pack = Solver("swim").solve(scene, toward(azimuth_deg, 12.0), [WAVELENGTH_NM]).packs[0]
+    pack = Solver("swim").solve(scene, toward(azimuth_deg, 12.0), [WAVELENGTH_NM]).lit[0]
     assert pack.lighting.ground_m == 0
     rim = pack.medium.place[8:16, 0].astype(float)
     near, far = rim - np.array([300.0, 0.0, 0.0]), rim - np.array([20e3, 0.0, 0.0])
     for place in (near, far):
         place[:, 2] = np.sqrt(pack.frame.radius_m**2 - (place[:, :2] ** 2).sum(1)) - pack.frame.radius_m
     for place in (near, rim, far):
-        np.testing.assert_allclose(pack.through_clouds(place), 1.0, rtol=1e-4)
+        np.testing.assert_allclose(aimed_at(pack).through_clouds(place), 1.0, rtol=1e-4)

@@ -10,11 +10,12 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
-from openswim.transport import Solver
+from openswim.solver import Solver
+from openswim.transport import tiled as large
 from openswim.transport.air.shells import no_volume
-from openswim.transport.medium import tiles as large_medium
-from openswim.transport.medium.tiles import Window, large_levels, spread_on_levels
-from openswim.transport.view import tiled as large
+from openswim.transport.medium.levels import large_levels
+from openswim.transport.medium.tiles import Window, spread_on_levels
+from openswim.transport.tiled import LargeViewer
 
 EYE_M = 3.6e7
 CELL_M = (3000.0, 3000.0, 400.0)
@@ -22,7 +23,7 @@ CELL_M = (3000.0, 3000.0, 400.0)
 
 @pytest.fixture(autouse=True)
 def _every_domain_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(large, "LARGE_COLUMNS", 0)
+    monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 0)
 
 
 def _sun(zenith_deg: float, azimuth_deg: float = 120.0) -> np.ndarray:
@@ -72,8 +73,8 @@ def test_even_cloud_as_layers_of_many_streams(
 
     Five harmonics are 1-3 % off, 6.6 % at worst (back toward a high sun); thick cells no more than thin ones.
     """
-    monkeypatch.setattr(large_medium, "_FINEST_M", 50.0)
-    monkeypatch.setattr(large_medium, "_COARSEST_M", finest_m)
+    monkeypatch.setattr("openswim.transport.medium.levels._FINEST_M", 50.0)
+    monkeypatch.setattr("openswim.transport.medium.levels._COARSEST_M", finest_m)
     sun = _sun(zenith_deg)
     field = np.zeros((6, 24, 24), np.float32)
     field[2:4] = tau / 800.0  # linear to nothing at both sides: two cells' worth in all
@@ -104,6 +105,21 @@ def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
         np.testing.assert_allclose(seen, expected, rtol=0.012)
 
 
+@pytest.mark.parametrize("height_m", [-300.0, 1500.0])
+def test_high_and_low_ground_looks_as_outside_the_domain(height_m: float) -> None:
+    """A plateau, or land below the sea, in air that is the thinner the higher it ends; ground is seen at its height."""
+    field = np.zeros((30, 24, 24), np.float32)
+    field[25] = 1e-9
+    terrain = np.full((24, 24), height_m)
+    scene = grid_scene(field, (30, 24, 24), (3000.0, 3000.0, 500.0), curved=True, air=True, surface_albedo=0.3,
+                       terrain_m=terrain)  # fmt: skip
+    clear = Scene.clear(LAT, LON, surface_albedo=0.3, terrain_m=height_m)
+    rays = _rays(scene, 3, 3, 35.0)
+    seen, expected = (Solver().solve(one, _sun(40.0), [615.0, 450.0]).view(rays) for one in (scene, clear))
+    np.testing.assert_allclose(seen.radiance[4], expected.radiance[4], rtol=1.4e-3)
+    assert scene_frame(scene).latlon(seen.position)[2] == pytest.approx(height_m, abs=0.04)
+
+
 def test_no_light_is_lost() -> None:
     """What comes in goes out at the top or into the ground, where columns are alike and nothing absorbs."""
     for tau, zenith_deg in ((1.0, 30.0), (60.0, 70.0)):
@@ -117,10 +133,8 @@ def test_no_light_is_lost() -> None:
 def _fluxes(scene: Scene, zenith_deg: float) -> tuple[float, float]:
     """Up at the top and down at the ground, in the middle of a domain."""
     pack = Solver().solve(scene, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0]
-    assert isinstance(pack, large.LargeField)
-    part = pack._part(Window(0, 24, 0, 24))
-    assert part.light is not None
-    part.light.aim(part.volume, np.array([0.0, 0.0, EYE_M]), False)
+    assert isinstance(pack, large.LitDomain)
+    part = pack.part(Window(0, 24, 0, 24))
     middle = (slice(10, 14), slice(10, 14))
     down = part.lighting.direct_horizontal(0)[middle] + part.lighting.diffuse[0][middle]
     return float(part.lighting.up_top[0][middle].mean()), float(down.mean())
@@ -132,7 +146,7 @@ def test_parts_leave_no_seam(clouds: Scene, monkeypatch: pytest.MonkeyPatch) -> 
     for columns in (10**6, 300):
         monkeypatch.setattr(large, "_PART_COLUMNS", columns)
         field = Solver().solve(clouds, sun, [WAVELENGTH_NM])
-        assert len(list(field.packs[0]._parts(rays))) == (1 if columns > 300 else 24)
+        assert len(list(LargeViewer(field.packs[0])._parts(rays))) == (1 if columns > 300 else 24)
         seen.append(field.view(rays))
     # rays set their steps by the cloud around them, as far as the part reaches
     np.testing.assert_allclose(seen[1].radiance, seen[0].radiance, rtol=6e-3)
@@ -146,7 +160,7 @@ def test_parts_stay_small_and_show_every_ray_once(clouds: Scene, monkeypatch: py
     monkeypatch.setattr(large, "_MOST_SLANT", 20)
     rays = _rays(clouds, 40, 30)
     for zenith_deg in (10.0, 89.5, 95.0):
-        parts = list(Solver().solve(clouds, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0]._parts(rays))
+        parts = list(LargeViewer(Solver().solve(clouds, _sun(zenith_deg), [WAVELENGTH_NM]).packs[0])._parts(rays))
         sizes = [(w.east - w.west) * (w.north - w.south) for w, _ in parts]
         assert max(sizes) <= (18 + 2 * 20) ** 2
         assert max(sizes) < 1.7 * 300 or zenith_deg > 80
@@ -186,8 +200,8 @@ def test_swim_is_seen_in_parts_too(clouds: Scene, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(large, "_PART_COLUMNS", 1500)
     parts = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM])
     seen = parts.view(rays).radiance
-    assert parts.packs[0].volume.fields.size == no_volume().fields.size  # nothing of the parts is kept
-    monkeypatch.setattr(large, "LARGE_COLUMNS", 10**6)
+    assert parts.lit[0].volume.fields.size == no_volume().fields.size  # nothing of the parts is kept
+    monkeypatch.setattr("openswim.transport.medium.plan.LARGE_COLUMNS", 10**6)
     whole = Solver("swim").solve(clouds, sun, [WAVELENGTH_NM]).view(rays).radiance
     assert np.sqrt(((seen - whole) ** 2).mean()) < 0.15 * whole.mean()  # levels differ
 

@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein, Mixture
 from openswim.scene import Scene
-from openswim.transport import Solver
-from openswim.transport.columns.discrete_ordinates import LAYERS_DEGREE, Layers, layer_levels, solve_layers
+from openswim.scene.phase import HenyeyGreenstein, Mixture
+from openswim.solver import Solver
+from openswim.transport.columns.discrete_ordinates import Layers, solve_layers
+from openswim.transport.medium.levels import LAYERS_DEGREE, layer_levels
 
 LAMBDA_NM = [550.0]
 

@@ -16,9 +16,10 @@ from tests.transport.scenes import (
 )
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
+from openswim.transport import Field
 
 CELL = 50.0
 BETA = 0.004

@@ -4,17 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, box, grid_scene, slab
+from tests.transport.scenes import LAT, LON, box, grid_scene, medium_of, slab
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.air.shells import no_volume
 from openswim.transport.march.volume import grid_index
 from openswim.transport.medium.levels import own_levels
-from openswim.transport.medium.medium import build_medium, drawn_shape, with_air_above
+from openswim.transport.medium.plan import Fineness, plan_medium
 from openswim.transport.medium.subdivision import finer_cloud, subdivided
 
 WL = np.array([615.0, 546.0, 450.0])
@@ -35,14 +37,14 @@ def lumps(seed: int = 0) -> np.ndarray:
 def test_levels_come_before_columns() -> None:
     """Where nodes are too many to divide both, thick layers are divided and wide cells are not."""
     shape = (16, 30, 30)
-    medium = build_medium(grid_scene(np.full(shape, 100 / 375), shape, (999.0, 999.0, 25.0)), WL, 0.8)
+    medium = medium_of(grid_scene(np.full(shape, 100 / 375), shape, (999.0, 999.0, 25.0)), WL, 0.8)
     assert len(medium.levels_m) > 45  # of an optical depth of .9 each, scaled
     assert medium.extinction.size < 5e6
 
 
 def test_levels_are_divided_without_changing_the_cloud() -> None:
     scene = grid_scene(lumps(), SHAPE)
-    medium = build_medium(scene, WL, 0.8)
+    medium = medium_of(scene, WL, 0.8)
     assert len(medium.levels_m) > SHAPE[0]  # five optical depths a cell are too many
     assert set(np.round(scene.grid.height_m, 6)) <= set(np.round(medium.levels_m, 6))
     f = medium.fineness
@@ -55,7 +57,7 @@ def test_air_under_a_cloud_is_not_divided_as_cloud() -> None:
     """A deck that begins with the lowest level of its file: only its own layers are thick."""
     x, z = 50.0 * np.arange(8), 438.0 + 25.0 * np.arange(8)
     deck = np.full((8, 8, 8), 0.1, np.float32)
-    medium = build_medium(Scene.from_arrays(deck, x, x, z), WL, 0.8)
+    medium = medium_of(Scene.from_arrays(deck, x, x, z), WL, 0.8)
     below, within = (np.diff(medium.levels_m[part]) for part in (medium.levels_m <= 437, medium.levels_m >= 438))
     assert below.min() > 100.0
     assert within.max() < 25.0
@@ -68,20 +70,20 @@ def test_a_low_sun_divides_what_it_meets_from_above(columns: int, more: bool) ->
     cloud = box(shape, (slice(4, 8), slice(0, 12), slice(0, columns)), 0.01)
     cloud[:, 0] *= 0.9  # not plane-parallel
     scene = grid_scene(cloud, shape)
-    low, high = (len(build_medium(scene, WL, np.cos(np.radians(zenith))).levels_m) for zenith in (75.0, 60.0))
+    low, high = (len(medium_of(scene, WL, np.cos(np.radians(zenith))).levels_m) for zenith in (75.0, 60.0))
     assert low > high if more else low == high
 
 
 def test_without_refinement_the_levels_are_the_scenes_own() -> None:
     scene = grid_scene(lumps(), SHAPE)
-    medium = build_medium(scene, WL, 0.8, refine=False)
+    medium = medium_of(scene, WL, 0.8, refine=False)
     np.testing.assert_allclose(medium.levels_m, scene.grid.height_m)
     np.testing.assert_array_equal(medium.extinction[0], lumps())
 
 
 def test_clear_air_goes_on_above_a_low_model() -> None:
-    own = build_medium(grid_scene(lumps(), SHAPE, air=True), WL, 0.8)
-    medium = with_air_above(own)
+    scene = grid_scene(lumps(), SHAPE, air=True)
+    own, medium = (medium_of(scene, WL, 0.8, extend=extend) for extend in (False, True))
     nz, top = len(own.levels_m), own.levels_m[-1]
     assert top < 1000 < 18e3 < medium.levels_m[-1]
     np.testing.assert_array_equal(medium.levels_m[:nz], own.levels_m)
@@ -92,8 +94,9 @@ def test_clear_air_goes_on_above_a_low_model() -> None:
     assert (np.diff(above) >= 0).all()
     assert 0 < above.max() <= 2000
     assert medium.cloud_top_m == own.cloud_top_m <= top
-    airless = build_medium(grid_scene(lumps(), SHAPE), WL, 0.8)
-    assert with_air_above(airless) is airless
+    airless = grid_scene(lumps(), SHAPE)
+    own, medium = (medium_of(airless, WL, 0.8, extend=extend) for extend in (False, True))
+    np.testing.assert_array_equal(medium.levels_m, own.levels_m)
 
 
 def test_terrain_following_levels_keep_the_columns() -> None:
@@ -103,7 +106,7 @@ def test_terrain_following_levels_keep_the_columns() -> None:
     heights = terrain + np.linspace(0, 6000, nz)[:, None, None] * (1 - terrain / 20_000)
     cloud = 0.004 * np.exp(-(((heights - 2500) / 700) ** 2)).astype(np.float32)
     scene = Scene.from_arrays({"cloud": cloud}, x, 1000.0 * np.arange(ny), heights, terrain_m=terrain)
-    medium = build_medium(scene, WL, 0.8)
+    medium = medium_of(scene, WL, 0.8)
     assert (np.diff(medium.levels_m) > 0).all()
     ours = columns_m(medium.extinction[0], medium.levels_m)[:: medium.fineness, :: medium.fineness]
     theirs = np.trapezoid(cloud.astype(float), heights, axis=0)
@@ -112,7 +115,7 @@ def test_terrain_following_levels_keep_the_columns() -> None:
 
 
 def test_plane_parallel_scenes_become_one_column() -> None:
-    medium = build_medium(slab(5.0), WL, 0.5)
+    medium = medium_of(slab(5.0), WL, 0.5)
     assert medium.shape[1:] == (1, 1)
     assert medium.layered
     assert columns_m(medium.extinction[0], medium.levels_m)[0, 0] == pytest.approx(5.0, rel=1e-5)
@@ -120,7 +123,7 @@ def test_plane_parallel_scenes_become_one_column() -> None:
 
 def test_columns_stand_where_the_map_puts_them() -> None:
     scene = grid_scene({}, SHAPE, (4000.0, 5000.0, 500.0), curved=True)
-    medium = build_medium(scene, WL, 0.8, refine=False)
+    medium = medium_of(scene, WL, 0.8, refine=False)
     iy, ix = np.mgrid[0 : SHAPE[1], 0 : SHAPE[2]]
     lon, lat = scene.grid.lonlat(ix, iy)
     ours_lat, ours_lon, height = medium.frame.latlon(medium.place)
@@ -137,7 +140,7 @@ def test_columns_stand_where_the_map_puts_them() -> None:
 
 
 def test_frame_of_a_curved_scene_stands_on_its_centre() -> None:
-    medium = build_medium(grid_scene({}, SHAPE, curved=True), WL, 0.8)
+    medium = medium_of(grid_scene({}, SHAPE, curved=True), WL, 0.8)
     assert medium.frame.lat == pytest.approx(LAT, abs=1e-6)
     assert medium.frame.lon == pytest.approx(LON, abs=1e-6)
 
@@ -172,14 +175,14 @@ def test_a_uniform_layer_stays_uniform_when_made_finer() -> None:
 def test_cloud_under_the_terrain_is_gone() -> None:
     terrain = np.full(SHAPE[1:], 450.0)
     scene = grid_scene(np.full(SHAPE, 0.001, np.float32), SHAPE, curved=True, terrain_m=terrain)
-    medium = build_medium(scene, WL, 0.8, refine=False)
+    medium = medium_of(scene, WL, 0.8, refine=False)
     assert not medium.extinction[0, medium.levels_m < 250].any()
     assert medium.extinction[0, medium.levels_m > 450].all()
 
 
 def test_a_scene_without_a_grid_has_no_medium() -> None:
     with pytest.raises(UserError, match="no grid"):
-        build_medium(Scene.clear(LAT, LON), WL, 0.8)
+        medium_of(Scene.clear(LAT, LON), WL, 0.8)
 
 
 def test_global_grids_are_refused_with_a_remedy() -> None:
@@ -190,11 +193,11 @@ def test_global_grids_are_refused_with_a_remedy() -> None:
         {}, np.arange(-180.0, 180.0, 10.0), np.arange(-80.0, 81.0, 10.0), np.arange(3) * 1000.0, crs=lonlat
     )
     with pytest.raises(UserError, match="350 degrees"):
-        build_medium(scene, WL, 0.8)
+        medium_of(scene, WL, 0.8)
 
 
 def hemisphere(lat: float = 20.0, lon: float = 170.0, half_deg: float = 89.0, nodes: int = 61, **more: Any) -> Scene:
-    """The half of the Earth around a place, as `readers.neighbourhood` maps it: equal-area, over date line and pole."""
+    """The half of the Earth around a place, as `readers.domain` maps it: equal-area, over date line and pole."""
     from pyproj import CRS
 
     radius = 6.371e6
@@ -205,7 +208,7 @@ def hemisphere(lat: float = 20.0, lon: float = 170.0, half_deg: float = 89.0, no
 
 def test_chart_finds_places_all_over_a_hemisphere() -> None:
     scene = hemisphere()
-    medium = build_medium(scene, WL, 0.8, refine=False)
+    medium = medium_of(scene, WL, 0.8, refine=False)
     up = np.random.default_rng(0).standard_normal((4000, 3))
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     up = up[up[:, 2] > np.cos(np.radians(88))]
@@ -237,19 +240,19 @@ def test_a_hemisphere_of_cloud_is_seen_to_the_limb_without_a_hole() -> None:
 @pytest.mark.parametrize(
     ("extinction_per_m", "divide", "halvings"), [(1e-3, True, 0), (0.05, True, 3), (0.05, False, 0)]
 )
-def test_what_is_reckoned_of_a_grid_is_what_is_built(extinction_per_m: float, divide: bool, halvings: int) -> None:
+def test_what_is_planned_of_a_grid_is_what_is_built(extinction_per_m: float, divide: bool, halvings: int) -> None:
     """Nodes and halved cells of a thin and a thick cloud on the Earth, as estimates have them; even ones stay whole."""
     shape = (10, 12, 12)
     lump = box(shape, (slice(3, 7), slice(4, 8), slice(4, 8)), extinction_per_m)
     scene = grid_scene(lump, shape, (200.0, 200.0, 100.0), curved=True)
-    medium = build_medium(scene, np.array([550.0]), 0.7, divide=divide)
-    reckoned, cell_m, divided = drawn_shape(scene, refine=True, divide=divide)
-    assert medium.halvings == halvings
-    assert divided == (halvings > 0)
-    assert cell_m == pytest.approx(min(medium.cell_m), rel=0.01)
-    assert np.prod(medium.shape) <= np.prod(reckoned) < 1.4 * np.prod(medium.shape)
+    medium = medium_of(scene, np.array([550.0]), 0.7, divide=divide)
+    terrain = surface_of(scene, 550.0).terrain_m
+    plan = plan_medium(matter_of(scene, 550.0), terrain, 0.7, Fineness(divide=divide, extend=True))
+    assert medium.halvings == len(plan.halvings) == halvings
+    assert plan.cell_m == medium.cell_m
+    assert plan.drawn_shape == medium.shape
     even = grid_scene(np.full(shape, extinction_per_m), shape, (200.0, 200.0, 100.0), curved=True)
-    assert build_medium(even, np.array([550.0]), 0.7).halvings == 0
+    assert medium_of(even, np.array([550.0]), 0.7).halvings == 0
 
 
 def test_a_thin_lowest_layer_does_not_fill_the_air_below_with_its_like():

@@ -24,17 +24,17 @@ from tests.transport.scenes import (
     slab,
     toward,
 )
-from tests.validate.fakes import single_scattering
+from tests.validation.fakes import single_scattering
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import HenyeyGreenstein
-from openswim.rendering import daylight
+from openswim.lighting import daylight
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.procedural import demo_scene
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.montecarlo import reference as montecarlo
 
 SUN = toward(200.0, 40.0)

@@ -9,9 +9,9 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.transport.scenes import down_on, sky_directions, toward
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.montecarlo.kernels import pixel_width, scout
 from openswim.transport.montecarlo.phase import start_stream
 from openswim.transport.montecarlo.reference import ReferenceField

@@ -9,10 +9,12 @@ import pytest
 from numba import njit
 
 from openswim.ground import SurfaceSample, bidirectional_reflectance
+from openswim.ground.surface import surface_of
 from openswim.optics import mie
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
 from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflected, seen_ground
 from openswim.transport.montecarlo.phase import (
     drawn_q,
@@ -194,7 +196,7 @@ def test_beam_through_the_air_is_the_integral() -> None:
     for altitude in (90.0, 20.0, 1.0, -1.0):
         a = np.radians(altitude)
         sun = np.array([np.cos(a), 0.0, np.sin(a)])
-        world, _, _, _ = build_world(scene, sun, np.array([450.0]))
+        world, _, _, _ = build_world(None, matter_of(scene, 450.0), surface_of(scene, 450.0), sun)
         for height in (0.0, 137.0, 15_300.0, 41_000.0):
             beam = np.zeros(1)
             air_beam(0.0, 0.0, height, height, world, beam)

@@ -8,6 +8,7 @@ from tests.transport.scenes import (
     LAT,
     LON,
     WAVELENGTH_NM,
+    aimed_at,
     down_on,
     grid_scene,
     sky_directions,
@@ -17,12 +18,13 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
-from openswim.rendering import light
+from openswim.lighting import light
 from openswim.rendering import render as rendered
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.march.march import march_rays
-from openswim.transport.view.nested import Core
+from openswim.transport.medium.core import Core
 
 SUN = toward(140.0, 45.0)
 CELL, HEIGHT, LEVELS = 1000.0, 400.0, 16
@@ -147,7 +149,6 @@ def test_clouds_of_the_wider_grid_shade_the_inner(name) -> None:
         pack = solved(one, solver, sun).packs[0]
         middle = pack.medium.shape[1] // 2  # type: ignore[union-attr]
         direct[which] = pack.lighting.direct[0, middle, middle - 9 : middle + 10]
-        assert pack.depths is None
     assert direct["alone"].min() > 0.3
     assert direct["whole"].max() < 0.1 * direct["alone"].max()
     np.testing.assert_allclose(direct["nest"], direct["whole"], atol=0.02)
@@ -205,7 +206,7 @@ def test_three_grids(clouds) -> None:
     first.wider = scene
     assert [level.grid.shape[2] for level in first.levels] == [29, 25, 25]
     field = solved(first)
-    assert len(field.packs[0].levels) == 3
+    assert len(field.lit[0].levels) == 3
     for name, rays in VIEWS.items():
         assert difference(field.view(rays).radiance, clouds[0].view(rays).radiance) < 0.05, name
 
@@ -225,7 +226,7 @@ def test_what_water_mirrors_is_in_both_grids() -> None:
 
 def test_cores_of_rays() -> None:
     """Where rays enter and leave, against steps along them."""
-    pack = solved(laid(clear_sky, half=12), Solver("swim")).packs[0]
+    pack = solved(laid(clear_sky, half=12), Solver("swim")).lit[0]
     assert pack.medium is not None
     core, medium = Core.of(pack.medium), pack.medium
     rng = np.random.default_rng(1)
@@ -236,7 +237,7 @@ def test_cores_of_rays() -> None:
     enter, leave = core.crossed(origin, direction, pack.shells.top_m)
     s = np.arange(50.0, 60e3, 100.0)
     lat, lon, _ = medium.frame.latlon(origin[:, None] + s[:, None] * direction[:, None])
-    ix, iy = (i * medium.fineness for i in pack.scene.grid.index(lon, lat))  # type: ignore[union-attr]
+    ix, iy = (i * medium.fineness for i in medium.grid.index(lon, lat))
     ny, nx = medium.shape[1:]
     rim = max(2, round(0.08 * nx))
 
@@ -253,7 +254,7 @@ def test_cores_of_rays() -> None:
 
 def test_the_core_from_space() -> None:
     """Rays that come from above enter it at once, and those that pass the Earth by, or see its far side, never."""
-    core = Core.of(solved(laid(clear_sky, half=12), Solver("swim")).packs[0].medium)  # type: ignore[arg-type]
+    core = Core.of(solved(laid(clear_sky, half=12), Solver("swim")).lit[0].medium)  # type: ignore[arg-type]
     up = np.array([0.0, 0.0, 1.0])
     enter, leave = core.crossed(np.array([[0.0, 0.0, 3.6e7]] * 2), np.stack([-up, up]), 1e5)
     assert enter[0] == 0
@@ -269,8 +270,8 @@ def test_the_core_from_space() -> None:
 def test_a_way_in_two_pieces(clouds, altitude) -> None:
     """Rays that stop on their way and go on from there see what they see in one go; the ground they find themselves."""
     pack = clouds[0].packs[0]
-    world = pack.sun, pack.table, pack.shells, pack.volume, 0.25
     o, d = np.array([[100.0, 50.0, 800.0]]), toward(70.0, altitude)[None]
+    world = pack.sun, pack.table, pack.shells, aimed_at(pack, o[0]).volume, 0.25
     whole = march_rays(o, d, *world)
     for stop in (900.0, 4321.0, 70e3):
         first = march_rays(o, d, *world, ends=np.array([-stop]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
 
-from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh
+from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh
 from openswim.transport.march.forward_peak import peak_table, peak_tables
 
 M = 5

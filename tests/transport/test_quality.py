@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, slab, toward
+from tests.transport.scenes import WAVELENGTH_NM, down_on, grid_scene, medium_of, slab, toward
 
 from openswim.errors import UserError
+from openswim.options import SETTINGS
 from openswim.scene import Scene
-from openswim.transport import Solver
-from openswim.transport.medium.medium import build_medium, halved_medium
-from openswim.transport.options import SETTINGS
-from openswim.validate.metrics import Score, image_score
-from openswim.validate.phases import PhaseTables
-from openswim.validate.reference import read_reference
+from openswim.solver import Solver
+from openswim.validation.metrics import Score, image_score
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
@@ -52,7 +47,7 @@ def scores(scene: Scene) -> dict[str, tuple[Score, list[int]]]:
     for quality in SETTINGS:
         field = Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM])
         seen = field.view(rays).radiance.reshape(PIXELS, PIXELS)
-        out[quality] = image_score(seen, image, sigma), field.packs[0].sweeps
+        out[quality] = image_score(seen, image, sigma), field.lit[0].sweeps
     return out
 
 
@@ -74,22 +69,10 @@ def test_preview_sweeps_the_same_grids_less(scores) -> None:
     assert preview[-1] <= standard[-1]
 
 
-def test_preview_of_cumulus(shared: Path) -> None:
-    """From above and, in a cloud's shadow, from below, by other people's Monte Carlo: what docs/solvers.md states."""
-    from openswim.validate.cases3d import compare
-
-    for name in ("rico_nadir_sza60.nc", "rico_ground_shadow_sza60.nc"):
-        reference = read_reference(shared / "reference" / "clouds" / name)
-        for row in compare(reference, Solver(quality="preview"), PhaseTables([])):
-            assert row.relative_rmse < 0.05, row
-            assert abs(row.bias) < 0.015, row
-
-
 @pytest.mark.parametrize("periodic", [False, True])
 def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3, periodic=periodic)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    finer = halved_medium(scene, medium)
+    medium, finer = (medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=halve) for halve in (False, True))
     _, ny, nx = medium.shape
     assert finer.shape[1:] == ((2 * ny, 2 * nx) if periodic else (2 * ny - 1, 2 * nx - 1))
     assert finer.cell_m == (CELL_M / 2, CELL_M / 2)
@@ -106,13 +89,11 @@ def test_halved_cells_hold_the_same_fields(periodic: bool) -> None:
 
 
 def test_nothing_is_halved_that_has_no_sides_or_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    sideless = slab(2.0)
-    medium = build_medium(sideless, np.array([WAVELENGTH_NM]), 0.7)
-    assert halved_medium(sideless, medium) is medium
+    assert medium_of(slab(2.0), WAVELENGTH_NM, 0.7, halve=True).halvings == 0
     scene = grid_scene(cumuli(), SHAPE, (CELL_M,) * 3)
-    medium = build_medium(scene, np.array([WAVELENGTH_NM]), 0.7)
-    monkeypatch.setattr("openswim.transport.medium.medium._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
-    assert halved_medium(scene, medium) is medium
+    medium = medium_of(scene, WAVELENGTH_NM, 0.7, divide=False)
+    monkeypatch.setattr("openswim.transport.medium.plan._MOST_HALVED_NODES", 3 * medium.extinction[0].size)
+    assert medium_of(scene, WAVELENGTH_NM, 0.7, divide=False, halve=True).shape == medium.shape
 
 
 def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> None:
@@ -121,9 +102,9 @@ def test_columns_lit_each_by_itself_are_as_they_are_whatever_the_quality() -> No
     field[2:4, 5:12, 5:12] = 1e-3
     scene = grid_scene(field, field.shape, (3000.0, 3000.0, 500.0))
     standard, high = (
-        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).packs[0].volume for quality in ("standard", "high")
+        Solver(quality=quality).solve(scene, SUN, [WAVELENGTH_NM]).lit[0].channels for quality in ("standard", "high")
     )
-    assert high.fields.shape == standard.fields.shape
+    assert high.beam.shape == standard.beam.shape
 
 
 def test_ground_of_two_colours_stays_in_its_place_when_halved() -> None:

@@ -16,7 +16,8 @@ from openswim.optics import background
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.air.shells import (
     beam_transmission,
     beam_transmission_at,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 from openswim.transport.diffuse.inflow import Columns
 from openswim.transport.diffuse.sweeper import pairs
 

@@ -24,10 +24,11 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.optics.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
-from openswim.transport import Field, Solver
+from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
+from openswim.solver import Solver
+from openswim.transport import Field
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0])
@@ -364,31 +365,3 @@ def test_rays_must_share_something(three_wavelengths) -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(UserError, match="split them"):
         three_wavelengths[1].view(Rays(rng.random((4, 3)) * 100, rng.normal(size=(4, 3))))
-
-
-def four_by_four(image: np.ndarray) -> np.ndarray:
-    ni, nj = (n // 4 for n in image.shape)
-    return image[: 4 * ni, : 4 * nj].reshape(ni, 4, nj, 4).mean(axis=(1, 3))
-
-
-def test_rico_cumulus_from_above_by_monte_carlo(shared: Path) -> None:
-    """System test: LES cumulus over black ground, sun zenith 60, nadir view; 15 % rms of 4x4-pixel means."""
-    with xr.open_dataset(shared / "reference" / "clouds" / "rico_nadir_sza60.nc") as data:
-        case = data.load()
-    x, y, z = (1000.0 * case[axis].values for axis in "xyz")
-    extinction = case.extinction.transpose("z", "y", "x").values / 1000.0
-    scene = Scene.from_arrays(extinction, x, y, z, phase=HenyeyGreenstein(0.85), surface_albedo=0.0)
-    field = Solver().solve(scene, case.sun_direction.values, [WAVELENGTH_NM])
-    origin = 1000.0 * case.ray_origin.transpose("i", "j", "xyz").values
-    pixel = 1000.0 * np.stack([case.pixel_u.values, case.pixel_v.values])
-    along = case.ray_direction.values[0, 0]
-    # a pixel is a mean over its area: 2 x 2 rays
-    shifts = [a * pixel[0] + b * pixel[1] for a in (-0.25, 0.25) for b in (-0.25, 0.25)]
-    seen = np.mean([field.view(Rays((origin + s).reshape(-1, 3), along)).radiance for s in shifts], axis=0)
-    ours = four_by_four(seen.reshape(origin.shape[:2]))
-    truth = four_by_four(case.radiance.transpose("i", "j", ...).values[..., 0])
-    noise = four_by_four(case.sigma.transpose("i", "j", ...).values[..., 0] ** 2).mean() / 16
-    lit = truth > 0.02
-    error = np.sqrt(max(0.0, np.mean((ours - truth)[lit] ** 2) - noise)) / truth[lit].mean()
-    assert error < 0.15
-    assert ours[lit].mean() == pytest.approx(truth[lit].mean(), rel=0.08)

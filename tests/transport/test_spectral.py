@@ -7,7 +7,7 @@ import pytest
 from tests.transport.scenes import down_on, grid_scene, toward
 from tests.transport.test_quality import CELL_M, SHAPE, cumuli
 
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.diffuse.moments import Moments, nothing_coarser
 from openswim.transport.diffuse.multigrid import Solution
 from openswim.transport.diffuse.spectral import Known, in_order, on_both_sides
@@ -24,7 +24,7 @@ def test_a_wavelength_between_is_as_if_it_were_swept(albedo: float) -> None:
     at = np.arange(-1300.0, 1300.0, APART)
     rays = down_on(*(a.ravel() for a in np.meshgrid(at, at)), 3000.0)
     three, own = (Solver(tolerance=1e-3).solve(scene, SUN, wl) for wl in (OF_THREE, ITS_OWN))
-    swept = [sweeps[-1] for sweeps in three.packs[0].sweeps]
+    swept = [sweeps[-1] for sweeps in three.lit[0].sweeps]
     assert swept[0] > 0
     assert swept[1] == 0
     assert swept[2] > 0

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.transport.scenes import grid_scene, slab, sun_at_zenith_angle
+from tests.transport.scenes import grid_scene, medium_of, slab, sun_at_zenith_angle
 
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.medium.cloud_cover import (
     broken_cloud,
     effective_share,
@@ -13,7 +13,6 @@ from openswim.transport.medium.cloud_cover import (
     spread_in_cloud,
     under_cloud,
 )
-from openswim.transport.medium.medium import build_medium
 from openswim.transport.medium.subdivision import around_nodes
 
 WL = np.array([615.0, 546.0, 450.0])
@@ -195,9 +194,9 @@ def test_a_medium_of_wide_cells_is_broken_with_any_solver() -> None:
         fields={"cloud_area_fraction": np.full(shape, 0.4, np.float32)},
     )  # fmt: skip
     for refine in (True, False):
-        medium = build_medium(scene, WL, 0.8, refine)
+        medium = medium_of(scene, WL, 0.8, refine)
         assert medium.fineness >= 8
         depth = np.trapezoid(medium.extinction[0], medium.levels_m, axis=0)
         assert (depth < 0.3).mean() == pytest.approx(0.6, abs=0.15)
-        again = build_medium(scene, WL, 0.8, refine)
+        again = medium_of(scene, WL, 0.8, refine)
         np.testing.assert_array_equal(again.extinction, medium.extinction)

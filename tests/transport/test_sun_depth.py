@@ -6,9 +6,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.transport.scenes import WAVELENGTH_NM, box, down_on, grid_scene, toward
 
 from openswim.cameras import Rays
-from openswim.transport import Solver
+from openswim.solver import Solver
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
-from openswim.transport.engine.pack import PACK
 
 FLAT_M = 1e12
 
@@ -237,7 +236,7 @@ def test_a_setting_sun_fades_from_flat_scenes(name: str, periodic: bool) -> None
     for altitude_deg in (0.5, 0.25, 0.05, 0.01, 0.0, -0.01, -0.05, -0.25, -0.5, -5.0, -90.0):
         field = Solver(name).solve(scene, toward(53.0, altitude_deg), [WAVELENGTH_NM])
         views = [field.view(r).radiance.ravel() for r in (rays, down_on([0.0, 300.0], 0.0, 3000.0))]
-        seen = np.concatenate([*views, *field.fluxes().values(), [field.packs[0].volume.fields[..., :PACK].mean()]])
+        seen = np.concatenate([*views, *field.fluxes().values(), [field.lit[0].channels.beam.mean()]])
         assert np.isfinite(seen).all()
         assert (seen >= 0).all()
         assert (seen <= before + 1e-5).all(), altitude_deg

@@ -11,6 +11,7 @@ from tests.transport.scenes import (
     LON,
     WAVELENGTH_NM,
     box,
+    changed,
     down_on,
     grid_scene,
     mean_by_chance,
@@ -22,7 +23,8 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.ground.model import ModelGround
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.view.shading import _PART, _steepness
 
 ALTITUDE = 30.0
@@ -178,9 +180,8 @@ def test_land_has_patches_below_its_map_for_the_eye_alone() -> None:
     assert seen.mean() == pytest.approx(bare.mean(), rel=0.03)
     far = field.view(Rays(rays.origin_m, rays.direction, 10.0)).radiance[:, 0]
     assert np.abs(far / bare - 1).mean() < 0.05  # the map itself is averaged over 10 km
-    pack = field.packs[0]
-    pack.solver = Solver(detail=False)
-    np.testing.assert_allclose(field.view(rays).radiance[:, 0], bare, rtol=1e-5)
+    without = changed(field, options=Solver(detail=False))
+    np.testing.assert_allclose(without.view(rays).radiance[:, 0], bare, rtol=1e-5)
 
 
 def test_mountains_have_slopes_below_the_grid() -> None:
@@ -198,8 +199,7 @@ def test_mountains_have_slopes_below_the_grid() -> None:
     for azimuth in (120.0, 300.0):
         field = Solver(quality="preview").solve(scene, toward(azimuth, 30.0), [WAVELENGTH_NM])
         seen = field.view(rays).radiance[:, 0]
-        field.packs[0].solver = Solver(detail=False)
-        plain = field.view(rays).radiance[:, 0]
+        plain = changed(field, options=Solver(detail=False)).view(rays).radiance[:, 0]
         assert seen.mean() == pytest.approx(plain.mean(), rel=0.05)
         changes.append(np.log(np.maximum(seen, 0.02) / np.maximum(plain, 0.02)))
     # woods and fields change alike, and cancel
@@ -211,7 +211,7 @@ def test_slopes_of_a_domain_do_not_reach_far_beyond_it() -> None:
     n = 17
     terrain = 1000.0 + 300.0 * np.sin(np.arange(n))[:, None] * np.ones(n)
     scene = grid_scene({}, (5, n, n), (3000.0, 3000.0, 700.0), curved=True, terrain_m=terrain)
-    field = Solver(quality="preview").solve(scene, toward(120.0, 30.0), [WAVELENGTH_NM]).packs[0]
+    field = Solver(quality="preview").solve(scene, toward(120.0, 30.0), [WAVELENGTH_NM]).lit[0]
     fineness = field.medium.fineness
     steep = _steepness(field.lighting, field.medium, fineness * np.array([8.0, 16.0, 26.0, 116.0]), np.full(4, 8.0))
     assert steep[0] > 0.1
@@ -252,7 +252,7 @@ def test_white_hills_keep_their_light() -> None:
     scene = grid_scene(cloud, shape, (100.0, 100.0, 50.0), periodic=True, surface_albedo=1.0, terrain_m=hills)
     sun = toward(250.0, 40.0)
     field = Solver().solve(scene, sun, [WAVELENGTH_NM])
-    lighting = field.packs[0].lighting
+    lighting = field.lit[0].lighting
     assert lighting.diffuse_on_slopes().max() > 1.1 * lighting.diffuse.max()  # they light each other
     assert field.fluxes()["up_top"][0] == pytest.approx(sun[2], rel=0.003)
 

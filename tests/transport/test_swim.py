@@ -5,9 +5,10 @@ import pytest
 from tests.transport.scenes import WAVELENGTH_NM, slab, sun_at_zenith_angle
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.swim.phase import henyey_greenstein, sunlit_phase, thin_phase
 
 ANGLE = np.linspace(0, np.pi, 2_000_001)

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from tests.transport.scenes import (
     WAVELENGTH_NM,
+    aimed_at,
     box,
     down_on,
     grid_scene,
@@ -16,11 +17,13 @@ from tests.transport.scenes import (
 
 from openswim.cameras import Rays
 from openswim.optics.aerosol import aerosol_type, spectral_phase
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
+from openswim.solver import Solver
+from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scalar import share_of_step
+from openswim.transport.swim.near_side import near_side
 from openswim.transport.swim.phase import anisotropy, broadened, shaded_phase, thin_phase
 from openswim.transport.swim.view import clear_share
 
@@ -34,6 +37,38 @@ def test_depth_is_met_within_a_step(near: float, far: float, part: float) -> Non
     depth = step * (near * part + (far - near) * part**2 / 2)
     f32 = np.float32
     assert share_of_step(f32(near), f32(far), f32(step), f32(depth)) == pytest.approx(part, rel=1e-3)
+
+
+@pytest.mark.parametrize("tau", [0.5, 1.5, 9.0])
+@pytest.mark.parametrize("zenith", [0.0, 60.0])
+def test_near_sides_of_even_cloud(tau: float, zenith: float) -> None:
+    """Eq. 12 of a source that is the extinction, 1 - e^-min(tau, 2); the first unit of depth is half-way at half of
+    it, and the whole ray counts for what is dimmed."""
+    lit = SWIM.solve(slab(tau, levels=41), sun_at_zenith_angle(30.0), [WAVELENGTH_NM]).lit[0]
+    volume = aimed_at(lit).volume
+    volume.fields[..., PACK : 2 * PACK] = volume.fields[..., [volume.cloud_channel]]
+    along = sun_at_zenith_angle(zenith)
+    seen = near_side(np.zeros((1, 3)), along[None], lit.shells, volume, 1.0, None)
+    slant = tau / along[2]
+    assert seen.species_depth[0, 0] == pytest.approx(slant, rel=3e-6)
+    assert seen.full[0, 0] == pytest.approx(np.exp(-slant), abs=2e-5)
+    assert seen.lit[0, 0] == pytest.approx(1 - np.exp(-min(slant, 2)), rel=2e-5)
+    assert seen.cloud_m[0] == pytest.approx(0.5 * min(1 / slant, 1) * 1000.0 / along[2], rel=3e-6)
+    assert (seen.front == 0).all()
+
+
+def test_air_in_front_of_cloud_ends_at_its_first_unit_of_depth() -> None:
+    """Upward into a cloud that grows to .01/m from 1100 to 1200 m: half a unit there, the whole at 1250 m."""
+    shape = (31, 12, 12)
+    scene = grid_scene(box(shape, (slice(12, 20), slice(0, 12), slice(0, 12)), 0.01), shape, curved=True, air=True)
+    lit = SWIM.solve(scene, toward(90.0, 40.0), [WAVELENGTH_NM]).lit[0]
+    volume, eye, up = aimed_at(lit).volume, np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    seen = near_side(eye, up, lit.shells, volume, 1.0, None)
+    assert seen.cloud_m[0] == pytest.approx(1195.8, abs=4.8)  # by the middles of steps
+    volume.fields[..., 2 * PACK :] = 0
+    clear, further = (near_side(eye, up, lit.shells, volume, 1.0, np.array([-end])) for end in (1250.0, 1350.0))
+    assert seen.front[0, 0] == pytest.approx(clear.front[0, 0], rel=3e-4)
+    assert further.front[0, 0] > 1.05 * clear.front[0, 0]
 
 
 @pytest.mark.parametrize("g", [0.3, 0.85, 0.95])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Rays
-from openswim.optics.phase import HenyeyGreenstein
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.transport import Solver
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.solver import Solver
 
 SUN = np.array([0.6, 0.5, 0.62])
 

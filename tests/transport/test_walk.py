@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, grid_scene, sky_directions, toward
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, aimed_at, grid_scene, sky_directions, toward
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.transport import Field, Solver
+from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.march import walk
 from openswim.transport.march.empty_space import STEEP_CELLS, steepness
@@ -29,8 +30,9 @@ def cumulus() -> Field:
 
 
 def marched(field: Field, direction: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, int]:
-    pack = field.packs[0]
-    seen = march_rays(EYE, direction, pack.sun, pack.table, pack.shells, pack.volume, scale)
+    pack = field.lit[0]
+    volume = aimed_at(pack, EYE).volume
+    seen = march_rays(EYE, direction, pack.sun, pack.table, pack.shells, volume, scale)
     return seen.radiance[:, 0], seen.full[:, 0], int(seen.samples.sum())
 
 
@@ -59,12 +61,12 @@ def test_rays_do_not_know_of_each_other(cumulus: Field) -> None:
 
 def test_parallel_rays_do_not_know_of_each_other(cumulus: Field) -> None:
     """As a satellite sees: one direction, many origins."""
-    pack = cumulus.packs[0]
+    pack = cumulus.lit[0]
     x, y = np.meshgrid(np.linspace(-700.0, 700.0, 50), np.linspace(-700.0, 700.0, 50))
     origin = np.stack([x.ravel(), y.ravel(), np.full(x.size, 5000.0)], axis=-1)
     cumulus.view(Rays(origin[:2], np.array([0.0, 0.0, -1.0])))
     down = np.array([0.0, 0.0, -1.0])
-    world = (pack.sun, pack.table, pack.shells, pack.volume, 1.0)
+    world = (pack.sun, pack.table, pack.shells, aimed_at(pack).volume, 1.0)
     together = march_rays(origin, down, *world)
     assert np.ptp(together.full[:, 0]) > 0.5
     for n in (0, 1234, 2499):
@@ -99,16 +101,16 @@ def test_sphere_crossings_lie_on_the_sphere(radius_m: float, mu: float) -> None:
 def test_a_ray_that_meets_the_ground_before_the_grid_is_not_looked_up_in_it() -> None:
     """Its step ends in the grid, and is taken back to the ground outside."""
     scene = grid_scene(np.full((8, 20, 20), 1e-4), (8, 20, 20), (1000.0, 1000.0, 300.0), curved=True, air=True)
-    pack = Solver("swim").solve(scene, np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM]).packs[0]
+    pack = Solver("swim").solve(scene, np.array([0.0, 0.0, 1.0]), [WAVELENGTH_NM]).lit[0]
     # the box around a domain that lies askew is wider than it
-    shells, volume = tidy(pack.shells), tidy(pack.volume._replace(sides_m=1.2 * pack.volume.sides_m))
+    shells, volume = tidy(pack.shells), tidy(aimed_at(pack).volume._replace(sides_m=1.2 * pack.volume.sides_m))
     _, ny, nx = pack.medium.shape  # type: ignore[union-attr]
     for away in (1.0, 30.0, 300.0, 900.0):
         origin = np.array([-9500.0 - 2 * away, 0.0, 0.05 * away])
         origin[2] -= (origin[0] ** 2) / (2 * shells.radius_m)
         down = np.radians(-2.9)
         state, places = np.zeros(walk.WALK), np.zeros(walk.BATCH * walk.PLACE)
-        walk.start_walk(state, *origin, np.cos(down), 0.0, np.sin(down), -FAR_M, shells, volume)
+        walk.start_walk(state, origin, np.array([np.cos(down), 0.0, np.sin(down)]), -FAR_M, shells, volume)
         while state[walk.STATE] == walk.GOING:
             state[walk.COUNT] = 0
             walk.walk_on(state, places, shells, volume, 10.0, 2.0)
@@ -139,10 +141,10 @@ def test_rays_meet_the_terrain_where_they_first_come_under_it() -> None:
     y, x = np.mgrid[0:48, 0:48]
     terrain = 250 * np.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 20) + 60 * rng.random((48, 48))
     scene = grid_scene(np.zeros((12, 48, 48)), (12, 48, 48), (100.0,) * 3, terrain_m=terrain)
-    pack = Solver("swim").solve(scene, SUN, [WAVELENGTH_NM]).packs[0]
+    pack = Solver("swim").solve(scene, SUN, [WAVELENGTH_NM]).lit[0]
     eye = np.array([-700.0, 300.0, 180.0])
     d = sky_directions(np.linspace(70.0, 110.0, 31), np.arange(1.0, 360.0, 6.0))
-    seen = march_rays(eye, d, pack.sun, pack.table, pack.shells, pack.volume, 1.0)
+    seen = march_rays(eye, d, pack.sun, pack.table, pack.shells, aimed_at(pack, eye).volume, 1.0)
     s = np.arange(2.0, 3400.0, 2.0)
     place = eye + s[:, None, None] * d
     ix, iy = place[..., 0] / 100 + 23.5, place[..., 1] / 100 + 23.5

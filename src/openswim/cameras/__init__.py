@@ -1,7 +1,9 @@
 """Cameras: which way each pixel looks."""
 
 from openswim.cameras.camera import Camera
+from openswim.cameras.lenses import Lens
+from openswim.cameras.optics import Optics
 from openswim.cameras.pixels import Pixels
-from openswim.cameras.rays import Rays
+from openswim.scene.rays import Rays
 
-__all__ = ["Camera", "Pixels", "Rays"]
+__all__ = ["Camera", "Lens", "Optics", "Pixels", "Rays"]

@@ -1,37 +1,56 @@
 """Cameras on the ground, in the air and in space."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from openswim.arguments import number
-from openswim.cameras import projections
-from openswim.cameras.checks import check_altitude_range, check_place, check_shape, check_view, make_numbers, require
+from openswim.cameras import panorama
+from openswim.cameras.checks import (
+    check_altitude_range,
+    check_height,
+    check_place,
+    check_pointing,
+    check_shape,
+    check_view,
+    require,
+)
+from openswim.cameras.given import Given
+from openswim.cameras.lenses import Lens
+from openswim.cameras.obstacles import Mask, checked_horizon, open_sky
+from openswim.cameras.optics import Optics
 from openswim.cameras.pixels import Pixels
-from openswim.cameras.rays import Rays
+from openswim.cameras.real import RealCameras
+from openswim.cameras.sizes import Size, rows_of, shape_of, whole_disc_fov_deg
 from openswim.errors import UserError
+from openswim.scene.frame import horizon_vector
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.rays import Rays
 
-Size = int | Sequence[int]  # columns, or (rows, columns)
 GEOSTATIONARY_HEIGHT_M = 35_786_000.0
 FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --y) in place of lat and lon"
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
-WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer fits a flat picture
+View = Literal["allsky", "panorama", "perspective", "fisheye", "pinhole", "map", "rays"]
+_PLACE = ("lat", "lon", "x_m", "y_m")
+_NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 
 
 @dataclass(frozen=True)
-class Camera:
+class Camera(RealCameras):
     """Where the camera stands and how its pixels look out.
 
     Place: `lat`, `lon` in degrees on a curved Earth, or `x_m`, `y_m` in a flat scene.  `height_m` counts from
     the ground or from sea level (`above`).  `view` names the projection, whose settings are the remaining
     fields; use the constructors (`allsky`, `panorama`, `sphere`, `perspective`, `satellite`,
-    `geostationary`).
+    `geostationary`; `fisheye`, `pinhole`, `from_map` and `from_rays` for real cameras), or read a file by
+    `openswim.load_camera`.
+
+    Row 0, column 0 is the centre of the first pixel, on the top left.
     """
 
-    view: Literal["allsky", "panorama", "perspective"]
+    view: View
     shape: tuple[int, int]  # rows, columns
     lat: float | None = None
     lon: float | None = None
@@ -44,11 +63,22 @@ class Camera:
     fov_deg: float = 180.0
     roll_deg: float = 0.0
     altitude_range_deg: tuple[float, float] = (-90.0, 90.0)
+    lens_optics: Optics | None = None  # of fisheye and pinhole
+    given: Given | None = field(default=None, repr=False)  # of map and rays
+    horizon_deg: tuple[tuple[float, float], ...] = ()  # azimuth, altitude of what hides the sky
+    mask: Mask | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        make_numbers(self)
-        check_place(self)
-        check_view(self)
+        given = [name for name in _PLACE if getattr(self, name) is not None]
+        for name in (*given, *_NUMBERS):
+            object.__setattr__(self, name, number(f"camera: {name}", getattr(self, name)))
+        check_place(self.lat, self.lon, self.x_m, self.y_m)
+        check_height(self.height_m, self.above)
+        check_shape(self.shape)
+        check_view(self.view, self.fov_deg, self.lens_optics is not None, self.given is not None)
+        check_altitude_range(self.altitude_range_deg)
+        check_pointing(self.azimuth_deg, self.altitude_deg, self.roll_deg)
+        object.__setattr__(self, "horizon_deg", checked_horizon(self.horizon_deg))
 
     @classmethod
     def allsky(
@@ -71,7 +101,7 @@ class Camera:
         if centre not in ("zenith", "nadir"):
             raise UserError(f"allsky camera: centre {centre!r} is unknown; use 'zenith' or 'nadir'")
         altitude = 90.0 if centre == "zenith" else -90.0
-        shape = _shape(size)
+        shape = shape_of(size)
         if len(set(shape)) > 1:
             raise UserError(f"allsky camera: size {size} is not square; give one number")
         return cls("allsky", shape, lat, lon, x_m, y_m, height_m, altitude_deg=altitude, fov_deg=fov_deg)
@@ -93,7 +123,7 @@ class Camera:
 
         `size`: (rows, columns), or columns, the rows then following from square pixels at the horizon.
         """
-        shape = _shape(size, lambda columns: _rows(columns, altitude_range_deg))
+        shape = shape_of(size, lambda columns: rows_of(columns, altitude_range_deg))
         return cls(
             "panorama",
             shape,
@@ -140,7 +170,7 @@ class Camera:
 
         `size`: (rows, columns), or columns of a picture 3 : 2.
         """
-        shape = _shape(size, lambda columns: max(1, round(columns / 1.5)))
+        shape = shape_of(size, lambda columns: max(1, round(columns / 1.5)))
         return cls(
             "perspective",
             shape,
@@ -170,9 +200,9 @@ class Camera:
 
         Without `fov_deg` the whole disc of the Earth fits with a margin of 3 % (at most 140 degrees wide).
         """
-        shape = _shape(size)
+        shape = shape_of(size)
         if fov_deg is None:
-            fov_deg = _whole_disc_fov(height_m, earth_radius_m, shape)
+            fov_deg = whole_disc_fov_deg(height_m, earth_radius_m, shape)
         return cls("perspective", shape, lat, lon, None, None, height_m, "sea level", 0.0, -90.0, fov_deg)
 
     @classmethod
@@ -189,14 +219,72 @@ class Camera:
             return "sphere"
         return "satellite" if self.view == "perspective" and self.above == "sea level" else self.view
 
+    @property
+    def optics(self) -> Optics | None:
+        """The lens that draws this picture; None of a panorama, a map, and rays."""
+        if self.view not in ("allsky", "perspective"):
+            return self.lens_optics
+        centre = (self.shape[0] - 1) / 2, (self.shape[1] - 1) / 2
+        if self.view == "allsky":
+            lens = Lens("equidistant", self.shape[1] / np.radians(self.fov_deg))
+            if self.altitude_deg > 0:
+                return Optics(lens, *centre, fov_deg=self.fov_deg)
+            return Optics.pointing(lens, centre, 0.0, -90.0, fov_deg=self.fov_deg)
+        lens = Lens("pinhole", self.shape[1] / (2 * np.tan(np.radians(self.fov_deg) / 2)))
+        return Optics.pointing(lens, centre, self.azimuth_deg, self.altitude_deg, self.roll_deg)
+
     def pixels(self) -> Pixels:
         """Direction and solid angle of every pixel in the horizon frame at the camera's place."""
-        if self.view == "allsky":
-            return projections.polar(self.shape[0], self.fov_deg, zenith=self.altitude_deg > 0)
-        if self.view == "panorama":
-            return projections.cylinder(self.shape, self.azimuth_deg, self.altitude_range_deg)
-        return projections.pinhole(
-            self.shape, self.azimuth_deg, self.altitude_deg, self.fov_deg, self.roll_deg
+        if self.given is not None:
+            return self.given.pixels
+        if (optics := self.optics) is not None:
+            return optics.pixels(self.shape)
+        return panorama.pixels(self.shape, self.azimuth_deg, self.altitude_range_deg)
+
+    def pixel_of(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column, fractional, at which a direction is seen, also beyond the frame; NaN where the lens ends."""
+        direction = horizon_vector(azimuth_deg, altitude_deg)
+        if self.given is not None:
+            return self.given.project(direction)
+        if (optics := self.optics) is not None:
+            return optics.project(direction)
+        return panorama.project(direction, self.shape, self.azimuth_deg, self.altitude_range_deg)
+
+    def direction_of(self, row: ArrayLike, column: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Azimuth and altitude (degrees) of places in the picture, which may be fractional; NaN outside."""
+        if self.given is not None:
+            direction = self.given.direction(row, column)
+        elif (optics := self.optics) is not None:
+            direction = optics.direction(row, column)
+        else:
+            direction = panorama.direction(row, column, self.shape, self.azimuth_deg, self.altitude_range_deg)
+        at = Pixels(direction, np.empty(direction.shape[:-1]))
+        return at.azimuth_deg, at.altitude_deg
+
+    def open_sky(self) -> np.ndarray:
+        """(ny, nx) bool: the pixels that look above the camera's horizon line and past its mask."""
+        return open_sky(self.pixels(), self.horizon_deg, self.mask)
+
+    def resized(self, size: Size) -> "Camera":
+        """The same view in coarser or finer pixels: `size` columns, or (rows, columns) of the same shape."""
+        ny, nx = self.shape
+        shape = shape_of(size, lambda columns: max(1, round(columns * ny / nx)))
+        require(
+            abs(shape[0] / ny - shape[1] / nx) <= 1 / ny,
+            f"size {shape[1]}x{shape[0]} has not the shape of this camera's {nx}x{ny}; give the columns alone",
+        )
+        factor = shape[1] / nx
+        mask = None
+        if self.mask is not None:
+            rows, columns = (np.minimum(((np.arange(n) + 0.5) * m / n).astype(int), m - 1)
+                             for n, m in zip(shape, self.shape, strict=True))  # fmt: skip
+            mask = Mask(self.mask.hidden[np.ix_(rows, columns)], self.mask.source)
+        return replace(
+            self,
+            shape=shape,
+            lens_optics=None if self.lens_optics is None else self.lens_optics.scaled(factor),
+            given=None if self.given is None else self.given.resized(shape),
+            mask=mask,
         )
 
     def rays(self, frame: Any, ground_height_m: float = 0.0, pixels: Pixels | None = None) -> Rays:
@@ -210,6 +298,9 @@ class Camera:
         self.check_frame(frame.curved)
         origin = frame.position(north, east, self.height_above_sea_m(ground_height_m))
         width = 2 * np.radians(np.broadcast_to(pixels.half_width_deg, pixels.inside.shape)[pixels.inside])
+        if self.given is not None and self.given.towards is not None:  # at these places, wherever the ground puts us
+            direction = frame.position(*self.given.towards.T) - origin
+            return Rays(origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True), width)
         return Rays(origin, pixels.direction[pixels.inside] @ frame.enu(north, east), width)
 
     def check_frame(self, curved: bool) -> None:
@@ -219,25 +310,3 @@ class Camera:
     def height_above_sea_m(self, ground_height_m: float = 0.0) -> float:
         """Height of the camera above sea level, metres."""
         return self.height_m + (ground_height_m if self.above == "ground" else 0.0)
-
-
-def _shape(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
-    """(rows, columns) of a size; `rows` of so many columns where these alone are given."""
-    alone = isinstance(size, (int, np.integer))
-    shape: Any = tuple(size) if isinstance(size, Iterable) else (rows(int(size)) if alone else size, size)
-    check_shape(shape)
-    return int(shape[0]), int(shape[1])
-
-
-def _rows(columns: int, altitude_range_deg: tuple[float, float]) -> int:
-    bottom, top = check_altitude_range(altitude_range_deg)
-    return max(1, round(columns * (top - bottom) / 360))
-
-
-def _whole_disc_fov(height_m: float, earth_radius_m: float, shape: tuple[int, int]) -> float:
-    """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
-    height_m, earth_radius_m = number("satellite height", height_m), number("earth_radius_m", earth_radius_m)
-    require(height_m > 0, f"satellite height {height_m:g} m is not above sea level")
-    tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
-    widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
-    return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

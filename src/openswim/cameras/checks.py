@@ -1,22 +1,20 @@
 """What a camera can be asked for."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from openswim.arguments import number, numbers, shown
+from openswim.arguments import numbers, shown
 from openswim.errors import UserError
-
-if TYPE_CHECKING:
-    from openswim.cameras.camera import Camera
 
 MAX_HEIGHT_M = 2.0e9
 LOWEST_ABOVE_SEA_M = -500.0
 ABOVE = ("ground", "sea level")
-_PLACE = ("lat", "lon", "x_m", "y_m")
-_NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 MAX_SIZE = 20_000
-WIDEST_FOV_DEG = {"allsky": 360.0, "panorama": 360.0, "perspective": 175.0}
+WIDEST_FOV_DEG = {
+    "allsky": 360.0, "panorama": 360.0, "perspective": 175.0, "fisheye": 360.0, "pinhole": 360.0, "map": 360.0,
+    "rays": 360.0,
+}  # fmt: skip
 
 
 def require(condition: bool, message: str) -> None:
@@ -25,28 +23,25 @@ def require(condition: bool, message: str) -> None:
         raise UserError(message)
 
 
-def make_numbers(camera: "Camera") -> None:
-    """Make floats of what must be numbers."""
-    given = [name for name in _PLACE if getattr(camera, name) is not None]
-    for name in (*given, *_NUMBERS):
-        object.__setattr__(camera, name, number(f"camera: {name}", getattr(camera, name)))
+def check_place(lat: float | None, lon: float | None, x_m: float | None, y_m: float | None) -> None:
+    """Latitude and longitude, or x and y."""
+    flat = x_m is not None and y_m is not None
+    require((lat is not None and lon is not None) != flat,
+            "camera: give either lat and lon (degrees) or x_m and y_m (flat scenes)")  # fmt: skip
+    if lat is not None and lon is not None:
+        require(-90 <= lat <= 90, f"camera latitude {lat} is not within -90..90")
+        require(-360 <= lon <= 360, f"camera longitude {lon} is not within -360..360")
+    if x_m is not None and y_m is not None:
+        require(bool(np.isfinite([x_m, y_m]).all()), "camera x_m and y_m must be finite metres")
 
 
-def check_place(camera: "Camera") -> None:
-    """Latitude and longitude, or x and y, and the height."""
-    geographic = camera.lat is not None and camera.lon is not None
-    flat = camera.x_m is not None and camera.y_m is not None
-    require(geographic != flat, "camera: give either lat and lon (degrees) or x_m and y_m (flat scenes)")
-    if camera.lat is not None and camera.lon is not None:
-        require(-90 <= camera.lat <= 90, f"camera latitude {camera.lat} is not within -90..90")
-        require(-360 <= camera.lon <= 360, f"camera longitude {camera.lon} is not within -360..360")
-    if camera.x_m is not None and camera.y_m is not None:
-        require(bool(np.isfinite([camera.x_m, camera.y_m]).all()), "camera x_m and y_m must be finite metres")
-    require(camera.above in ABOVE, f"camera height above {shown(camera.above)}: give one of {', '.join(ABOVE)}")
-    lowest = LOWEST_ABOVE_SEA_M if camera.above == "sea level" else 0.0
+def check_height(height_m: float, above: Any) -> None:
+    """The camera's height, and what it counts from."""
+    require(above in ABOVE, f"camera height above {shown(above)}: give one of {', '.join(ABOVE)}")
+    lowest = LOWEST_ABOVE_SEA_M if above == "sea level" else 0.0
     require(
-        lowest <= camera.height_m <= MAX_HEIGHT_M,
-        f"camera height {camera.height_m} m above {camera.above} is not in {lowest:g}..{MAX_HEIGHT_M:g} m",
+        lowest <= height_m <= MAX_HEIGHT_M,
+        f"camera height {height_m} m above {above} is not in {lowest:g}..{MAX_HEIGHT_M:g} m",
     )
 
 
@@ -59,22 +54,23 @@ def check_shape(shape: tuple[Any, ...]) -> None:
     )
 
 
-def check_view(camera: "Camera") -> None:
-    """Image size, field of view and pointing."""
-    check_shape(camera.shape)
+def check_view(view: Any, fov_deg: float, lens: bool = False, listed: bool = False) -> None:
+    """The projection, whether it has a lens or a list of directions, and its field of view."""
     views = ", ".join(WIDEST_FOV_DEG)
-    require(camera.view in tuple(WIDEST_FOV_DEG), f"camera view {shown(camera.view)} is unknown: choose one of {views}")
-    widest = WIDEST_FOV_DEG[camera.view]
+    require(view in tuple(WIDEST_FOV_DEG), f"camera view {shown(view)} is unknown: choose one of {views}")
+    require((view in ("fisheye", "pinhole")) == lens, f"view {view}: use Camera.fisheye or Camera.pinhole")
+    require((view in ("map", "rays")) == listed, f"view {view}: use Camera.from_map or Camera.from_rays")
+    widest = WIDEST_FOV_DEG[view]
     require(
-        0 < camera.fov_deg <= widest,
-        f"field of view {camera.fov_deg} degrees is not above 0 and up to {widest:g} for view {camera.view}",
+        0 < fov_deg <= widest,
+        f"field of view {fov_deg} degrees is not above 0 and up to {widest:g} for view {view}",
     )
-    check_altitude_range(camera.altitude_range_deg)
-    require(
-        -90 <= camera.altitude_deg <= 90,
-        f"altitude {camera.altitude_deg} is not within -90..90 degrees",
-    )
-    pointing = [camera.azimuth_deg, camera.roll_deg]
+
+
+def check_pointing(azimuth_deg: float, altitude_deg: float, roll_deg: float) -> None:
+    """Where the camera looks."""
+    require(-90 <= altitude_deg <= 90, f"altitude {altitude_deg} is not within -90..90 degrees")
+    pointing = [azimuth_deg, roll_deg]
     require(bool(np.isfinite(pointing).all()), f"camera azimuth and roll {pointing} must be finite degrees")
 
 

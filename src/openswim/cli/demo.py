@@ -31,7 +31,7 @@ def run(folder: Path) -> None:
 
     import openswim
     from openswim.cli.render import irradiance_line, write
-    from openswim.rendering import light
+    from openswim.lighting import light
     from openswim.scene.procedural import demo_scene
 
     scene = demo_scene()

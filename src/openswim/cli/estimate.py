@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
+from openswim.options import Options
 from openswim.progress import PATIENCE_S
 from openswim.transport.engine.pack import PACK
-from openswim.transport.medium.levels import MOST_RESOLVED_NODES
-from openswim.transport.medium.medium import WIDE_CELL_M, build_medium, drawn_shape
-from openswim.transport.options import SETTINGS
-from openswim.transport.view.tiled import LIGHT_OF_COLUMNS, lit_in_parts
+from openswim.transport.medium.plan import LIGHT_OF_COLUMNS, MediumPlan, lit_in_parts
+from openswim.transport.plan import plan_of
 
 if TYPE_CHECKING:
     from openswim.cameras import Camera
@@ -26,8 +27,7 @@ LARGE_BYTES = 1_000_000_000
 _VIEW_SAMPLES_PER_S = 3e7
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _COLUMN_NODE_S = 0.35e-6  # the same where every column is solved by itself
-_QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.5}  # of that, on the same grid
-_HALVED_NODES, _HALVED_COST = 1.5e6, 13.0  # "high" divides the cells of grids up to so many nodes
+_QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
@@ -69,38 +69,34 @@ def estimate(
         return Estimate(
             inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - 2e8 - pixels_bytes
         )
-    if scene.grid is not None and solver != "reference" and lit_in_parts(scene):
+    if solver != "reference" and _large(scene):
         return _estimate_large(scene, camera, wavelengths)
-    nodes, wide, divided = _drawn(scene, solver == "fast", SETTINGS[quality].divide)
+    plan = _plan(scene, solver, quality)
+    nodes, wide = (0, False) if plan is None else (math.prod(plan.drawn_shape), solver == "fast" and plan.stands_alone)
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
     pixels = camera.shape[0] * camera.shape[1]
-    halved = quality == "high" and nodes < _HALVED_NODES and not wide and not divided
-    per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (_HALVED_COST if halved else _QUALITY[quality])
+    per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":
         speed = _PATHS_PER_S if nodes else _CLEAR_PATHS_PER_S
         seconds = _START_S + pixels * (paths or REFERENCE_PATHS) / speed
         return Estimate(seconds, 2e8 + nodes * _NODE_BYTES + pixels * wavelengths * _PIXEL_BYTES)
     seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
-    if halved:
-        nodes *= 8
     node_bytes = _COLUMN_NODE_BYTES if wide or solver == "swim" else _NODE_BYTES
     return Estimate(seconds, 2e8 + nodes * wavelengths * node_bytes + pixels * wavelengths * _PIXEL_BYTES)
 
 
-def _drawn(scene: "Scene", fast: bool, divide: bool = True) -> tuple[int, bool, bool]:
-    """Nodes of the grid that a scene is drawn on; whether its cells are so wide that columns are solved alone; whether
-    they are halved."""
-    grid = scene.grid
-    if grid is None:
-        return 0, False, False
-    if grid.curved:
-        shape, cell_m, divided = drawn_shape(scene, fast, divide)
-        return math.prod(shape), fast and cell_m >= WIDE_CELL_M, divided
-    if not fast or math.prod(grid.shape) > MOST_RESOLVED_NODES:
-        return math.prod(grid.shape), False, False
-    medium = build_medium(scene, np.full(PACK, REFERENCE_NM), 1.0, divide=divide)  # quick without a map
-    return math.prod(medium.shape), False, medium.divided
+def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
+    """How a scene would be drawn under a high sun."""
+    if scene.grid is None:
+        return None
+    options = Options(solver, quality) if solver == "fast" else Options(solver)
+    matter, surface = matter_of(scene.alone(), REFERENCE_NM), surface_of(scene.alone(), REFERENCE_NM)
+    return plan_of(options, matter, surface, np.array([0.0, 0.0, 1.0])).medium
+
+
+def _large(scene: "Scene") -> bool:
+    return scene.grid is not None and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
 
 
 def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:
@@ -120,7 +116,7 @@ def announce(
     """Print the estimate of a large job to stderr."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
-    if solver == "fast" and scene.grid is not None and lit_in_parts(scene):
+    if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
     expected = estimate(scene, camera, solver, paths=paths, quality=quality)
     if expected.large:

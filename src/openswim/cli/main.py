@@ -103,6 +103,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
 )
+@click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path),
+    help="TOML file of a real camera (docs/cameras.md), in place of --view; --lat, --lon, --height go before its own.",
+)  # fmt: skip
 @click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
 @click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
 @click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
@@ -140,6 +144,31 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
     from openswim.cli.render import RenderRequest, run
 
     run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
+
+
+@cli.command()
+@click.argument("frames", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--lat", type=float, help="Latitude of the camera, degrees north.")
+@click.option("--lon", type=float, help="Longitude of the camera, degrees east.")
+@click.option("--height", "height_m", type=float, default=0.0, help="Metres above sea level, for the refraction.")
+@click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]")
+@click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime).")
+@click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC.")
+@click.option("--by", type=click.Choice(("stars", "sun", "moon")), help="What to go by.  [default: stars, sun by day]")
+@click.option("--mask", type=click.Path(path_type=Path), help="Picture of a frame's size, black where no sky is seen.")
+@click.option("--name", default="", help="What to call the camera.")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), help="Check this camera; nothing is fitted.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The camera's file, .toml.")
+@click.option("--report", type=click.Path(path_type=Path), help="Page of the fit.  [default: as the output, .html]")
+@_debug
+def calibrate(**options: Any) -> None:
+    """Find a fisheye camera's lens and mount from FRAMES of stars, or of the sun's way through a day.
+
+    Nothing but place and time need be known. What the frames do not give is refused (exit code 2).
+    """
+    from openswim.cli.calibrate import CalibrateRequest, run
+
+    run(CalibrateRequest(**options))
 
 
 @cli.command()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera
     from openswim.readers import Neighbourhood
     from openswim.scene import Scene
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
@@ -36,6 +36,7 @@ class RenderRequest:
     height_m: float | None = None
     time: str | None = None
     sun: str | None = None
+    camera_file: Path | None = None
     view: str = "allsky"
     azimuth_deg: float | None = None
     altitude_deg: float | None = None
@@ -61,6 +62,7 @@ def run(request: RenderRequest) -> None:
     from openswim.scene.files import check_target
 
     inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
+    inputs += [] if request.camera_file is None else [request.camera_file]
     if request.checkpoint is not None:
         check_target(request.checkpoint, inputs, "--checkpoint")
         inputs.append(request.checkpoint)
@@ -75,8 +77,8 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
+    from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
-    from openswim.rendering import WAVELENGTHS_NM
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps
@@ -87,7 +89,8 @@ def run(request: RenderRequest) -> None:
     scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
-    if request.view == "satellite" and request.fov_deg is None and camera.height_m < FULL_DISC_M:
+    whole = request.fov_deg is not None or request.camera_file is not None
+    if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
     announce(scene, camera, solver.name, request.paths, solver.quality)
     if solver.name == "reference":
@@ -118,15 +121,11 @@ def sun_of(text: str | None) -> dict[str, Any]:
 
 def neighbourhood(request: RenderRequest, camera: "Camera") -> "Neighbourhood | None":
     """The part of a large domain (global, or of very many columns) that the view needs; small domains stay whole."""
-    from openswim.readers.beyond import far_m
-    from openswim.readers.neighbourhood import Neighbourhood, reach_m
+    from openswim.readers import Neighbourhood
 
-    if request.lat is None or request.lon is None:
+    if camera.lat is None or camera.lon is None:
         return None
-    swept = request.solver != "reference"
-    return Neighbourhood(
-        request.lat, request.lon, reach_m(camera.height_m), True, swept, far_m(camera.height_m) if swept else 0.0
-    )
+    return Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, request.solver != "reference")
 
 
 def framed(camera: "Camera", scene: "Scene") -> "Camera":
@@ -146,7 +145,7 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
 
 def solver_of(request: RenderRequest) -> "Solver":
     """The solver that the options describe."""
-    from openswim.transport import Solver
+    from openswim.solver import Solver
 
     given = {"--paths": request.paths, "--error": request.error_percent, "--checkpoint": request.checkpoint}
     if request.quality is not None and request.solver != "fast":
@@ -165,6 +164,8 @@ def camera_of(request: RenderRequest) -> "Camera":
     """The camera that the options describe; options that its view does not have are refused."""
     from openswim.cameras.camera import GEOSTATIONARY_HEIGHT_M, Camera
 
+    if request.camera_file is not None:
+        return _camera_of_file(request, request.camera_file)
     place = _place(request)
     allowed = {
         "allsky": {"altitude_deg", "fov_deg"},
@@ -190,6 +191,17 @@ def camera_of(request: RenderRequest) -> "Camera":
     if request.view == "allsky":
         options["centre"] = _centre(options.pop("altitude_deg", 90.0))
     return getattr(Camera, request.view)(**place, **options)
+
+
+def _camera_of_file(request: RenderRequest, path: Path) -> "Camera":
+    from openswim.cameras.files import load_camera
+
+    for name in ("azimuth_deg", "altitude_deg", "fov_deg"):
+        if getattr(request, name) is not None:
+            raise UserError(f"--camera says where its camera looks: leave out --{name.removesuffix('_deg')}")
+    place = {name: getattr(request, name) for name in ("lat", "lon", "x_m", "y_m", "height_m")}
+    camera = load_camera(path, **place)
+    return camera if request.size is None else camera.resized(parse_size(request.size))
 
 
 def _place(request: RenderRequest) -> dict[str, float]:

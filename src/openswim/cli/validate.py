@@ -17,8 +17,8 @@ def run(
     """Compare, print the table, write the JSON; files that cannot be compared are named on stderr."""
     from rich.console import Console
 
-    from openswim.transport import Solver
-    from openswim.validate import as_table, reference_files, validate, write_json
+    from openswim.solver import Solver
+    from openswim.validation import as_table, reference_files, validate, write_json
 
     if quality is not None and solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {solver}")

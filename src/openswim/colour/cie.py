@@ -1,18 +1,14 @@
 """The CIE 1931 standard observer."""
 
-import functools
-from importlib import resources
-
 import numpy as np
 
+from openswim.tables import csv_columns
 
-@functools.cache
+
 def standard_observer() -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (81,), 380-780 nm, and the 2-degree colour matching functions (81, 3); CIE 018:2019."""
-    text = resources.files("openswim.colour").joinpath("data/cie1931_2deg.csv").read_text()
-    rows = [line for line in text.splitlines() if line[:1].isdigit()]
-    table = np.array([row.split(",") for row in rows], dtype=float)
-    return table[:, 0], table[:, 1:]
+    wavelengths, *matching = csv_columns("colour", "cie1931_2deg")
+    return wavelengths, np.stack(matching, axis=-1)
 
 
 def xyz_weights(step_nm: float = 5.0) -> tuple[np.ndarray, np.ndarray]:

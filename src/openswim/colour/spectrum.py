@@ -1,9 +1,9 @@
 """A full spectrum from radiance at a few wavelengths: Albers et al. 2020, Sect. 3.8 (corrected)."""
 
-import functools
-from importlib import resources
 
 import numpy as np
+
+from openswim.tables import csv_columns
 
 SMALLEST = 1e-4  # of the pixel's largest value: what a zero counts as in the logarithm
 MOST_POLYNOMIAL = 3  # wavelengths through which a polynomial passes; more take a spline
@@ -58,13 +58,10 @@ def _spline(nodes: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return spline, slope
 
 
-@functools.cache
 def green_canopy() -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (n,), 400-780 nm, and the reflectance (n,) of typical green land, by PROSAIL."""
-    text = resources.files("openswim.colour").joinpath("data/green_canopy.csv").read_text()
-    rows = [line.split(",") for line in text.splitlines() if line[:1].isdigit()]
-    table = np.array(rows, dtype=float)
-    return table[:, 0], table[:, 1]
+    wavelengths, reflectance = csv_columns("colour", "green_canopy")
+    return wavelengths, reflectance
 
 
 class Extension:

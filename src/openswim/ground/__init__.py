@@ -1,6 +1,6 @@
 """The ground: what it is made of, and how it reflects sun and sky."""
 
-from openswim.ground.albedo import SurfaceSample, surface_properties
+from openswim.ground.albedo import surface_properties
 from openswim.ground.maps import Ground
 from openswim.ground.reflectance import (
     bidirectional_reflectance,
@@ -8,6 +8,7 @@ from openswim.ground.reflectance import (
     hemispherical_albedo,
     reflected_radiance,
 )
+from openswim.ground.sample import SurfaceSample
 
 __all__ = [
     "Ground",

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, spectral
-from openswim.ground.maps import Ground, mapped_albedo, textured
+from openswim.ground.maps import Ground, mapped_albedo, maps_of, textured
 from openswim.ground.model import DARK_LAND, ModelGround
 from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.patches import patched, wood_noise
+from openswim.ground.sample import SurfaceSample
 from openswim.scene.rims import BEYOND_CELLS
 
 if TYPE_CHECKING:
@@ -31,29 +32,6 @@ _WIND_CELLS = 10.0  # over which wind beyond the domain goes over to the domain'
 _NO_SHORE = 1e-6  # share of water, or of land, that is none
 _RAGGED = 0.15  # of a cell of what knows land and water, standard deviation of the shore
 _BY_HEIGHT = 0.75  # standard deviation, of 1, of where snow lies that height tells; the rest is chance
-
-
-@dataclass
-class SurfaceSample:
-    """The ground at n places.
-
-    albedo: (n, nwl) of all that is not open water (land, snow, ice); water: open-water fraction; snow: share
-    of the rest that reflects like snow; sea_ice: sea-ice fraction of the place; wind_speed: m/s at 10 m;
-    chlorophyll: mg m-3 in the water; all (n,). lambertian: reflect the same in all directions (reference cases).
-    """
-
-    albedo: FloatArray
-    water: FloatArray
-    snow: FloatArray
-    sea_ice: FloatArray
-    wind_speed: FloatArray
-    chlorophyll: FloatArray
-    lambertian: bool = False
-
-    def __getitem__(self, where: NDArray[Any]) -> SurfaceSample:
-        """Some of the places."""
-        arrays = (f.name for f in fields(self) if f.name != "lambertian")
-        return replace(self, **{name: getattr(self, name)[where] for name in arrays})
 
 
 def surface_properties(
@@ -163,7 +141,7 @@ def _without_model(
     land = water < 1
     if land.any():
         albedo[land] = earth.land_albedo(lat[land], lon[land], wavelengths, footprint[land])
-    maps = ground.maps_for(scene.time, texture=False)
+    maps = maps_of(ground).albedo_at(scene.time, texture=False)
     mapped = np.zeros(lat.size)
     if maps:
         own, mapped = mapped_albedo(maps, lat, lon, wavelengths, footprint)
@@ -197,9 +175,9 @@ def _pictured(
     if "surface_albedo" in scene.data and scene.grid is not None:
         known_m *= np.minimum(near.cell_m / earth.PIXEL_M, 1.0) ** _inside_weight(near.ix, near.iy, scene.grid)
     if mapped.any():
-        pixel_m = ground.maps_for(scene.time, texture=False)[-1].pixel_m
+        pixel_m = maps_of(ground).albedo_at(scene.time, texture=False)[-1].pixel_m
         known_m *= np.minimum(pixel_m / known_m, 1.0) ** mapped
-    pictures = ground.maps_for(scene.time, texture=True)
+    pictures = maps_of(ground).albedo_at(scene.time, texture=True)
     if not pictures:
         return albedo.copy(), known_m
     bright, shown = textured(albedo, pictures, near.lat, near.lon, wavelengths, near.footprint_m, known_m)

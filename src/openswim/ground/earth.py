@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.ground.spectra import from_bands, generic_land
+from openswim.scene.interpolation import corners
 
 FloatArray = NDArray[np.float64]
 
@@ -177,13 +178,9 @@ def _around(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """Row, column and bilinear weight (4, n) of the pixels around places, on a global image north up."""
     height, width = shape
-    y = np.clip((90.0 - np.asarray(lat, float)) * height / 180.0 - 0.5, 0.0, height - 1.0)
+    y = (90.0 - np.asarray(lat, float)) * height / 180.0 - 0.5
     x = (np.asarray(lon, float) + 180.0) * width / 360.0 - 0.5
-    row, column = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
-    fy, fx = y - row, x - column
-    rows = np.stack([row, row, np.minimum(row + 1, height - 1), np.minimum(row + 1, height - 1)])
-    columns = np.stack([column, column + 1, column, column + 1]) % width
-    return rows, columns, np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
+    return corners(x, y, shape, all_round=True)
 
 
 @_once

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.interpolation import corners
 from openswim.scene.spectra import at_wavelengths
 
 if TYPE_CHECKING:
@@ -19,18 +20,15 @@ BoolArray = NDArray[np.bool_]
 def bilinear(values: FloatArray, ix: FloatArray, iy: FloatArray, valid: BoolArray | None = None) -> FloatArray:
     """(ny, nx[, k]) at fractional indices, the edge holding beyond; only among `valid` nodes where there are any."""
     ny, nx = values.shape[:2]
-    x, y = np.clip(ix, 0, nx - 1), np.clip(iy, 0, ny - 1)
-    i, j = np.minimum(x.astype(int), nx - 2), np.minimum(y.astype(int), ny - 2)
-    fx, fy = x - i, y - j
-    nodes = np.stack([j * nx + i, j * nx + i + 1, (j + 1) * nx + i, (j + 1) * nx + i + 1])
-    weights = np.stack([(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx])
+    row, column, weights = corners(ix, iy, (ny, nx))
+    nodes = row * nx + column
     if valid is not None:
         kept = weights * valid.ravel()[nodes]
         weights = np.where(kept.sum(axis=0) > 1e-6, kept, weights)
         weights = weights / weights.sum(axis=0)
     trailing = values.shape[2:]
     rows = values.reshape(ny * nx, *trailing)
-    out = np.zeros(x.shape + trailing)
+    out = np.zeros(np.shape(ix) + trailing)
     for node, weight in zip(nodes, weights, strict=True):
         out += rows.take(node, axis=0) * weight.reshape(weight.shape + (1,) * len(trailing))
     return out

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,66 +13,44 @@ from openswim.arguments import paths
 from openswim.errors import UserError
 from openswim.ground import earth
 from openswim.ground.spectra import from_bands
+from openswim.scene.ground import Ground, PathLike
 
 if TYPE_CHECKING:
     from openswim.ground.raster import Raster
 
 FloatArray = NDArray[np.float64]
-PathLike = str | os.PathLike[str]
 
 TEXTURE_M = 100.0  # finer pictures are texture: they say where it is bright, not how bright in all
 _MOST_CONTRAST = 4.0
 _MONTH = re.compile(r"world\.[a-z.]*(\d{4})(\d{2})\.", re.IGNORECASE)
 
 
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """The user's own ground, for `openswim.open_scene(..., ground=...)`.
+class Maps:
+    """The opened files of a `Ground`, the coarsest first."""
 
-    albedo : one or more images in any projection (GeoTIFF, or Blue Marble tiles as NASA has them); the finest that
-        shows a place is used. Floating-point and 16-bit images are reflectance (16-bit: in 1/10000 unless the file
-        states a scale). 8-bit colour pictures with pixels of 100 m and more are taken to be Blue Marble; finer
-        ones (aerial photographs) are texture, and lend their contrast and colour to what is known more coarsely.
-        Of pictures whose names carry a month, those of the month nearest to the scene's time are used.
-    height : one or more digital elevation models, metres above sea level.
-    chlorophyll_mg_m3 : of all water; by default .2 in the sea and 2 in lakes.
-    mountains : whether those of the default Earth stand beyond the domain, where they are known (docs/ground.md).
+    def __init__(self, ground: Ground) -> None:
+        self.albedo = sorted((AlbedoMap(path) for path in paths("albedo", ground.albedo)), key=lambda m: -m.pixel_m)
+        self.height = sorted((HeightMap(path) for path in paths("height", ground.height)), key=lambda m: -m.pixel_m)
 
-    Model latitudes are taken as geodetic ones of WGS 84, as models' own ground data are.
-    """
-
-    albedo: PathLike | Sequence[PathLike] = ()
-    height: PathLike | Sequence[PathLike] = ()
-    chlorophyll_mg_m3: float | None = None
-    mountains: bool = True
-
-    def __post_init__(self) -> None:
-        if self.chlorophyll_mg_m3 is not None and not 0.0 < self.chlorophyll_mg_m3 <= 100.0:
-            raise UserError(f"chlorophyll of {self.chlorophyll_mg_m3} mg/m3: give above 0, at most 100")
-
-    @cached_property
-    def albedo_maps(self) -> list[AlbedoMap]:
-        """Opened images, the coarsest first."""
-        return sorted((AlbedoMap(path) for path in paths("albedo", self.albedo)), key=lambda m: -m.pixel_m)
-
-    @cached_property
-    def height_maps(self) -> list[HeightMap]:
-        """Opened elevation models, the coarsest first."""
-        return sorted((HeightMap(path) for path in paths("height", self.height)), key=lambda m: -m.pixel_m)
-
-    def open(self) -> None:
-        """Open all files now, so that what is wrong with them is known before any work is done."""
-        _ = self.albedo_maps, self.height_maps
-
-    def maps_for(self, time: np.datetime64 | None, texture: bool) -> list[AlbedoMap]:
+    def albedo_at(self, time: np.datetime64 | None, texture: bool) -> list[AlbedoMap]:
         """Albedo maps, or textures, that hold at a time."""
-        chosen = [m for m in self.albedo_maps if m.texture == texture]
+        chosen = [m for m in self.albedo if m.texture == texture]
         months = {m.month for m in chosen if m.month is not None}
         if not months:
             return chosen
         wanted = 7 if time is None else int(time.astype("datetime64[M]").astype(int)) % 12 + 1
         nearest = min(months, key=lambda m: (min((m - wanted) % 12, (wanted - m) % 12), m))
         return [m for m in chosen if m.month in (None, nearest)]
+
+
+_OPENED: WeakKeyDictionary[Ground, Maps] = WeakKeyDictionary()
+
+
+def maps_of(ground: Ground) -> Maps:
+    """The maps of the user's own ground, opened once."""
+    if ground not in _OPENED:
+        _OPENED[ground] = Maps(ground)
+    return _OPENED[ground]
 
 
 class AlbedoMap:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.interpolation import corners
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -146,12 +147,8 @@ class Raster:
         """Values (n, bands) and known share (n,) at full-resolution pixel coordinates, from one decimation."""
         height, width = (n >> level for n in self.shape)
         y, x = (row + 0.5) / (1 << level) - 0.5, (column + 0.5) / (1 << level) - 0.5
-        j, i = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
-        b, a = y - j, x - i
         values, known = np.zeros((row.size, len(self.bands))), np.zeros(row.size)
-        for dj, di, weight in ((0, 0, (1 - b) * (1 - a)), (0, 1, (1 - b) * a), (1, 0, b * (1 - a)), (1, 1, b * a)):
-            r = np.clip(j + dj, 0, height - 1)
-            c = (i + di) % width if self._around_the_earth else np.clip(i + di, 0, width - 1)
+        for r, c, weight in zip(*corners(x, y, (height, width), self._around_the_earth), strict=True):
             v, k = self._pixels(level, r, c)
             values += (weight * k)[:, None] * v
             known += weight * k

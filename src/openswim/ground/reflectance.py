@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import spectra, water
-from openswim.ground.albedo import SurfaceSample
+from openswim.ground.sample import SurfaceSample
 
 FloatArray = NDArray[np.float64]
 SkyRadiance = Callable[[NDArray[np.int64], FloatArray, FloatArray], FloatArray]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.ground.maps import HeightMap, maps_of
+
 if TYPE_CHECKING:
-    from openswim.ground.maps import HeightMap
     from openswim.scene.frame import Frame
     from openswim.scene.scene import Scene
 
@@ -19,7 +20,7 @@ FloatArray = NDArray[np.float64]
 def height_maps(scene: Scene) -> list[HeightMap]:
     """The user's elevation models of a scene, the coarsest first."""
     curved = scene.grid is not None and scene.grid.curved
-    return scene.ground.height_maps if scene.ground is not None and curved else []
+    return maps_of(scene.ground).height if scene.ground is not None and curved else []
 
 
 def refined_terrain(scene: Scene, terrain_m: NDArray[np.float32], fineness: int = 1) -> NDArray[np.float32]:

@@ -1,15 +1,28 @@
-"""The sources of light: where the sun stands, its disc and its spectrum."""
+"""The sources of light: where sun, moon, planets and stars stand, the sun's disc and its spectrum."""
 
 from openswim.lights.disc import disc_coverage, disc_profile
+from openswim.lights.moon import Moon, moon_position
+from openswim.lights.planets import PLANETS, Planet, planet_position
+from openswim.lights.refraction import refracted_altitude_deg, refraction_deg
 from openswim.lights.spectrum import SOLAR_CONSTANT_W_M2, solar_irradiance
+from openswim.lights.stars import Stars, star_positions
 from openswim.lights.sun import Sun, subsolar_point, sun_position
 
 __all__ = [
+    "PLANETS",
     "SOLAR_CONSTANT_W_M2",
+    "Moon",
+    "Planet",
+    "Stars",
     "Sun",
     "disc_coverage",
     "disc_profile",
+    "moon_position",
+    "planet_position",
+    "refracted_altitude_deg",
+    "refraction_deg",
     "solar_irradiance",
+    "star_positions",
     "subsolar_point",
     "sun_position",
 ]

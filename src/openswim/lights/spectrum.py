@@ -1,9 +1,10 @@
 """The sun's spectrum above the atmosphere."""
 
 import functools
-from importlib import resources
 
 import numpy as np
+
+from openswim.tables import csv_columns
 
 SOLAR_CONSTANT_W_M2 = 1361.1  # total at 1 au: Gueymard (2018), doi:10.1016/j.solener.2018.04.001
 
@@ -15,9 +16,7 @@ def solar_bins() -> tuple[np.ndarray, np.ndarray]:
     ASTM G173-03 (Gueymard 2004) scaled to 1361.1 W m-2; it holds 98.7 % of that total, a further .5 % lying
     below 280 nm and .8 % beyond 4000 nm.
     """
-    text = resources.files("openswim.lights").joinpath("data/solar_spectrum.csv").read_text()
-    rows = [line for line in text.splitlines() if line[:1].isdigit()]
-    low, high, irradiance = np.array([row.split(",") for row in rows], dtype=float).T
+    low, high, irradiance = csv_columns("lights", "solar_spectrum")
     return np.append(low, high[-1]), irradiance
 
 

@@ -2,7 +2,8 @@
 
 from openswim.optics.aerosol import aerosol_optics, aerosol_profile, aerosol_type
 from openswim.optics.fit import DoubleHGFit, fit_double_hg
-from openswim.optics.phase import (
+from openswim.optics.species import Background, OpticalSpecies, background, scene_optics
+from openswim.scene.phase import (
     AlbersDHG,
     DoubleHenyeyGreenstein,
     HenyeyGreenstein,
@@ -11,7 +12,6 @@ from openswim.optics.phase import (
     Rayleigh,
     TablePhase,
 )
-from openswim.optics.species import Background, OpticalSpecies, background, scene_optics
 
 __all__ = [
     "AlbersDHG",

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.optics.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, TablePhase, phases_at
 from openswim.scene.atmosphere import AerosolProfile
-
-if TYPE_CHECKING:
-    from openswim.scene.scene import Optics
+from openswim.scene.optics import Optics
+from openswim.scene.phase import AerosolPhase, AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, phases_at
+from openswim.scene.phase.tables import TABULATED, aerosol_tables
 
 FloatArray = NDArray[np.float64]
 
 BACKSCATTER_FRACTION = 0.125  # b of Albers et al. 2020, Eq. 4
 
-# Made from size distribution and refractive index by tools/make_aerosol_tables.py, which names the sources.
-TABULATED = ("dust", "smoke", "sea_salt", "sulphate", "pollution")
 NAMES = ("continental", *TABULATED, "colorado_dust", "saudi_dust_pollution")
 
 
@@ -34,22 +30,6 @@ class AerosolType:
     phase: PhaseFunction | Mapping[float, PhaseFunction]
     single_scattering_albedo: float | Mapping[float, float]
     angstrom_exponent: float
-
-
-class AerosolPhase(TablePhase):
-    """Phase function of a tabulated aerosol type at one of the table's wavelengths; saved by its name."""
-
-    def __init__(self, name: str, wavelength_nm: float):
-        tables = _tables()
-        known = tables["wavelength_nm"]
-        if name not in TABULATED or wavelength_nm not in known:
-            raise UserError(f"no aerosol table {name!r} at {wavelength_nm:g} nm")
-        self.name, self.wavelength_nm = name, float(wavelength_nm)
-        row = tables[f"{name}_log_value"][int(np.argmax(known == wavelength_nm))]
-        super().__init__(tables["angle_deg"], np.exp(row.astype(float)))
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"type": "aerosol", "name": self.name, "wavelength_nm": self.wavelength_nm}
 
 
 def double_hg(sharp_g: float, broad_g: float, sharp_fraction: float, f_b: float) -> PhaseFunction:
@@ -91,7 +71,7 @@ def aerosol_type(name: str = "continental") -> AerosolType:
 
 
 def _tabulated(name: str) -> AerosolType:
-    tables = _tables()
+    tables = aerosol_tables()
     wavelengths = tables["wavelength_nm"].tolist()
     slope = np.polyfit(np.log(wavelengths), np.log(tables[f"{name}_efficiency"]), 1)[0]
     return AerosolType(
@@ -99,12 +79,6 @@ def _tabulated(name: str) -> AerosolType:
         dict(zip(wavelengths, tables[f"{name}_albedo"].tolist(), strict=True)),
         round(-float(slope), 3),
     )
-
-
-@cache
-def _tables() -> dict[str, FloatArray]:
-    with (files("openswim.optics") / "data" / "mie_aerosol.npz").open("rb") as stream:
-        return dict(np.load(stream))
 
 
 def aerosol_profile(
@@ -125,10 +99,18 @@ def aerosol_profile(
     )
 
 
+def described_profile(saved: Mapping[str, Any]) -> AerosolProfile:
+    """The profile that `AerosolProfile.to_dict` described; "aerosol_type" names a type that gives what is lacking."""
+    given = dict(saved)
+    if (name := given.pop("aerosol_type", None)) is None:
+        return AerosolProfile.from_dict(given)
+    kind = aerosol_type(str(name))
+    lacking = {key for key in ("angstrom_exponent", "single_scattering_albedo", "phase") if key not in given}
+    return replace(AerosolProfile.from_dict(given), **{key: getattr(kind, key) for key in lacking})
+
+
 def aerosol_optics(name: str) -> Optics:
     """What `Scene(optics=...)` takes for `aerosol_extinction` or an `extinction_<name>` at 550 nm of a named type."""
-    from openswim.scene.scene import Optics
-
     kind = aerosol_type(name)
     return Optics(kind.single_scattering_albedo, kind.phase, "aerosol", kind.angstrom_exponent)
 

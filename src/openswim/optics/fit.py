@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.aerosol import double_hg
-from openswim.optics.phase import HenyeyGreenstein, PhaseFunction
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics import mie
-from openswim.optics.phase import HenyeyGreenstein, Mixture, PhaseFunction
+from openswim.scene.phase import HenyeyGreenstein, Mixture, PhaseFunction
 
 FloatArray = NDArray[Any]
 
@@ -81,23 +81,32 @@ def effective_radius_from_number_m(
     return np.cbrt(3 * volume / (4 * np.pi * constants.volume_ratio))
 
 
-def effective_radius_m(
+def known_radius_m(
     kind: str,
     content_kg_m3: ArrayLike,
     own_radius_m: ArrayLike | None = None,
     number_per_m3: ArrayLike | None = None,
 ) -> FloatArray:
-    """Effective radius (m, shape of the content): the model's own first, then from its number, then the default.
-
-    Each where it is positive and finite, and kept within the kind's plausible range.
-    """
-    constants = _kind(kind)
+    """Effective radius (m, shape of the content): the model's own first, then from its number, then the default; each
+    where it is positive and finite."""
     content = _clean(content_kg_m3)
     radius = default_effective_radius_m(kind, content)
     if number_per_m3 is not None:
         radius = _prefer(effective_radius_from_number_m(kind, content, number_per_m3), radius)
     if own_radius_m is not None:
         radius = _prefer(np.broadcast_to(np.asarray(own_radius_m, content.dtype), content.shape), radius)
+    return radius
+
+
+def effective_radius_m(
+    kind: str,
+    content_kg_m3: ArrayLike,
+    own_radius_m: ArrayLike | None = None,
+    number_per_m3: ArrayLike | None = None,
+) -> FloatArray:
+    """`known_radius_m` within the kind's plausible range."""
+    constants = _kind(kind)
+    radius = known_radius_m(kind, content_kg_m3, own_radius_m, number_per_m3)
     return np.clip(radius, constants.smallest_radius_m, constants.largest_radius_m)
 
 

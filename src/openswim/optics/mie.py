@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
-from importlib.resources import files
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.optics.phase import TablePhase
+from openswim.scene.phase import TablePhase
 from openswim.scene.spectra import at_wavelengths
+from openswim.tables import named_arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +74,5 @@ def _checked(kind: str) -> str:
     return kind
 
 
-@cache
 def _tables() -> dict[str, FloatArray]:
-    with (files("openswim.optics") / "data" / "mie_water.npz").open("rb") as stream:
-        return dict(np.load(stream))
+    return named_arrays("optics", "mie_water")

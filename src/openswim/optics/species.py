@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -14,12 +14,12 @@ from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
 from openswim.optics.cover import CLOUD, cloud_cover
 from openswim.optics.ozone import ozone_cross_section_m2
-from openswim.optics.phase import PhaseFunction, Rayleigh, phases_at
 from openswim.optics.rayleigh import depolarisation_factor, rayleigh_scattering_per_m
+from openswim.scene.phase import PhaseFunction, Rayleigh, phases_at
 
 if TYPE_CHECKING:
+    from openswim.scene import Optics, Scene
     from openswim.scene.atmosphere import Atmosphere
-    from openswim.scene.scene import Optics, Scene
 
 FloatArray = NDArray[np.float64]
 
@@ -27,13 +27,13 @@ REFERENCE_NM = 550.0
 SPLIT_SPREAD = 0.25  # standard deviation of ln(effective radius) above which droplets are two species
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class OpticalSpecies:
     """One kind of particle on the scene's grid.
 
     extinction_per_m: (nz, ny, nx) float32 at the reference (550 nm for aerosol); relative_extinction,
-    single_scattering_albedo: (nwl,); phase: one per wavelength; backscatter_fraction: b of Albers et al.
-    2020, Eq. 4.
+    single_scattering_albedo: (nwl,); phase: one per wavelength; fine: whether it is known to have lumps finer than
+    the grid, as a model's own liquid cloud has (what is given as extinction is given as it is).
     """
 
     name: str
@@ -42,7 +42,24 @@ class OpticalSpecies:
     relative_extinction: FloatArray
     single_scattering_albedo: FloatArray
     phase: list[PhaseFunction]
-    backscatter_fraction: float
+    fine: bool = False
+
+    @property
+    def backscatter_fraction(self) -> float:
+        """b of Albers et al. 2020, Eq. 4, of the kind; (1 - g)/2, which makes .069 of liquid's .863, where they give
+        none."""
+        if self.kind in hydrometeors.HYDROMETEORS:
+            return hydrometeors.HYDROMETEORS[self.kind].backscatter_fraction
+        if self.kind == "aerosol":
+            return aerosol.BACKSCATTER_FRACTION
+        return float(np.mean([0.5 * (1 - p.asymmetry) for p in self.phase]))
+
+    def at(self, which: NDArray[np.int64]) -> OpticalSpecies:
+        """The same at some of the wavelengths; the extinction is shared."""
+        return replace(
+            self, relative_extinction=self.relative_extinction[which],
+            single_scattering_albedo=self.single_scattering_albedo[which], phase=[self.phase[w] for w in which],
+        )  # fmt: skip
 
 
 @dataclass
@@ -83,14 +100,17 @@ def scene_optics(scene: Scene, wavelengths_nm: ArrayLike) -> list[OpticalSpecies
     Hydrometeors by Eq. 7 (`openswim.optics.hydrometeors`), `aerosol_extinction`, and `extinction_<name>` with
     `scene.optics[name]`.
     """
-    return list(each_species(scene, wavelengths_nm))
+    return list(each_species(scene, wavelengths_nm, cloud_cover(scene)))
 
 
-def each_species(scene: Scene, wavelengths_nm: ArrayLike) -> Iterator[OpticalSpecies]:
-    """`scene_optics` one after the other, for those who keep none."""
+def each_species(
+    scene: Scene, wavelengths_nm: ArrayLike, cover: NDArray[np.float32] | None, names: Sequence[str] | None = None
+) -> Iterator[OpticalSpecies]:
+    """`scene_optics` one after the other, for those who keep none; cover: the scene's `cloud_cover`; names: of the
+    species of another scene, whose droplets are to be divided by size as they were there."""
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     for kind in hydrometeors.HYDROMETEORS:
-        yield from (one for one in _hydrometeor(scene, kind, wavelengths) if one.extinction_per_m.any())
+        yield from (one for one in _hydrometeor(scene, kind, wavelengths, cover, names) if one.extinction_per_m.any())
     yield from (one for one in _aerosol(scene, wavelengths) if one.extinction_per_m.any())
     prefix = "extinction_"
     for name in map(str, scene.data.data_vars):
@@ -100,7 +120,9 @@ def each_species(scene: Scene, wavelengths_nm: ArrayLike) -> Iterator[OpticalSpe
                 yield one
 
 
-def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> list[OpticalSpecies]:
+def _hydrometeor(
+    scene: Scene, kind: str, wavelengths: FloatArray, cover: NDArray[np.float32] | None, names: Sequence[str] | None
+) -> list[OpticalSpecies]:
     """One species at the mean effective radius; two where the model's own liquid radii differ much (`size_bins`)."""
     content = _field(scene, f"{kind}_content")
     if content is None:
@@ -109,15 +131,17 @@ def _hydrometeor(scene: Scene, kind: str, wavelengths: FloatArray) -> list[Optic
     if not present.any():
         return []
     own, number = (_field(scene, f"{kind}_{what}") for what in ("effective_radius", "number"))
-    cover = cloud_cover(scene) if kind in CLOUD else None
-    share = np.float32(1) if cover is None else cover[present]  # sizes are those within cloud
+    share = np.float32(1) if cover is None or kind not in CLOUD else cover[present]  # sizes are those within cloud
     given = (None if own is None else own[present], None if number is None else number[present] / share)
     radius = hydrometeors.effective_radius_m(kind, content[present] / share, *given)
     extinction = hydrometeors.extinction_per_m(kind, content[present] / share, *given) * share
     extinction *= hydrometeors.extinction_factor(kind, REFERENCE_NM, radius)
     informed = own is not None or number is not None
+    split_spread = SPLIT_SPREAD if informed else np.inf
+    if names is not None:
+        split_spread = 0.0 if f"{kind}, small" in names else np.inf
     found = []
-    for name, mean_m, weight in size_bins(kind, radius, extinction, SPLIT_SPREAD if informed else np.inf):
+    for name, mean_m, weight in size_bins(kind, radius, extinction, split_spread):
         on_grid = np.zeros(content.shape, np.float32)
         on_grid[present] = extinction * weight
         found.append(_of_size(name, kind, on_grid, mean_m, wavelengths))
@@ -155,7 +179,7 @@ def _of_size(
         relative_extinction=np.array(relative, float),
         single_scattering_albedo=hydrometeors.single_scattering_albedo(kind, wavelengths, radius_m),
         phase=[hydrometeors.phase_function(kind, float(wl), radius_m) for wl in wavelengths],
-        backscatter_fraction=hydrometeors.HYDROMETEORS[kind].backscatter_fraction,
+        fine=kind == "liquid",
     )
 
 
@@ -179,7 +203,6 @@ def _aerosol(scene: Scene, wavelengths: FloatArray) -> list[OpticalSpecies]:
             if own is None
             else _albedo("aerosol", own, wavelengths),
             phase=phases_at(character.phase if own is None else own.phase, wavelengths),
-            backscatter_fraction=aerosol.BACKSCATTER_FRACTION,
         )
     ]
 
@@ -189,25 +212,14 @@ def _direct(scene: Scene, name: str, wavelengths: FloatArray) -> OpticalSpecies:
     optics = scene.optics.get(name)
     if extinction is None or optics is None:
         raise UserError(f"extinction_{name} needs its optics: give scene.optics[{name!r}]")
-    phase = phases_at(optics.phase, wavelengths)
     return OpticalSpecies(
         name=name,
         kind=optics.kind,
         extinction_per_m=extinction,
         relative_extinction=(wavelengths / REFERENCE_NM) ** -(optics.angstrom_exponent or 0.0),
         single_scattering_albedo=_albedo(name, optics, wavelengths),
-        phase=phase,
-        backscatter_fraction=_backscatter_fraction(optics.kind, phase),
+        phase=phases_at(optics.phase, wavelengths),
     )
-
-
-def _backscatter_fraction(kind: str, phase: list[PhaseFunction]) -> float:
-    """b of the kind; (1 - g)/2, which makes .069 of liquid's .863, where the paper gives none."""
-    if kind in hydrometeors.HYDROMETEORS:
-        return hydrometeors.HYDROMETEORS[kind].backscatter_fraction
-    if kind == "aerosol":
-        return aerosol.BACKSCATTER_FRACTION
-    return float(np.mean([0.5 * (1 - p.asymmetry) for p in phase]))
 
 
 def _albedo(name: str, optics: Optics, wavelengths: FloatArray) -> FloatArray:

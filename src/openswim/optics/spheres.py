@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics.irregular import irregular_value, share
-from openswim.optics.phase import TablePhase
+from openswim.scene.phase import TablePhase
 
 FloatArray = NDArray[np.float64]
 

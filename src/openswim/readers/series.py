@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from openswim.errors import UserError
-from openswim.readers.base import SceneInfo, iso, times_text
-from openswim.readers.neighbourhood import Neighbourhood
+from openswim.readers.common.base import SceneInfo, iso, times_text
+from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.scene.times import Time, parse_time
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,14 +13,11 @@ from openswim.errors import UserError
 from openswim.scene.particles import (
     ANGSTROM_EXPONENTS,
     WAVELENGTHS_NM,
-    by_wavelength,
     check_albedo,
     check_number,
     check_phase,
 )
-
-if TYPE_CHECKING:
-    from openswim.optics.phase import PhaseFunction
+from openswim.scene.phase import PhaseFunction, by_wavelength, phases_from_dict
 
 TOP_M = 100_000.0
 AEROSOL_TOP_M = 30_000.0
@@ -109,15 +106,8 @@ class AerosolProfile:
 
     @staticmethod
     def from_dict(saved: Mapping[str, Any]) -> AerosolProfile:
-        """The profile that `to_dict` described; "aerosol_type" names a type that gives what else is lacking."""
-        from openswim.optics.aerosol import aerosol_profile
-        from openswim.optics.phase import phases_from_dict
-
+        """The profile that `to_dict` described."""
         kwargs = dict(saved)
-        if (name := kwargs.pop("aerosol_type", None)) is not None:
-            named = aerosol_profile(str(name))
-            for key in ("angstrom_exponent", "single_scattering_albedo", "phase"):
-                kwargs.setdefault(key, getattr(named, key))
         if isinstance(albedo := kwargs.get("single_scattering_albedo"), Mapping):
             kwargs["single_scattering_albedo"] = by_wavelength("single_scattering_albedo", albedo)
         if saved.get("phase") is not None:

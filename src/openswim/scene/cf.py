@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.files import written_whole
 from openswim.scene.grid import Grid
-from openswim.scene.scene import Scene
+from openswim.scene.optics import Optics
+from openswim.scene.times import since_1970_s
 from openswim.scene.variables import DIRECT_PREFIX
 
 LAYOUT = 1
@@ -32,9 +34,8 @@ _AXES = {
 }
 
 
-def save_netcdf(scene: Scene, path: str | os.PathLike[str]) -> None:
+def save_netcdf(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Write netCDF-4, compressed; whole or not at all."""
-    data = to_dataset(scene)
     with written_whole(path) as partial:
         packed = {"zlib": True, "complevel": 1, "shuffle": True}
         encoding: dict[str, Any] = {
@@ -43,55 +44,41 @@ def save_netcdf(scene: Scene, path: str | os.PathLike[str]) -> None:
         data.to_netcdf(partial, engine="netcdf4", encoding=encoding)
 
 
-def save_zarr(scene: Scene, path: str | os.PathLike[str]) -> None:
+def save_zarr(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a Zarr folder (format 2, consolidated); whole or not at all."""
-    data = to_dataset(scene)
     with written_whole(path) as partial:
         encoding: dict[str, Any] = {str(name): _fill(data, name) for name in data.variables}
         data.to_zarr(partial, mode="w", encoding=encoding, zarr_format=2, consolidated=True)
 
 
-def to_dataset(scene: Scene) -> xr.Dataset:
-    """The scene as it stands in a file: fields, coordinates, grid mapping, profiles, time and notes."""
-    data = scene.data.copy()
-    if scene.grid is not None:
-        data = _with_grid(data, scene.grid)
-    for name, optics in scene.optics.items():
+def in_layout(
+    fields: xr.Dataset,
+    grid: Grid | None,
+    optics: Mapping[str, Optics],
+    atmosphere: Atmosphere | None,
+    time: np.datetime64 | None,
+    history: Mapping[str, str],
+) -> xr.Dataset:
+    """A scene as it stands in a file: fields, coordinates, grid mapping, profiles, time, and its source and notes."""
+    data = fields.copy()
+    if grid is not None:
+        data = _with_grid(data, grid)
+    for name, own in optics.items():
         target = "aerosol_extinction" if name == "aerosol" else f"{DIRECT_PREFIX}{name}"
-        albedo = optics.single_scattering_albedo
         data[target].attrs |= {
-            "kind": optics.kind,
-            "single_scattering_albedo": _albedo_attribute(albedo),
-            "phase_function": json.dumps(_phase_dict(optics.phase)),
+            "kind": own.kind,
+            "single_scattering_albedo": _albedo_attribute(own.single_scattering_albedo),
+            "phase_function": json.dumps(_phase_dict(own.phase)),
         }
-        if optics.angstrom_exponent is not None:
-            data[target].attrs["angstrom_exponent"] = float(optics.angstrom_exponent)
-    data.attrs = {
-        "Conventions": "CF-1.11",
-        "title": "OpenSWIm scene",
-        "openswim_layout": LAYOUT,
-        "source": scene.source,
-        "assumptions": "\n".join(scene.notes),
-    }
-    if scene.grid is not None:
-        data.attrs |= {
-            "earth_radius_m": float(scene.grid.earth_radius_m),
-            "periodic_sides": int(scene.grid.periodic),
-        }
-    if scene.time is not None:
-        since = (scene.time - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s")
-        data = data.assign_coords(
-            time=(
-                (),
-                float(since),
-                {
-                    "standard_name": "time",
-                    "units": "seconds since 1970-01-01 00:00:00",
-                    "calendar": "standard",
-                },
-            )
-        )
-    return _with_atmosphere(data, scene)
+        if own.angstrom_exponent is not None:
+            data[target].attrs["angstrom_exponent"] = float(own.angstrom_exponent)
+    data.attrs = {"Conventions": "CF-1.11", "title": "OpenSWIm scene", "openswim_layout": LAYOUT, **history}
+    if grid is not None:
+        data.attrs |= {"earth_radius_m": float(grid.earth_radius_m), "periodic_sides": int(grid.periodic)}
+    if time is not None:
+        said = {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
+        data = data.assign_coords(time=((), since_1970_s(time), said))
+    return _with_atmosphere(data, atmosphere)
 
 
 def _fill(data: xr.Dataset, name: Any) -> dict[str, Any]:
@@ -138,8 +125,7 @@ def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
     return {key: list(value) if isinstance(value, tuple) else value for key, value in attributes.items()}
 
 
-def _with_atmosphere(data: xr.Dataset, scene: Scene) -> xr.Dataset:
-    atmosphere = scene.atmosphere
+def _with_atmosphere(data: xr.Dataset, atmosphere: Atmosphere | None) -> xr.Dataset:
     if atmosphere is None:
         data.attrs["atmosphere"] = "none"
         return data

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 EARTH_RADIUS_M = 6_371_000.0
 EDGE = 1e-6  # of a cell, by which rounding puts a domain's corner outside
-_THINNEST_M = 0.01  # less is no layer
+THINNEST_M = 0.01  # less is no layer
 _UNIFORM_TOLERANCE = 0.02  # of a cell: float32 coordinates of fine lat/lon grids are no better
 
 
@@ -134,6 +134,11 @@ class Grid:
         along = self.lonlat([ix, ix], [iy - half, iy + half])
         return (great_circle_m(*across, self.earth_radius_m), great_circle_m(*along, self.earth_radius_m))
 
+    def size_m(self) -> tuple[float, float]:
+        """Width and height [m] of the domain, whole cells at its edges."""
+        dx, dy = self.spacing_m()
+        return self.x.size * dx, self.y.size * dy
+
     def axis_angle(self, ix: ArrayLike, iy: ArrayLike) -> NDArray[np.float64]:
         """Angle [radians] from local east to the +x axis, counter-clockwise, at fractional node indices."""
         if self.crs is None:
@@ -212,7 +217,7 @@ def _heights(values: ArrayLike, ny: int, nx: int) -> NDArray[Any]:
             "grid: height_m must ascend along its first axis: turn the levels (and all fields) over"
         )
     thinnest = float(np.diff(height, axis=0).min())
-    if thinnest < _THINNEST_M:
+    if thinnest < THINNEST_M:
         raise UserError(
             f"grid: height_m has levels {thinnest:.2g} m apart, closer than any model's: give metres, leave some out"
         )

@@ -19,14 +19,6 @@ def check_number(what: str, value: Any, low: float, high: float) -> None:
         raise UserError(f"{what} must be a number within {low:g} to {high:g}, got {value!r}")
 
 
-def by_wavelength(what: str, saved: Mapping[str, Any]) -> dict[float, Any]:
-    """{wavelength_nm: value} of a mapping whose keys are text, as JSON's are."""
-    try:
-        return {float(wavelength): value for wavelength, value in saved.items()}
-    except ValueError:
-        raise UserError(f"{what} must have wavelengths in nanometres, got {', '.join(saved)}") from None
-
-
 def check_albedo(what: str, value: Any) -> None:
     """Raise UserError unless this is a single-scattering albedo, or a mapping of them."""
     for each in _checked(what, value).values() if isinstance(value, Mapping) else (value,):

@@ -12,58 +12,23 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import check_kind, number, numbers
 from openswim.errors import UserError
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
-from openswim.scene.particles import ANGSTROM_EXPONENTS, check_albedo, check_number, check_phase
+from openswim.scene.ground import Ground
+from openswim.scene.optics import Optics
+from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
 from openswim.scene.times import parse_time
-from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, SURFACE_DIMS, species_of, variable
+from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-    from openswim.ground import Ground
-    from openswim.optics.phase import PhaseFunction
-    from openswim.scene.atmosphere import Atmosphere
 
 DEFAULT_WAVELENGTH_NM = (615.0, 546.0, 450.0)
 DEFAULT_ALBEDO = 0.15
-KINDS = (*HYDROMETEORS, "aerosol", "other")
-
-
-@dataclass(frozen=True)
-class Optics:
-    """Optical properties of a species given directly by its extinction.
-
-    single_scattering_albedo : scalar, one value for each wavelength that will be asked for, or {wavelength_nm: value}.
-    phase : its phase function (mean 1 over the sphere), or {wavelength_nm: phase function}.
-    kind : "liquid", "ice", "rain", "snow", "graupel", "aerosol" or "other".
-    angstrom_exponent : the field is extinction at 550 nm, and follows this power; None: the same at all wavelengths
-        (of "aerosol": as the background aerosol's).
-
-    `openswim.optics.aerosol_optics` makes one from the name of an aerosol type.
-    """
-
-    single_scattering_albedo: float | NDArray[np.float64] | Mapping[float, float]
-    phase: PhaseFunction | Mapping[float, PhaseFunction]
-    kind: str = "other"
-    angstrom_exponent: float | None = None
-
-    def __post_init__(self) -> None:
-        given = self.single_scattering_albedo
-        if isinstance(given, Mapping):
-            check_albedo("optics: single_scattering_albedo", given)
-        else:
-            albedo = numbers("optics: single_scattering_albedo", given).astype(np.float64)
-            if albedo.ndim > 1 or albedo.size == 0 or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
-                raise UserError("optics: single_scattering_albedo must be a number or a list within 0 to 1")
-            object.__setattr__(self, "single_scattering_albedo", float(albedo) if albedo.ndim == 0 else albedo)
-        check_phase("optics: phase", self.phase)
-        if not isinstance(self.kind, str) or self.kind not in KINDS:
-            raise UserError(f"optics: kind {shown(self.kind)} is unknown: choose one of {', '.join(KINDS)}")
-        if self.angstrom_exponent is not None:
-            check_number("optics: angstrom_exponent", self.angstrom_exponent, *ANGSTROM_EXPONENTS)
 
 
 @dataclass
@@ -93,8 +58,6 @@ class Scene:
     cut: bool = False
 
     def __post_init__(self) -> None:
-        from openswim.scene.atmosphere import Atmosphere
-
         kinds: dict[str, tuple[Any, str]] = {
             "grid": ((Grid, type(None)), "give a Grid, or None for a clear sky"),
             "data": (xr.Dataset, "give an xarray.Dataset of the scene's fields"),
@@ -215,7 +178,7 @@ class Scene:
         optics = {
             str(name): Optics(
                 _for_species(single_scattering_albedo, name),
-                _for_species(phase, name) or _default_phase(),
+                _for_species(phase, name) or HenyeyGreenstein(0.85),
                 _for_species(kind, name),
             )
             for name in extinctions
@@ -259,20 +222,27 @@ class Scene:
             }
         )
         data = _with_wavelengths(data, wavelength_nm).assign_coords(latitude=float(lat), longitude=float(lon))
-        background = _default_atmosphere() if isinstance(atmosphere, str) and atmosphere == "default" else atmosphere
+        background = Atmosphere.us_standard() if isinstance(atmosphere, str) and atmosphere == "default" else atmosphere
         return cls(None, data, background, time=time, source="clear sky")
+
+    def to_dataset(self) -> xr.Dataset:
+        """The scene as it stands in a file (docs/scene-format.md)."""
+        from openswim.scene.cf import in_layout
+
+        history = {"source": self.source, "assumptions": "\n".join(self.notes)}
+        return in_layout(self.data, self.grid, self.optics, self.atmosphere, self.time, history)
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Save as CF netCDF (docs/scene-format.md); `openswim.open_scene` reads it back."""
         from openswim.scene.cf import save_netcdf
 
-        save_netcdf(self, path)
+        save_netcdf(self.to_dataset(), path)
 
     def to_zarr(self, path: str | os.PathLike[str]) -> None:
         """Save as a Zarr folder (docs/scene-format.md); `openswim.open_scene` reads it back."""
         from openswim.scene.cf import save_zarr
 
-        save_zarr(self, path)
+        save_zarr(self.to_dataset(), path)
 
 
 def _check_wider(grid: Grid | None, wider: Grid | None) -> None:
@@ -313,18 +283,6 @@ def _for_species(value: Any, name: str) -> Any:
     if name not in value:
         raise UserError(f"scene: nothing is given for species {name} among {', '.join(map(str, value))}")
     return value[name]
-
-
-def _default_phase() -> PhaseFunction:
-    from openswim.optics.phase import HenyeyGreenstein
-
-    return HenyeyGreenstein(0.85)
-
-
-def _default_atmosphere() -> Atmosphere:
-    from openswim.scene.atmosphere import Atmosphere
-
-    return Atmosphere.us_standard()
 
 
 def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:

@@ -25,6 +25,11 @@ def parse_time(time: Time) -> np.datetime64 | None:
         raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
 
 
+def since_1970_s(time: np.datetime64) -> float:
+    """Seconds since the beginning of 1970, as files have it."""
+    return float((time - np.datetime64("1970-01-01", "ms")) / np.timedelta64(1, "s"))
+
+
 def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
     """To the millisecond: files keep times as floating-point numbers."""
     return (times.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")

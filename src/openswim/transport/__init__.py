@@ -1,10 +1,11 @@
 """How light travels: a sweep through the grid along one direction, and a march along an eye ray."""
 
 from openswim.transport.engine.kernel_cache import drop_stale
-from openswim.transport.field import Field, View
+from openswim.transport.field import Field
 from openswim.transport.montecarlo.reference import ReferenceField
-from openswim.transport.solver import Solver
+from openswim.transport.solve import solve
+from openswim.transport.view.seen import View
 
-__all__ = ["Field", "ReferenceField", "Solver", "View"]
+__all__ = ["Field", "ReferenceField", "View", "solve"]
 
 drop_stale(__name__)  # before any kernel is called

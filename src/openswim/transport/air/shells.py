@@ -196,13 +196,6 @@ def build_shells(
     return tidy(_solve(tidy(shells), phase, sun_mu, scale))
 
 
-def without_light(shells: Shells) -> Shells:
-    """Shells that dim but do not shine."""
-    rows = shells.rows.copy()
-    rows[:, PACK:] = 0
-    return shells._replace(rows=rows, source=np.zeros_like(shells.source))
-
-
 @lru_cache
 def _toward_nodes() -> Array:
     """Harmonics (node, harmonic) toward the directions of `Shells.source`."""

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import get_num_threads, njit
@@ -24,9 +23,6 @@ from openswim.transport.engine.pack import (
 from openswim.transport.engine.scalar import table_index
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.volume import SUN_RADIUS_RAD
-
-if TYPE_CHECKING:
-    from openswim.transport.medium.medium import Medium
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 F32 = NDArray[np.float32]
@@ -321,15 +317,6 @@ def weighted(extinction: F32, weights: F32, periodic: bool) -> F32:
     out = beyond_sides(len(weights), (extinction.shape[1], extinction.shape[2], extinction.shape[3]))
     in_threads(_weigh, np.require(extinction, np.float32, ["C", "W"]), np.array(weights, np.float32), periodic, out)
     return out
-
-
-def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
-    """`sun_sweep` of a medium, a field for each row of ``weights`` (n, ns) of its species."""
-    extinction = weighted(medium.extinction, weights, medium.periodic)
-    return sun_sweep(
-        extinction, exact, local_sun, medium.levels_m, medium.level_lookup, np.array(medium.cell_m, float),
-        medium.frame.radius_m, medium.periodic,
-    )  # fmt: skip
 
 
 def _stops(filled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], list[int]]:

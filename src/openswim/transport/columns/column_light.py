@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from openswim.transport.columns.spherical_harmonics import MODES, ORDERS, back, direction, eliminate, ground_start
+from openswim.transport.columns.spherical_harmonics import (
+    MODES,
+    ORDERS,
+    Ends,
+    Places,
+    back,
+    direction,
+    eliminate,
+    ground_start,
+)
+from openswim.transport.engine.eye_ways import way_from_eye
 from openswim.transport.engine.pack import (
     LANES,
     PACK,
@@ -21,7 +33,6 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.scalar import step_emission, transmission
 from openswim.transport.march.volume import DEGREE
-from openswim.transport.view.source_function import way_to_eye
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
@@ -31,6 +42,37 @@ _ENDLESS = 1e30  # way of a sunbeam that enters by no open side
 _DARKEST = np.float32(1e-30)  # root of a beam that stands for none
 _MOST, _LEAST = np.float32(4.0), np.float32(0.25)  # of a node's source, that the eye may be shown in its place
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+
+F32 = NDArray[np.float32]
+
+
+class Bounds(NamedTuple):
+    """What columns (ny, nx) have at their ground, their top and their sides, at ``count`` wavelengths."""
+
+    ground_node: NDArray[np.int64]  # (ny, nx) lowest level not under the ground
+    sun: F32  # (ny, 3, nx) toward it, in the columns' axes
+    mu_sun: NDArray[np.float64]  # (ny, nx)
+    albedo: F32  # (count, ny, nx)
+    direct: F32  # (count, ny, nx) the beam's flux on level ground
+    inflow: F32  # (count, suns, 2) light from above the grid, see `columns.top_light`
+    lacking: F32  # (count, nz, suns, ways) 1/m, what clear air scatters beyond what is found here, see `lacking_source`
+    half_m: NDArray[np.float64]  # (2,) what cells at open sides have of their width beyond the nodes, or 0
+
+
+class Wanted(NamedTuple):
+    """What is asked of columns."""
+
+    count: int  # wavelengths
+    once: bool  # whether sources hold what is scattered but once
+    part: NDArray[np.int64]  # (2, 2) rows and columns from and to which it is wanted, and maybe a few more
+
+
+class Found(NamedTuple):
+    """Where what is asked goes."""
+
+    fields: F32  # (nz, ny, nx, channels) `Volume.fields`: the beam's roots are read, the source channels filled in
+    down: F32  # (count, ny, nx) diffuse flux at the ground
+    up: F32  # (count, ny, nx) flux at the top
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -44,15 +86,14 @@ def _write_legendre(cosine, out, at):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
+def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
     """Of the way to the eye at every level: weights of the moments (nz, MODES, ORDERS), (2l+1) P_l of the angle from
     the sun (nz, DEGREE), and the cosine upward (nz), for LANES columns."""
-    nx = columns.shape[2]
-    c = j * 12 * nx + i
+    nx = sun.shape[2]
     s = j * 3 * nx + i
     sx, sy, sz = read_quadruple(sun, s), read_quadruple(sun, s + nx), read_quadruple(sun, s + 2 * nx)
     for k in range(levels_m.shape[0]):
-        _, _, _, x, y, z = way_to_eye(c, nx, columns, np.float32(levels_m[k]), eye, parallel)
+        x, y, z = way_from_eye(j, i, np.float32(levels_m[k]), eye)
         along = x * sx + y * sy  # sines of both zenith angles, times the cosine between azimuths
         _write_legendre(along + z * sz, phases, k * DEGREE * LANES)
         write(slopes, k * LANES, _ZERO - z)
@@ -70,15 +111,16 @@ def _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, with_once, fields, nodes):
+def _nodes(w, j, i, scatterers, phases, with_once, fields, nodes):
     """At every level (nz, DEGREE + 3) extinction and moments of scattering, air's too, what the species scatter of the
     beam toward the eye, and the depth to the sun, at LANES nodes and wavelength w."""
+    extinction, scaled, scattering = scatterers.extinction, scatterers.scaled, scatterers.scattering
     ns, nz, ny, nx = extinction.shape
     channels = fields.shape[3]
     for k in range(nz):
         out = k * (DEGREE + 3) * LANES
         node = (k * ny + j) * nx + i
-        total = spread_quadruple(air_extinction[w, k])
+        total = spread_quadruple(scatterers.air_extinction[w, k])
         for s in range(ns):
             total += scaled[w, s] * read_quadruple(extinction, s * nz * ny * nx + node)
         write(nodes, out, total)
@@ -89,7 +131,7 @@ def _nodes(w, j, i, extinction, scaled, scattering, air_extinction, air_scatteri
                 sigma += scattering[w, s, ell] * read_quadruple(extinction, s * nz * ny * nx + node)
             if with_once:
                 once += sigma * read_quadruple(phases, (k * DEGREE + ell) * LANES)
-            write(nodes, out + (1 + ell) * LANES, sigma + air_scattering[w, k, ell])
+            write(nodes, out + (1 + ell) * LANES, sigma + scatterers.air_scattering[w, k, ell])
         write(nodes, out + (DEGREE + 1) * LANES, once)
         for n in range(LANES):
             root_of_beam = max(flat(fields, (node + n) * channels + w), _DARKEST)
@@ -141,46 +183,47 @@ def _count_parts(nodes, levels_m, parts):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _place_at(s, k, share, nodes, medium, sunlit, source):
+def _place_at(s, k, share, nodes, places):
     """Place s between levels k and k + 1: extinction and scattering, depth to the sun, light scattered once."""
     a = k * (DEGREE + 3) * LANES
     b = a + (DEGREE + 3) * LANES
     for c in range(DEGREE + 1):
         low, up = read_quadruple(nodes, a + c * LANES), read_quadruple(nodes, b + c * LANES)
-        write(medium, (s * (DEGREE + 1) + c) * LANES, low + share * (up - low))
+        write(places.medium, (s * (DEGREE + 1) + c) * LANES, low + share * (up - low))
     low, up = read_quadruple(nodes, a), read_quadruple(nodes, b)
     # the way to the sun goes on through this cloud: its depth grows as the column's own does
     below = share * (low + (_HALF * share) * (up - low)) / (_HALF * (low + up) + np.float32(1e-12))
     low, up = read_quadruple(nodes, a + (DEGREE + 2) * LANES), read_quadruple(nodes, b + (DEGREE + 2) * LANES)
     depth = low + below * (up - low)
-    write(sunlit, s * LANES, depth)
+    write(places.sunlit, s * LANES, depth)
     low, up = read_quadruple(nodes, a + (DEGREE + 1) * LANES), read_quadruple(nodes, b + (DEGREE + 1) * LANES)
-    write(source, s * LANES, (low + share * (up - low)) * transmission(depth))
+    write(places.source, s * LANES, (low + share * (up - low)) * transmission(depth))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, source):
-    """Every cell in its parts; ``light``: the mean beam in each. Returns the number of places."""
+def _fill_places(nodes, levels_m, parts, places):
+    """`Places` of every cell in its parts. With depths to the sun t_1 >= t_2 at a part's ends the mean beam in it is
+    e^-t_2 (1 - e^-(t_1 - t_2))/(t_1 - t_2). Returns the number of places."""
     nz = levels_m.shape[0]
     s = 0
     for k in range(nz - 1):
         for p in range(parts[k]):
             share = np.float32(p) / np.float32(parts[k])
-            put(thick, s, np.float32((levels_m[k + 1] - levels_m[k]) / parts[k]))
-            put(node, s, np.float32(k) + share)
-            put(below, s, np.float32(k))
-            _place_at(s, k, share, nodes, medium, sunlit, source)
+            put(places.thick_m, s, np.float32((levels_m[k + 1] - levels_m[k]) / parts[k]))
+            put(places.level, s, np.float32(k) + share)
+            put(places.below, s, np.float32(k))
+            _place_at(s, k, share, nodes, places)
             s += 1
-    put(node, s, np.float32(nz - 1))
-    put(below, s, np.float32(nz - 1))
-    _place_at(s, nz - 2, _ONE, nodes, medium, sunlit, source)
+    put(places.level, s, np.float32(nz - 1))
+    put(places.below, s, np.float32(nz - 1))
+    _place_at(s, nz - 2, _ONE, nodes, places)
     for p in range(s):
-        low, up = read_quadruple(sunlit, p * LANES), read_quadruple(sunlit, (p + 1) * LANES)
+        low, up = read_quadruple(places.sunlit, p * LANES), read_quadruple(places.sunlit, (p + 1) * LANES)
         difference = choose_above(low, up, low - up, up - low)
         mean = choose_above(
             difference, np.float32(0.01), (_ONE - transmission(difference)) / difference, _ONE - _HALF * difference
         )
-        write(light, p * LANES, mean * transmission(choose_above(low, up, up, low)))
+        write(places.beam, p * LANES, mean * transmission(choose_above(low, up, up, low)))
     return s + 1
 
 
@@ -198,9 +241,11 @@ def _lacking(w, k, m, share, cosine, lacking):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missing, fields):
+def _show(w, count, j, i, parts, places, slopes, missing, fields):
     """Into the fields each node's source: its own, or in thick cells what makes the eye, which takes it as linear to
-    the next node, see what the parts send up."""
+    the next node, see what the parts send up: of the light L = int S e^-tau dtau of a cell's parts, A S_up + B S_low
+    if it were linear between the nodes' S, so that S_low = (L - A S_up)/B, within bounds of its own."""
+    medium, source = places.medium, places.source
     nz, ny, nx = fields.shape[:3]
     channels = fields.shape[3]
     last = 0
@@ -222,7 +267,7 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missin
                 part = _ONE / np.float32(parts[k])
                 for p in range(parts[k] - 1, -1, -1):
                     s = first + p
-                    length = stretch * flat(thick, s)
+                    length = stretch * flat(places.thick_m, s)
                     up, low = read_quadruple(medium, (s + 1) * (DEGREE + 1) * LANES), read_quadruple(
                         medium, s * (DEGREE + 1) * LANES
                     )
@@ -256,41 +301,42 @@ def _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missin
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def column_light(
-    t, threads, extinction, scaled, scattering, air_extinction, air_scattering, levels_m, ground_node, sun, mu_sun,
-    albedo, direct, inflow, lacking, tables, columns, half_m, eye, parallel, count, once, part, fields, down, up,
-):  # fmt: skip
+def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
 
-    ``once``: with what is scattered but once.
+    In each Fourier mode m about the sun's azimuth P3's equations for the moments L_l (`spherical_harmonics.py`) of
 
-    At the first ``count`` wavelengths delta-scaled extinction and moments of scattering per extinction (ns, nz, ny, nx)
-    of the species, ``scaled`` (count, ns) and ``scattering`` (count, ns, DEGREE), those of the air (count, nz) and
-    (count, nz, DEGREE), 1/m; ``ground_node`` (ny, nx) lowest level not under the ground, ``sun`` (ny, 3, nx) in the
-    columns' axes; ``albedo`` and the beam's flux ``direct`` at the ground (count, ny, nx), the light from above the
-    grid ``inflow`` (count, suns, 2) as `columns.top_light` makes it, what clear air scatters beyond what is found here
-    ``lacking`` (count, nz, suns, ways), 1/m, as `columns.lacking_source` finds it; fields[..., :count] holds the root
-    of the beam; ``half_m`` (2,): what cells at open sides have of their width beyond the nodes. ``down``, ``up``
-    (count, ny, nx): diffuse flux at the ground, flux at the top. ``part``: rows and columns (2, 2) from and to which it
-    is wanted, and maybe a few more. nx >= LANES. See `eye_source.view_source`.
+        mu dL/dz + beta' L = sum_l (2l+1) sigma_l P_l(mu) [L_l + P_l(mu_sun) b],    b = e^-(depth to the sun),
+
+    are eliminated from the ground up and solved back down, cell by cell in parts as thin as the light asks; what they
+    scatter toward the eye is the source S = sum_m sum_l (2l+1) sigma_l Y_l^m(eye) L_l^m, and ``wanted.once`` adds that
+    of the beam. The shapes are those of `Scatterers`, `Bounds`, `Eye`, `Wanted`, `Found`; ``tables``: `mode_tables`.
+    nx >= LANES. See `source_function.view_source`.
     """
-    _, nz, ny, nx = extinction.shape
+    _, nz, ny, nx = scatterers.extinction.shape
+    # once for all: asked for in loops, a tuple's arrays have their references counted, by threads in turn
+    levels_m, air_extinction, part = scatterers.levels_m, scatterers.air_extinction, wanted.part
+    ground_node, sun, mu_sun, half_m = bounds.ground_node, bounds.sun, bounds.mu_sun, bounds.half_m
+    albedo, direct, inflow, lacking = bounds.albedo, bounds.direct, bounds.inflow, bounds.lacking
+    fields, down, up, count = found.fields, found.down, found.up, wanted.count
     most = nz * MOST_PARTS + 1
     f32 = np.float32
     nodes = np.empty(nz * (DEGREE + 3) * LANES, f32)
-    medium = np.empty(most * (DEGREE + 1) * LANES, f32)
-    sunlit, light, source = np.empty(most * LANES, f32), np.empty(most * LANES, f32), np.empty(most * LANES, f32)
-    thick, node, below = np.empty(most, f32), np.empty(most, f32), np.empty(most, f32)
-    rows, start = np.empty(most * 6 * LANES, f32), np.empty(6 * LANES, f32)
+    places = Places(
+        np.empty(most, f32), np.empty(most, f32), np.empty(most, f32), np.empty(most * (DEGREE + 1) * LANES, f32),
+        np.empty(most * LANES, f32), np.empty(most * LANES, f32), np.empty(most * LANES, f32),
+    )  # fmt: skip
+    ground, start = np.empty(3 * LANES, f32), np.empty(6 * LANES, f32)
+    above, flux = np.empty(2 * LANES, f32), np.zeros(2 * LANES, f32)
+    ends = Ends(ground, start, above, flux)
+    rows, lit = np.empty(most * 6 * LANES, f32), np.empty(MODES * ORDERS * LANES, f32)
     looks, phases = np.empty(nz * MODES * ORDERS * LANES, f32), np.empty(nz * DEGREE * LANES, f32)
-    missing = np.empty(nz * LANES, f32)
-    slopes, lit = np.empty((nz + 1) * LANES, f32), np.empty(MODES * ORDERS * LANES, f32)
-    ground, above, flux = np.empty(3 * LANES, f32), np.empty(2 * LANES, f32), np.zeros(2 * LANES, f32)
+    missing, slopes = np.empty(nz * LANES, f32), np.empty((nz + 1) * LANES, f32)
     parts = np.empty(nz, np.int64)
     for j in range(part[0, 0] + t, part[0, 1], threads):
         for block in range(part[1, 0] // LANES, (part[1, 1] + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
-            _looks(j, i, levels_m, columns, sun, eye, parallel, looks, phases, slopes)
+            _looks(j, i, levels_m, sun, eye, looks, phases, slopes)
             for m in range(MODES):
                 direction(m, _ZERO - read_quadruple(sun, (j * 3 + 2) * nx + i), m * ORDERS * LANES, lit)
             least = nz
@@ -298,14 +344,12 @@ def column_light(
                 put(ground, n, f32(ground_node[j, i + n]))
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
-                _nodes(
-                    w, j, i, extinction, scaled, scattering, air_extinction, air_scattering, phases, once, fields, nodes
-                )
+                _nodes(w, j, i, scatterers, phases, wanted.once, fields, nodes)
                 if half_m[0] > 0.0:
                     _shade_sides(j, i, ny, nx, levels_m, air_extinction[w], sun, half_m, nodes)
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)
-                places = _places(nodes, levels_m, parts, thick, node, below, medium, sunlit, light, source)
+                last = _fill_places(nodes, levels_m, parts, places)
                 first = 0
                 for k in range(min(least, nz - 1)):
                     first += parts[k]
@@ -326,11 +370,8 @@ def column_light(
                     if m > 0:
                         write(start, 4 * LANES, spread_quadruple(_ZERO))
                         write(start, 5 * LANES, spread_quadruple(_ZERO))
-                    eliminate(m, places, tables, thick, medium, light, lit, first, node, ground, start, rows)
-                    back(
-                        m, places, tables, thick, medium, light, lit, first, node, below, ground, above, rows, looks,
-                        source, flux,
-                    )  # fmt: skip
+                    eliminate(m, first, last, tables, places, lit, ends, rows)
+                    back(m, first, last, tables, places, lit, ends, rows, looks)
                 for n in range(LANES):
-                    down[w, j, i + n], up[w, j, i + n] = flux[n], flux[LANES + n]
-                _seen(w, count, j, i, levels_m, parts, thick, medium, source, slopes, missing, fields)
+                    down[w, j, i + n], up[w, j, i + n] = flat(flux, n), flat(flux, LANES + n)
+                _show(w, count, j, i, parts, places, slopes, missing, fields)

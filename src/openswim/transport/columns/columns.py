@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +16,17 @@ from numpy.typing import NDArray
 from openswim.transport.air.shells import clear_radiance, rows_between
 from openswim.transport.beam.direct import direct_beam
 from openswim.transport.beam.sun_sweep import beyond_sides
-from openswim.transport.columns.column_light import column_light
+from openswim.transport.columns.column_light import Bounds, Found, Wanted, column_light
 from openswim.transport.columns.spherical_harmonics import harmonics_of_mode, mode_tables
-from openswim.transport.diffuse.optical_grid import Coefficients
-from openswim.transport.engine.pack import LANES, PACK
+from openswim.transport.engine.eye_ways import Eye
+from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
-from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
-from openswim.transport.medium.medium import WIDE_CELL_M, Medium
-from openswim.transport.view.source_function import columns_of
-
-if TYPE_CHECKING:
-    from openswim.transport.ground_light.fluxes import Lighting
+from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
+from openswim.transport.medium.delta_scaled import Coefficients
+from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.scatterers import Scatterers
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -50,40 +48,49 @@ class Columns:
     direct: F32
     inflow: F32
     lacking: F32
-    down: F32
-    up: F32
     count: int
     half_m: F64 = field(default_factory=lambda: np.zeros(2))  # of cells at open sides, beyond their nodes
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
-    def aim(self, fields: F32, eye: F64, parallel: bool, part: Sequence[tuple[int, int]]) -> None:
-        """Fill the source channels for one eye, in ``part``: see `column_light`."""
-        m, some = self.medium, self.coefficients[: self.count]
-        in_threads(
-            column_light, m.extinction, np.stack([c.scaled for c in some]), np.stack([c.scattering for c in some]),
-            np.stack([c.air_extinction for c in some]), np.stack([c.air_scattering for c in some]), m.levels_m,
+    def aim(
+        self, fields: F32, eye: F64, parallel: bool, part: Sequence[tuple[int, int]], down: F32 | None = None,
+        up: F32 | None = None,
+    ) -> None:  # fmt: skip
+        """Fill the source channels for one eye, in ``part``; fluxes, which are alike to all eyes, go into ``down`` and
+        ``up`` (PACK or count, ny, nx): see `column_light`."""
+        down = np.empty_like(self.direct) if down is None else down
+        up = np.empty_like(self.direct) if up is None else up
+        m = self.medium
+        bounds = Bounds(
             self.ground_node, np.ascontiguousarray(np.moveaxis(self.local_sun, -1, 1), np.float32), self.mu_sun,
-            self.albedo, self.direct, self.inflow, self.lacking, mode_tables(),
-            columns_of(m.axes, m.place, eye, parallel), self.half_m, eye, parallel, self.count, self.once,
-            np.array(part, np.int64), fields, self.down, self.up,
+            self.albedo, self.direct, self.inflow, self.lacking, self.half_m,
+        )  # fmt: skip
+        in_threads(
+            column_light, Scatterers.of(m, self.coefficients[: self.count]), bounds, mode_tables(),
+            Eye.of(m.axes, m.place, eye, parallel), Wanted(self.count, self.once, np.array(part, np.int64)),
+            Found(fields, down, up),
         )  # fmt: skip
 
 
-def stand_alone(medium: Medium) -> bool:
-    """Whether a grid's cells are so wide that its columns are lit each by itself."""
-    return not medium.periodic and min(medium.cell_m) >= WIDE_CELL_M and medium.shape[2] >= LANES
+def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> None:
+    """The fluxes of columns into ``lighting``; the volume's sources are scratch."""
+    count, (_, ny, nx) = columns.count, columns.medium.shape
+    columns.aim(
+        volume.fields, np.array([0.0, 0.0, -1.0]), True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top
+    )
+    lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]
 
 
 def columns_of_grid(
     medium: Medium, coefficients: list[Coefficients], lighting: Lighting, local_sun: F64, inflow: F32, lacking: F32,
     count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
-    """`Columns` of a medium; fluxes go to ``lighting`` when an eye is aimed at. ``ends``: no wider grid is beyond."""
+    """`Columns` of a medium. ``ends``: no wider grid is beyond."""
     direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
     albedo = np.stack([lighting.albedo_for_sweeps(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
-        albedo, direct, inflow, lacking, lighting.diffuse, lighting.up_top, count,
+        albedo, direct, inflow, lacking, count,
         0.5 * ends * np.array(medium.cell_m, float), once,
     )  # fmt: skip
 
@@ -117,11 +124,9 @@ def lacking_source(medium: Medium, coefficients: list[Coefficients], shells: She
         medium, extinction=np.zeros((1, nz, 1, suns), np.float32), place=np.zeros((1, suns, 3)),
         axes=np.tile(np.eye(3, dtype=np.float32), (1, suns, 1, 1)),
     )  # fmt: skip
-    flux = np.empty_like(surface)
     column = Columns(
         alone, [_air_alone(c) for c in coefficients], node, sun, mu[None], albedo,
-        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns, 2), np.float32), flux,
-        flux.copy(), count,
+        (surface * np.maximum(mu, 0)).astype(np.float32), inflow, np.zeros((count, nz, suns, 2), np.float32), count,
     )  # fmt: skip
     above = np.maximum(levels - shells.ground_m, 0.0)
     level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.medium.levels import LAYERS_DEGREE
+
 F64 = NDArray[np.float64]
 
-LAYERS_DEGREE = 32  # truncation order M
 _STREAMS = LAYERS_DEGREE // 2  # in each hemisphere: Gauss' rule there is exact for products with the first moment
-_MOST_LEVELS = 640
 _FAINT = 1e-7  # of the sun's light, that a mode must have to count
 
 
@@ -40,33 +40,6 @@ class Layers:
         azimuth = np.arctan2(toward[1], toward[0]) - np.arctan2(self.sun[1], self.sun[0])
         modes = harmonics * np.cos(np.arange(len(self.light)) * azimuth)[:, None]
         return np.asarray(np.einsum("mkl,ml,kl->k", self.light, modes, self.scattering))
-
-
-def layer_levels(levels_m: F64, extinction: F64, mu_sun: float) -> F64:
-    """Levels (nz,) and more between them, close where the light changes fast: near the top, and near the bottom.
-
-    Spaced by optical depth: a twentieth of the distance to the nearer end, at least a thirtieth of what the slanting
-    sun meets in unit depth.
-    """
-    depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
-    from_below = np.concatenate([[0.0], np.cumsum(depth)])
-    total = from_below[-1]
-    coarseness = 1.0
-    while True:
-        least = coarseness * max(mu_sun, 0.05) / 30
-        out = [levels_m[0]]
-        for k, here in enumerate(depth):
-            part = 0.0
-            while part < 1:
-                x = from_below[k] + part * here
-                step = min(coarseness * 0.5, max(0.05 * coarseness * x, 0.02 * coarseness),
-                           max(0.05 * coarseness * (total - x), least))  # fmt: skip
-                # what is left of a cell is shared evenly where two steps would do
-                part = 1.0 if here * (1 - part) <= 1.3 * step else part + min(step / here, 0.6 * (1 - part))
-                out.append(levels_m[k] + part * (levels_m[k + 1] - levels_m[k]))
-        if len(out) <= max(_MOST_LEVELS, len(levels_m)):
-            return np.array(out)
-        coarseness *= 1.3
 
 
 def associated_legendre(mu: F64, modes: int) -> F64:

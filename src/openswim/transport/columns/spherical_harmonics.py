@@ -6,6 +6,8 @@ and at the top, and between places the box scheme. LANES columns at a time.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -19,6 +21,28 @@ F64 = NDArray[np.float64]
 
 MODES, ORDERS = 3, 4  # Fourier modes; degrees in each, from the mode's own on
 _ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+
+
+class Places(NamedTuple):
+    """Places along LANES columns from the lowest level up, the parts of cells between them."""
+
+    thick_m: F32  # (most,) of the part above each
+    level: F32  # (most,) fractional
+    below: F32  # (most,) the level that is not above it
+    medium: F32  # (most, DEGREE + 1, LANES) delta-scaled extinction and Legendre moments of scattering, 1/m
+    sunlit: F32  # (most, LANES) depth to the sun
+    beam: F32  # (most, LANES) mean beam in the part above
+    source: F32  # (most, LANES) what is scattered toward the eye, 1/m
+
+
+class Ends(NamedTuple):
+    """What is at both ends of LANES columns."""
+
+    ground: F32  # (3, LANES) level, albedo, the beam's flux
+    start: F32  # (6, LANES) R and q there, see `eliminate`
+    above: F32  # (2, LANES) the half-range integrals of what comes in at the top
+    flux: F32  # (2, LANES) found: down at the ground, diffuse; up at the top
+
 
 # Rows of `mode_tables`
 _C1, _C2, _C3, _HO, _HE, _FIRST, _UP_EVEN, _UP_ODD, _TABLE = 0, 1, 2, 3, 7, 11, 13, 15, 17
@@ -111,14 +135,24 @@ def ground_start(m, table, ground, start):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def eliminate(m, count, table, thick, medium, light, lit, first, node, ground, start, rows):
-    """From the ground up the odd moments by the even ones, ``rows`` (part, 6): o = R e + q."""
+def eliminate(m, first, count, table, places, lit, ends, rows):
+    """From the ground up the odd moments o by the even ones e, ``rows`` (place, 6, LANES): o = R e + q.
+
+    In a part of thickness h the box scheme takes moments as the mean of those at its ends and their slopes as the
+    difference over h: with C what streaming couples (`mode_tables`), A_e, A_o = (2l+1)(beta' - sigma_l) h/2 and the
+    beam's s_e, s_o,
+
+        C (e' - e) + A_o (o' + o) = s_o,    C^T (o' - o) + A_e (e' + e) = s_e;
+
+    R and q below give those above. ``lit`` (MODES, ORDERS, LANES): harmonics toward the sun.
+    """
+    thick, node, light, medium, start = places.thick_m, places.level, places.beam, places.medium, ends.start
     t = m * _TABLE
     c1, c2, c3 = flat(table, t + _C1), flat(table, t + _C2), flat(table, t + _C3)
     r00, r01 = read_quadruple(start, 0), read_quadruple(start, LANES)
     r10, r11 = read_quadruple(start, 2 * LANES), read_quadruple(start, 3 * LANES)
     q0, q1 = read_quadruple(start, 4 * LANES), read_quadruple(start, 5 * LANES)
-    low = read_quadruple(ground, 0)
+    low = read_quadruple(ends.ground, 0)
     k = 0
     for s in range(first, count):
         if s > first:
@@ -180,9 +214,12 @@ def eliminate(m, count, table, thick, medium, light, lit, first, node, ground, s
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def back(m, count, table, thick, medium, light, lit, first, node, below, ground, inflow, rows, looks, source, flux):
-    """From the top down the moments; what they scatter toward the eye is added to ``source`` (part), and ``flux`` gets
-    the light that comes down to the ground and goes up at the top."""
+def back(m, first, count, table, places, lit, ends, rows, looks):
+    """From the top down the moments, where Marshak's conditions with `Ends.above` and o = R e + q give e; what they
+    scatter toward the eye by the weights ``looks`` (nz, MODES, ORDERS, LANES) is added to `Places.source`, and the
+    first mode fills in `Ends.flux`."""
+    thick, node, light, medium, source = places.thick_m, places.level, places.beam, places.medium, places.source
+    flux = ends.flux
     t = m * _TABLE
     c1, c2, c3 = flat(table, t + _C1), flat(table, t + _C2), flat(table, t + _C3)
     h00, h01 = flat(table, t + _HO), flat(table, t + _HO + 1)
@@ -197,14 +234,14 @@ def back(m, count, table, thick, medium, light, lit, first, node, below, ground,
     a10, a11 = d10 - (h10 * r00 + h11 * r10), d11 - (h10 * r01 + h11 * r11)
     b0, b1 = h00 * q0 + h01 * q1, h10 * q0 + h11 * q1
     if m == 0:
-        b0 += read_quadruple(inflow, 0)
-        b1 += read_quadruple(inflow, LANES)
+        b0 += read_quadruple(ends.above, 0)
+        b1 += read_quadruple(ends.above, LANES)
     det = _ONE / (a00 * a11 - a01 * a10)
     e0, e1 = (a11 * b0 - a01 * b1) * det, (a00 * b1 - a10 * b0) * det
     o0, o1 = r00 * e0 + r01 * e1 + q0, r10 * e0 + r11 * e1 + q1
     ve0, ve1 = flat(table, t + _UP_EVEN), flat(table, t + _UP_EVEN + 1)
     vo0, vo1 = flat(table, t + _UP_ODD), flat(table, t + _UP_ODD + 1)
-    low = read_quadruple(ground, 0)
+    low = read_quadruple(ends.ground, 0)
     if m == 0:
         write(flux, LANES, _HALF * (ve0 * e0 + ve1 * e1 + vo0 * o0 + vo1 * o1))
     for s in range(count - 1, first - 1, -1):
@@ -240,7 +277,7 @@ def back(m, count, table, thick, medium, light, lit, first, node, below, ground,
             here = spread_quadruple(flat(node, s))
             write(flux, 0, choose_above(low - np.float32(0.01), here, read_quadruple(flux, 0), down))
         a = s * (DEGREE + 1) * LANES
-        n = (int(flat(below, s)) * MODES + m) * ORDERS * LANES
+        n = (int(flat(places.below, s)) * MODES + m) * ORDERS * LANES
         total = read_quadruple(source, s * LANES)
         total += read_quadruple(looks, n) * read_quadruple(medium, a + (1 + m) * LANES) * e0
         total += read_quadruple(looks, n + LANES) * read_quadruple(medium, a + (2 + m) * LANES) * o0

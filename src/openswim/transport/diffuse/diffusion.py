@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.diffusion_kernels import step_and_clear, turn_and_multiply
 from openswim.transport.diffuse.optical_grid import OpticalGrid, coarsen, total_extinction, twice_as_fine_plane
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import LANES
 
 F32 = NDArray[np.float32]
@@ -39,7 +40,8 @@ class Diffusion:
     whether the lowest level may be the ground's, else light leaves there.
     """
 
-    def __init__(self, grid: OpticalGrid, ground_albedo: F32, on_ground: bool):
+    def __init__(self, grid: OpticalGrid, ground_albedo: F32, on_ground: bool, decide: Decisions | None = None):
+        self.decide = decide or Decisions()
         nx = grid.ground_node.shape[1]
         cloud = grid.extinction[..., :nx]
 
@@ -115,12 +117,14 @@ class Diffusion:
         e, along, spare, product, cleared = (self._rows() for _ in range(5))
         sums = np.zeros((2, LANES), np.float32)
         goal, past, step = -1.0, np.inf, 0.0
+        decide = self.decide.within("diffusion")
         for _ in range(_MOST):
             step_and_clear(np.float32(step), along, product, e, residual, self.inverse, self.share, cleared, sums)
             left, size = sums.sum(axis=1, dtype=float)
             if goal < 0:
                 goal = _CLOSE**2 * size
-            if size <= goal or left <= 0:
+            close = bool(size <= goal or left <= 0)
+            if decide("close", lambda close=close: close):  # type: ignore[misc]
                 break
             turn_and_multiply(
                 np.float32(left / past), along, spare, cleared, self.own, self.up, self.north,

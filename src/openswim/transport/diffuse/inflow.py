@@ -10,20 +10,18 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.transport.diffuse.moments import Moments, gathered
+from openswim.transport.diffuse.moments import Coarser, Moments, gathered
 from openswim.transport.diffuse.optical_grid import OpticalGrid, near_blocks, whole_blocks
 from openswim.transport.diffuse.sweeper import Sweeper, of_nodes
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import Ordinates, harmonic_matrix
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.medium.medium import Medium
-
-if TYPE_CHECKING:
-    from openswim.transport.field import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -80,9 +78,17 @@ class Clear(NamedTuple):
     direct_flux: float
 
 
+class SweptAround(NamedTuple):
+    """A wider grid that has been swept: its light's moments at every wavelength."""
+
+    medium: Medium
+    moments: list[Moments]
+    coarser: list[Coarser]
+
+
 def light_through_sides(
-    wider: PackField | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
-    ordinates: Ordinates, tolerance: float, w: int,
+    wider: SweptAround | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
+    ordinates: Ordinates, tolerance: float, w: int, decide: Decisions,
 ) -> F32 | None:  # fmt: skip
     """Radiance (ordinates, nz, 4, nodes) that enters at the nodes of the west, east, south and north sides of the
     ``w``-th wavelength's grid; None where it is the clear sky's.
@@ -91,21 +97,22 @@ def light_through_sides(
     """
     if min(grid.ground_node.shape) < 2:
         return None
-    if wider is not None and wider.light is not None and wider.light.moments:
-        return _light_of_wider(wider, medium, grid, clear, ordinates, tolerance, w)
-    if _has_cloud_at_sides(grid):
-        return _light_of_own_columns(grid, clear, ground_albedo, direct_flux, ordinates, tolerance)
+    if wider is not None:
+        return _light_of_wider(wider, medium, grid, clear, ordinates, tolerance, w, decide)
+    if decide("cloud at the sides", lambda: _has_cloud_at_sides(grid)):
+        return _light_of_own_columns(grid, clear, ground_albedo, direct_flux, ordinates, tolerance, decide)
     return None
 
 
 def _light_of_own_columns(
-    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float
+    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float,
+    decide: Decisions,
 ) -> F32:  # fmt: skip
     """`light_through_sides` where clouds go on beyond them as they are there."""
     columns = Columns(*grid.ground_node.shape)
     j, i = columns.j, columns.i
     moments = _moments_of_columns(
-        grid, clear, ground_albedo[j, i], direct_flux[j, i], j, i, _APART_M, ordinates, tolerance
+        grid, clear, ground_albedo[j, i], direct_flux[j, i], j, i, _APART_M, ordinates, tolerance, decide
     )
     harmonic = harmonic_matrix(ordinates.direction, grid.air_scattering.shape[1])
     more = np.einsum("nm,kmc->nkc", harmonic, moments[..., :-1] - moments[..., -1:], optimize=True)
@@ -114,7 +121,7 @@ def _light_of_own_columns(
 
 def _moments_of_columns(
     grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, j: I64, i: I64, width_m: float,
-    ordinates: Ordinates, tolerance: float,
+    ordinates: Ordinates, tolerance: float, decide: Decisions,
 ) -> F64:  # fmt: skip
     """Moments (nz, M*M, n + 1) in columns (n,) of a grid, each so wide, and last in one of clear air."""
 
@@ -132,10 +139,10 @@ def _moments_of_columns(
         sun_harmonics=whole_blocks(np.moveaxis(row(harmonics[:, j, i], harmonics[:, ny // 2, nx // 2]), 1, 0)),
         cell_m=np.full(2, width_m), ends=False, ground_node=row(grid.ground_node[j, i], grid.ground_node.min()),
         cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), False),
-    )  # fmt: skip
+    ).decided(decide)  # fmt: skip
     sweeper = Sweeper.of(
         strip, clear.inflow, row(ground_albedo, clear.ground_albedo), row(direct_flux, clear.direct_flux), ordinates,
-        Pool(),
+        Pool(), decide=decide,
     )  # fmt: skip
     values, _, _ = sweeper.solve(sweeper.nothing(), 0.05 * tolerance, _MOST_SWEEPS, _MEMORY)
     of_nodes(values, sweeper.ratio)
@@ -145,18 +152,14 @@ def _moments_of_columns(
 
 
 def _light_of_wider(
-    wider: PackField, medium: Medium, grid: OpticalGrid, clear: Clear, ordinates: Ordinates, tolerance: float, w: int
+    wider: SweptAround, medium: Medium, grid: OpticalGrid, clear: Clear, ordinates: Ordinates, tolerance: float, w: int,
+    decide: Decisions,
 ) -> F32:
-    """`light_through_sides` where a ``wider`` field, which has been swept, lies around a medium."""
-    light, around, outer = wider.light, wider.medium, wider.scene.grid
-    assert light is not None
-    assert light.moments is not None
-    assert around is not None
-    assert outer is not None
+    """`light_through_sides` where a ``wider`` grid, which has been swept, lies around a medium."""
+    around = wider.medium
     columns = Columns(*medium.shape[1:])
     place = medium.place[columns.j, columns.i]
-    lat, lon, _ = medium.frame.latlon(place)
-    x, y = (around.fineness * at for at in outer.index(lon, lat))
+    x, y = around.indices(place)
     _, rows, across = around.shape
     within = (x >= 0) & (y >= 0) & (x <= across - 1) & (y <= rows - 1)
     x, y = np.clip(x, 0, across - 1), np.clip(y, 0, rows - 1)
@@ -164,7 +167,7 @@ def _light_of_wider(
     corners = []
     for up, right in product((0, 1), (0, 1)):
         weight = np.abs(1 - up - (y - j)) * np.abs(1 - right - (x - i))
-        corners.append(weight[:, None] * gathered(light.moments[w], light.coarser[w], j + up, i + right))
+        corners.append(weight[:, None] * gathered(wider.moments[w], wider.coarser[w], j + up, i + right))
     moments = _linear(around.levels_m, np.sum(corners, axis=0), np.clip(medium.levels_m, *around.levels_m[[0, -1]]), 0)
     # the ordinates in the axes of the other grid's columns
     own, theirs = medium.axes[columns.j, columns.i], around.axes[np.rint(y).astype(int), np.rint(x).astype(int)]
@@ -176,7 +179,8 @@ def _light_of_wider(
     none = np.zeros(0, int)
     half_m = 0.5 * min(n * cell for n, cell in zip((across, rows), around.cell_m, strict=True))
     of_air = _moments_of_columns(
-        grid, clear, np.zeros(0, np.float32), np.zeros(0, np.float32), none, none, half_m, ordinates, tolerance
+        grid, clear, np.zeros(0, np.float32), np.zeros(0, np.float32), none, none, half_m, ordinates, tolerance,
+        decide,
     )
     known = harmonic_matrix(ordinates.direction, degree) @ of_air[..., 0].T
     return columns.light(clear.inflow, np.where(within, found - known[..., None], 0.0))

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.march.empty_space import beside
+from openswim.transport.medium.delta_scaled import Coefficients
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _THIN = 0.02  # optical depth of a cell below which a coarser grid tells what it scatters
-
-
-@dataclass
-class Coefficients:
-    """The delta-scaled medium at one wavelength: scaled (s,), scattering (s, M), and the air on levels (nz,), 1/m."""
-
-    scaled: F32
-    scattering: F32
-    air_extinction: F32
-    air_scattering: F32  # (nz, M)
 
 
 class OpticalGrid(NamedTuple):
@@ -48,6 +39,12 @@ class OpticalGrid(NamedTuple):
     ends: bool  # there is no cloud beyond its sides, which may cut through some; else it goes on there a little
     ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
     cloudy: np.ndarray  # (nz, ny, nb) blocks with cloud in or next to them
+
+    def decided(self, decide: Decisions) -> OpticalGrid:
+        """With cloud where it was decided to be."""
+        return self._replace(
+            present=decide("present", lambda: self.present), cloudy=decide("cloudy", lambda: self.cloudy)
+        )
 
 
 def optical_grid(

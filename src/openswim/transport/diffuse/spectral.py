@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.multigrid import ALIKE, Solution, Trace, begin_from_coarse, by_blocks, told_ratio
 from openswim.transport.diffuse.sweeper import Sweeper
+from openswim.transport.engine.decisions import Decisions
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -62,7 +63,9 @@ def properties_of(sweeper: Sweeper) -> F64:
     return np.concatenate([np.log(extinction) / _SPECIES, moments.ravel() / _SPECIES, lost / _ALBEDO, ground])
 
 
-def on_both_sides(wavelength_nm: float, properties: F64, known: Sequence[Known]) -> list[Known]:
+def on_both_sides(
+    wavelength_nm: float, properties: F64, known: Sequence[Known], decide: Decisions | None = None
+) -> list[Known]:
     """The nearest of the ``known`` wavelengths on both sides with their shares; none where they do not tell of it."""
     able = [k for k in known if k.solution.told is not None]
     shorter = [k for k in able if k.wavelength_nm <= wavelength_nm]
@@ -72,8 +75,9 @@ def on_both_sides(wavelength_nm: float, properties: F64, known: Sequence[Known])
     a = max(shorter, key=lambda k: k.wavelength_nm)
     b = min(longer, key=lambda k: k.wavelength_nm)
     t = (wavelength_nm - a.wavelength_nm) / (b.wavelength_nm - a.wavelength_nm)
+    decide = decide or Decisions()
     off = np.abs(properties - (1 - t) * a.properties - t * b.properties).max()
-    if off > 1 or b.wavelength_nm > _WIDEST * a.wavelength_nm:
+    if not decide("between", lambda: bool(off <= 1 and b.wavelength_nm <= _WIDEST * a.wavelength_nm)):
         return []
     return [a._replace(share=1 - t), b._replace(share=t)]
 

@@ -33,6 +33,7 @@ from openswim.transport.diffuse.optical_grid import (
 )
 from openswim.transport.diffuse.ordinate_transform import BLOCK, Groups, in_groups
 from openswim.transport.diffuse.sweep import Half, Room, half_sweep
+from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, double_gauss, lebedev
 from openswim.transport.engine.pack import LANES
 from openswim.transport.engine.scratch import Pool
@@ -72,6 +73,7 @@ class Sweeper:
     place: NDArray[np.int32]
     extinction: F32  # of grid and ghosts, 1/m, and planes for what cloud on the ground is to each thread
     pool: Pool
+    decide: Decisions  # what is kept, and the course of the iteration
     on_ground: bool = True  # whether its lowest level may be the ground's
     amends: bool = True  # moments are of the light that the steps around a node take (decision 15), not of its own
     ratio: F32 | None = None  # (blocks, BLOCK) of these two in the last sweep, or what is given for them
@@ -79,9 +81,10 @@ class Sweeper:
     @classmethod
     def of(
         cls, grid: OpticalGrid, inflow: F32, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, pool: Pool,
-        sides: F32 | None = None,
+        sides: F32 | None = None, decide: Decisions | None = None,
     ) -> Sweeper:  # fmt: skip
         """A sweeper that keeps every block that scatters. ``pool`` may be shared: one sweeps at a time."""
+        decide = decide or Decisions()
         directions, weights = ordinates.direction, ordinates.weight
         nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
         degree = grid.air_scattering.shape[1]
@@ -101,10 +104,11 @@ class Sweeper:
             )  # fmt: skip
         extinction = with_ghosts(total_extinction(grid), nx, grid.periodic)
         shared = 2 * config.NUMBA_NUM_THREADS if _cloud_on_ground(grid) else 0  # type: ignore[attr-defined]
-        kept = grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None]
+        kept = decide("kept", lambda: grid.cloudy | (grid.air_scattering[:, 0] > 0)[:, None, None])
         return cls(
             grid, inflow, sides, ground_albedo, direct_flux, ordinates, (halves[0], halves[1]), nothing_coarser(degree),
             places(kept), np.pad(extinction, [(0, shared), (0, 0), (0, 0)]) if shared else extinction, pool,
+            decide,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -127,14 +131,16 @@ class Sweeper:
 
     def over(self, coarser: Coarser, kept: NDArray[np.bool_] | None = None) -> Sweeper:
         """The same, keeping moments where it is thick, or what is told, over a coarser field."""
-        kept = thick_blocks(self.grid) if kept is None else kept
+        kept = self.decide("thick", lambda: thick_blocks(self.grid)) if kept is None else kept
         return replace(self, coarser=coarser, place=places(kept))
 
     def coarsened(self) -> Sweeper:
         """The same on 2x2 columns."""
+        decide = self.decide.within("coarser")
         return Sweeper.of(
-            coarser_grid(self.grid), self.inflow, coarsen(self.ground_albedo), coarsen(self.direct_flux),
-            self.ordinates, self.pool, None if self.sides is None else pairs(self.sides),
+            coarser_grid(self.grid).decided(decide), self.inflow, coarsen(self.ground_albedo),
+            coarsen(self.direct_flux), self.ordinates, self.pool, None if self.sides is None else pairs(self.sides),
+            decide,
         )  # fmt: skip
 
     def unlit(self, levels: slice) -> Sweeper:
@@ -150,13 +156,13 @@ class Sweeper:
         )  # fmt: skip
         dark = Sweeper.of(
             cut, np.zeros((len(few.direction), len(cut.levels_m)), np.float32), on_ground * self.ground_albedo,
-            0 * self.direct_flux, few, self.pool,
+            0 * self.direct_flux, few, self.pool, decide=self.decide.within("unlit"),
         )  # fmt: skip
         extinction = dark.extinction if levels.start == 0 else dark.extinction[: len(cut.levels_m)]
+        kept = dark.decide("thick", lambda: thick_blocks(cut))
         return replace(
-            dark, place=places(thick_blocks(cut)), extinction=extinction, on_ground=levels.start == 0, amends=False,
-            ratio=None,
-        )  # fmt: skip
+            dark, place=places(kept), extinction=extinction, on_ground=levels.start == 0, amends=False, ratio=None
+        )
 
     def answer(self, change: F32, lasting: bool) -> F32:
         """What follows from a ``change`` of the moments in the `unlit` medium: of the next `_FOLLOWED` sweeps and, if
@@ -167,14 +173,14 @@ class Sweeper:
             image = self.sweep(np.add(image, change, out=lit), image)
         if lasting:
             last = image[:, 0] - (lit[:, 0] - change[:, 0])
-            if np.linalg.norm(last) > _LASTING * np.linalg.norm(image[:, 0]):
+            if self.decide("lasts", lambda: bool(np.linalg.norm(last) > _LASTING * np.linalg.norm(image[:, 0]))):
                 self.diffusion.add(self.place, last, image)
         return image
 
     @cached_property
     def diffusion(self) -> Diffusion:
         """How light goes on when sweeps have long been done."""
-        return Diffusion(self.grid, self.ground_albedo, self.on_ground)
+        return Diffusion(self.grid, self.ground_albedo, self.on_ground, self.decide)
 
     @cached_property
     def shape(self) -> tuple[int, int, int]:
@@ -266,6 +272,11 @@ class Sweeper:
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
         """
+        course = self.decide.within("course")
+
+        def decide(name: str, now: bool) -> bool:
+            return course(name, lambda: bool(now))
+
         level = np.nonzero(self.place >= 0)[0]
         recent = _Anderson(memory)
         threads = get_num_threads()
@@ -285,15 +296,17 @@ class Sweeper:
             changed = float(np.sqrt(change.sum() / max(size.sum(), 1e-30)))
             # without corrections a sweep may change little of what it has to
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
-            if n == most or min(changed, _SLOW * follows) <= tolerance:
+            enough = n == most or min(changed, _SLOW * follows) <= tolerance
+            if decide("done", enough):
                 break
             moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
             earlier, before, least = before, changed, min(least, moved)
-            if lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2):
+            astray = lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2)
+            if decide("astray", astray):
                 values.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
                 continue
-            if corrected and (n == 1 or changed < _FALLING * earlier):
+            if decide("falling", corrected and (n == 1 or changed < _FALLING * earlier)):
                 values, spare, recent = image, values, _Anderson(memory)
                 continue
             spare = None

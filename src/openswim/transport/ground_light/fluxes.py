@@ -8,18 +8,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import hemispherical_albedo, surface_properties
 from openswim.ground.fields import blurred
 from openswim.ground.hills import steepness_below
 from openswim.ground.sky_view import Terrain
 from openswim.scene.frame import Frame
-from openswim.scene.scene import Scene
 from openswim.transport.air.shells import beam_transmission, clear_radiance, rows_between
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.ordinates import Ordinates, hemisphere_product
 from openswim.transport.engine.pack import PACK
+from openswim.transport.ground_light.clear_share import clear_share
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -53,22 +53,19 @@ class Lighting:
     local_sun: F64 | None = None  # (3,) along the middle column's axes
 
     @classmethod
-    def of_clear_scene(cls, scene: Scene, frame: Frame, wl: F64) -> Lighting:
-        """A single column at the scene's place."""
-        lat, lon = np.array([frame.lat]), np.array([frame.lon])
-        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T
-        ground = float(scene.data["surface_altitude"].values.ravel()[0]) if "surface_altitude" in scene.data else 0.0
-        nw = len(wl)
-        blank = np.zeros((nw, 1, 1), np.float32)
-        return cls(ground, albedo[:, 0], albedo[:, :, None].astype(np.float32), blank, blank.copy(), blank.copy())
+    def of_clear_sky(cls, surface: Surface, frame: Frame) -> Lighting:
+        """A single column at the frame's place."""
+        albedo = surface.albedo([frame.lat], [frame.lon]).T
+        blank = np.zeros((len(albedo), 1, 1), np.float32)
+        ground_m, of_column = float(surface.terrain_m[0, 0]), albedo[:, :, None].astype(np.float32)
+        return cls(ground_m, albedo[:, 0], of_column, blank, blank.copy(), blank.copy())
 
     @classmethod
-    def of_grid(cls, scene: Scene, medium: Medium) -> Lighting:
+    def of_grid(cls, surface: Surface, medium: Medium) -> Lighting:
         """Albedo and slopes of the grid's columns."""
         _, ny, nx = medium.shape
         lat, lon, _ = medium.frame.latlon(medium.place.reshape(-1, 3))
-        wl = medium.wavelengths_nm
-        albedo = hemispherical_albedo(surface_properties(scene, lat, lon, wl), wl).T.reshape(-1, ny, nx)
+        albedo = surface.albedo(lat, lon).T.reshape(-1, ny, nx)
         blank = np.zeros(albedo.shape, np.float32)
         land = Terrain(medium.terrain_m, medium.cell_m, medium.periodic)
         slope_y, slope_x = land.slopes()
@@ -154,8 +151,13 @@ class Lighting:
         self.forward_depth = forward_depth(shells, mu)[0][:, None, None].astype(np.float32)
         self.clear_sky = clear_sky_table(shells, sun)
 
-    def correct_quadrature(self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64) -> None:
-        """Scale the ordinates' diffuse flux by what they miss of the clear sky's, which is known better."""
+    def correct_quadrature(
+        self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64, medium: Medium, scaled: F32, ends: bool
+    ) -> None:  # fmt: skip
+        """Add what the ordinates miss of the clear sky's diffuse flux, which is known better, where the sky is seen.
+
+        scaled, ends: see `clear_share`.
+        """
         self.clear_sky = clear_sky_table(shells, sun)
         if not shells.moments.size:
             return
@@ -164,7 +166,10 @@ class Lighting:
         raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
         mu = np.array([sun[2]])
         ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
-        self.diffuse *= np.clip(ratio, 0.8, 1.25).astype(np.float32)[:, None, None]
+        missed = (np.clip(ratio, 0.8, 1.25) - 1) * raw
+        self.diffuse += missed.astype(np.float32)[:, None, None] * clear_share(
+            medium, scaled, ordinates, inflow[:, 0], ends
+        )
 
     def mean_fluxes(self) -> dict[str, F64]:
         """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom (unscattered), up_bottom."""

@@ -7,19 +7,17 @@ so that a step is about as wide as a pixel wherever one looks; the finest has th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
-from openswim.ground import earth
-from openswim.ground.relief import height_maps, mapped_height
+from openswim.scene.rays import Rays
 from openswim.scene.rims import rim_m
-from openswim.scene.scene import Scene
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.ground_light.relief import HeightField, Relief
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -40,18 +38,17 @@ _BAND = 250_000  # nodes worked out at a time
 _WIDEST_EDGE_M = 3000.0  # over which elevation models fade into the coarser
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Landscape:
-    """The heights of a scene's ground, and what of them an eye sees."""
+    """The heights of the ground, and what of them an eye sees."""
 
-    scene: Scene
+    surface: Surface
     medium: Medium
     wider: Landscape | None = None  # of the grid around it
-    _built: tuple[F64, float, F64, Relief] | None = field(default=None, repr=False)
 
     def ground_m(self, lat: float, lon: float) -> float:
         """Height of the ground at a place, at the resolution of the finest elevation model."""
-        pixel = min((m.pixel_m for m in height_maps(self.scene)), default=0.0)
+        pixel = min((pixel_m for pixel_m, _, _ in self.surface.map_outlines), default=0.0)
         height, share, mapped = self._parts(np.array([lat]), np.array([lon]), pixel, Lattice(1, 1, 1))
         return float((height + share * (mapped - height))[0])
 
@@ -67,9 +64,7 @@ class Landscape:
         widths = np.asarray(rays.width_rad, float)
         width = max(float(widths.min()), 1 / _NODES[1]) if widths.max() > 0 else 1 / _NODES[0]
         box = _seen_box(rays.directions() @ frame.enu(lat, lon).T)
-        if self._built is None or not _serves(self._built, eye, width, box):
-            self._built = eye, width, box, self._relief(lat, lon, height_m, width, box)
-        return self._built[3]
+        return self._relief(lat, lon, height_m, width, box)
 
     def _relief(self, lat: float, lon: float, height_m: float, width_rad: float, box: F64) -> Relief:
         medium = self.medium
@@ -92,10 +87,10 @@ class Landscape:
     def _finest(self, axes: F64, width_rad: float) -> float:
         """The finest step that an elevation model has where it is, or half a cell of the medium."""
         steps = [0.5 * min(self.medium.cell_m)]
-        for one in height_maps(self.scene):
-            x, y = self._plane(axes, *one.raster.outline())
+        for pixel_m, lat, lon in self.surface.map_outlines:
+            x, y = self._plane(axes, lat, lon)
             away = math.hypot(max(x.min(), -x.max(), 0.0), max(y.min(), -y.max(), 0.0))
-            steps.append(max(one.pixel_m, width_rad * away))
+            steps.append(max(pixel_m, width_rad * away))
         return min(steps)
 
     def _reach(self, axes: F64, eye_m: float) -> float:
@@ -103,12 +98,12 @@ class Landscape:
         radius = self.medium.frame.radius_m
         level = math.sqrt(2 * radius * eye_m)
         horizon = max(min(level + math.sqrt(2 * radius * _HIGHEST_M), _REACH_M), 1.1 * level)
-        if earth.has_relief():
+        if self.surface.earth_known:
             return horizon
         place = self.widest.medium.place
         rim = np.concatenate([place[0], place[-1], place[:, 0], place[:, -1]])
         lat, lon, _ = self.medium.frame.latlon(rim)
-        outlines = [(lat, lon), *(m.raster.outline() for m in height_maps(self.scene))]
+        outlines = [(lat, lon), *(outline for _, *outline in self.surface.map_outlines)]
         known = max(float(np.abs(self._plane(axes, *o)).max()) for o in outlines)
         return min(horizon, (known + self._beyond_m) / (1 - _RIM))
 
@@ -120,8 +115,7 @@ class Landscape:
     @property
     def _beyond_m(self) -> float:
         """How far beyond the domain's edge its terrain is felt."""
-        assert self.scene.grid is not None
-        return max(_BEYOND_M, _BEYOND_CELLS * max(self.scene.grid.spacing_m()))
+        return max(_BEYOND_M, _BEYOND_CELLS * max(self.medium.grid.spacing_m()))
 
     def _plane(self, axes: F64, lat: F64, lon: F64) -> tuple[F64, F64]:
         """Places on the plane that touches the sea under the eye."""
@@ -144,8 +138,7 @@ class Landscape:
             found = self._parts(lat, lon, step, lattice)
             height[part], share[part], mapped[part] = (v.reshape(-1, nx) for v in found)
         if share.any():
-            assert self.scene.grid is not None
-            share *= _within_edges(share, min(max(self.scene.grid.spacing_m()), _WIDEST_EDGE_M) / step)
+            share *= _within_edges(share, min(max(self.medium.grid.spacing_m()), _WIDEST_EDGE_M) / step)
             height += share * (mapped - height)
         # the edge of what is known must not stand as a wall
         x, y = (np.abs(start + step * np.arange(n)) / reach for start, n in zip(origin, (nx, ny), strict=True))
@@ -165,25 +158,23 @@ class Landscape:
     def _parts(self, lat: F64, lon: F64, step_m: float, lattice: Lattice) -> tuple[F64, F64, F64]:
         """Heights (n,) by the model and the default Earth, share and heights of the user's elevation models; places
         are given at knots of the lattice."""
-        sea = earth.sea_at_nearest(lat, lon)
+        sea = self.surface.sea(lat, lon)
         height = self._height(lat, lon, sea, lattice)
-        maps = height_maps(self.scene)
-        if not maps:
+        if not self.surface.mapped:
             return height, np.zeros(height.size), height
-        mapped, mapped_share = mapped_height(maps, lat, lon, np.full(height.size, step_m), lattice.between)
+        mapped, mapped_share = self.surface.mapped_m(lat, lon, np.full(height.size, step_m), lattice.between)
         # models of the whole Earth go on under the sea
         return height, mapped_share, np.where(lattice.between(sea.astype(float)) > 0.5, np.maximum(mapped, 0.0), mapped)
 
     def _height(self, lat: F64, lon: F64, sea: NDArray[np.bool_], lattice: Lattice) -> F64:
         """Heights (n,) by the model, the wider ones around it and the default Earth."""
-        medium, grid = self.medium, self.scene.grid
-        assert grid is not None
+        medium, surface = self.medium, self.surface
         if self.wider is not None:
             height = self.wider._height(lat, lon, sea, lattice)
         else:
-            height = earth.relief_m(lat, lon) if earth.has_relief() else np.where(sea, 0.0, medium.ground_m)
+            height = surface.earth_m(lat, lon) if surface.earth_known else np.where(sea, 0.0, medium.ground_m)
             height = lattice.between(height)
-        ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in grid.index(lon, lat))
+        ix, iy = (lattice.between(np.nan_to_num(i * medium.fineness, nan=-1e9)) for i in medium.grid.index(lon, lat))
         ny, nx = medium.terrain_m.shape
         dx, dy = medium.cell_m
         if self.wider is not None:  # which knows what is beyond
@@ -222,25 +213,18 @@ class Lattice:
         return np.asarray(v).ravel()
 
 
-def landscape_of(scene: Scene, medium: Medium) -> Landscape | None:
-    """The landscape of a scene on the round Earth; None where its grid's own terrain says it all."""
+def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = None) -> Landscape | None:
+    """The landscape of a grid on the round Earth; None where its own terrain says it all. ``wider``: that around."""
     if not medium.frame.curved:
         return None
-    if height_maps(scene):
-        return Landscape(scene, medium)
-    wanted = scene.ground is None or scene.ground.mountains
-    if not (wanted and earth.has_relief() and "surface_altitude" in scene.data):
+    found = Landscape(surface, medium, wider)
+    if surface.mapped:
+        return found
+    if not surface.mountains:
         return None
     reach = float(np.abs(medium.place[..., :2]).max()) + _REACH_M
     side = np.linspace(-reach, reach, 100)
-    found = Landscape(scene, medium)
-    return found if float(earth.relief_m(*found._latlon(np.eye(3), side, side)).max()) > _FLAT_M else None
-
-
-def _serves(built: tuple[F64, float, F64, Relief], eye: F64, width_rad: float, box: F64) -> bool:
-    """Whether what was built for an eye, its pixels' width and what it sees will do for another."""
-    inside = (built[2][:2] <= box[:2]).all() and (built[2][2:] >= box[2:]).all()
-    return bool(inside and built[1] < 2.5 * width_rad and np.abs(eye - built[0]).max() < 1e-3)
+    return found if float(surface.earth_m(*found._latlon(np.eye(3), side, side)).max()) > _FLAT_M else None
 
 
 def _seen_box(local: F64) -> F64:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -18,6 +20,7 @@ from openswim.transport.march.cloud_detail import (
     sunward,
     thickened,
 )
+from openswim.transport.march.state import Gathered
 from openswim.transport.march.walk import PLACE_LEVEL, PLACE_S, PLACE_X, PLACE_Y, RISE, SQUARE
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
@@ -40,6 +43,15 @@ def widest_m(wavelength_m: float) -> float:
 WIDEST = widest_m(1.0)
 
 
+class Step(NamedTuple):
+    """A step of a ray through cloud: its length, the ray's width, and where among the places its ends stand."""
+
+    ds_m: Any
+    width_m: float
+    before: int
+    place: int
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _next_part(a, least, left):
     """How much of a step is done after its next part, and that part; ``left``: transmission so far."""
@@ -51,30 +63,36 @@ def _next_part(a, least, left):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def detailed_step(
-    radiance, through, ahead, ds, width_m, extinction, extinction_far, forward, forward_far, diffuse, diffuse_far,
-    single, single_far, beam, beam_far, air, cloud, cloud_far, refined, refined_far, w, places, last, place, scratch,
-    radius_m, cell_x, cell_y, detail,
-):  # fmt: skip
-    """Radiance, transmission and depth of the forward peaks to the eye after a step of ``ds`` from place ``last`` to
-    ``place``, in parts that are short while much is seen.
+def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m, detail):
+    """`Gathered` after a `Step`, in parts that are short while much is seen: from it before, and the `Sample` at both
+    ends; ``walk``, ``places``: of the ray; ``cell_m`` (2,) of the grid.
 
-    ``w``: the walk. All is linear along the step but for `Detail`: extinction, peaks and sources change alike, by the
-    extinction that is there over the mean (``cloud``, of which ``refined``, and air); the beam by the noise's slope.
+    All is linear along the step but for the noise n of `Detail`. With x_r the extinction of what is refined and x that
+    of all cloud and the densest wavelength's air, what is there is what stands at the ends times
+
+        ratio = 1 + x_r (f(n) - 1)/x,    f = Phi((n + q)/e)/Phi(q), of mean 1 (`thickened`),
+
+    the beam b is brighter by g (`sunward`), and of the diffuse source a share follows it, so that with J the diffuse
+    source and P what is scattered of the beam
+
+        S = ratio [J (1 + .8 b (g - 1)) + P b g],    dL'/ds = S e^-tau',   each part by F9 as the march's steps are.
     """
-    s, t = flat(places, place + PLACE_S), flat(places, place + PLACE_S) - ds
-    ix, iy, level = flat(places, place + PLACE_X), flat(places, place + PLACE_Y), flat(places, place + PLACE_LEVEL)
-    jx, jy, last_level = flat(places, last + PLACE_X), flat(places, last + PLACE_Y), flat(places, last + PLACE_LEVEL)
-    x, y, z = jx * cell_x, jy * cell_y, height_of_square_m(w[SQUARE] + t * (2.0 * w[RISE] + t), radius_m)
+    s, t = flat(places, step.place + PLACE_S), flat(places, step.place + PLACE_S) - step.ds_m
+    ix, iy = flat(places, step.place + PLACE_X), flat(places, step.place + PLACE_Y)
+    jx, jy = flat(places, step.before + PLACE_X), flat(places, step.before + PLACE_Y)
+    cell_x, cell_y = 1.0 * flat(cell_m, 0), 1.0 * flat(cell_m, 1)
+    x, y, z = jx * cell_x, jy * cell_y, height_of_square_m(walk[SQUARE] + t * (2.0 * walk[RISE] + t), radius_m)
     dx, dy = ix * cell_x - x, iy * cell_y - y
-    dz = height_of_square_m(w[SQUARE] + s * (2.0 * w[RISE] + s), radius_m) - z
-    dense, dense_far = scalar_at(detail.in_cloud, jx, jy, last_level), scalar_at(detail.in_cloud, ix, iy, level)
+    dz = height_of_square_m(walk[SQUARE] + s * (2.0 * walk[RISE] + s), radius_m) - z
+    dense = scalar_at(detail.in_cloud, jx, jy, flat(places, step.before + PLACE_LEVEL))
+    dense_far = scalar_at(detail.in_cloud, ix, iy, flat(places, step.place + PLACE_LEVEL))
     first_m = flat(detail.wavelength_m, 0)
-    finest = max(_PART * width_m, min(_FINEST * first_m, _COARSEST_M))
-    count, edge = seen_octaves(detail, _BLUR * finest, scratch)
-    least, lump_m = np.float32(min(finest / ds, 1.0)), np.float32(0.25 * first_m)
-    clear = largest(air) + _NOTHING
-    near, near_forward, near_source = (
+    finest_m = max(_PART * step.width_m, min(_FINEST * first_m, _COARSEST_M))
+    count, edge = seen_octaves(detail, _BLUR * finest_m, scratch)
+    least, lump_m = np.float32(min(finest_m / step.ds_m, 1.0)), np.float32(0.25 * first_m)
+    clear = largest(near.air) + _NOTHING
+    radiance, through, ahead = seen.radiance, seen.through, seen.ahead
+    last, last_forward, last_source = (
         read(scratch, HERE), read(scratch, HERE + PACK), read(scratch, HERE + 2 * PACK)
     )  # fmt: skip
     a, part = _ZERO, _ZERO
@@ -82,30 +100,32 @@ def detailed_step(
         a, part = _next_part(a, least, largest(through))
     while True:
         noise_at(detail, count, x + a * dx, y + a * dy, z + a * dz, scratch)
-        mean, all_cloud, most = lerp(refined, refined_far, a), lerp(cloud, cloud_far, a), lerp(dense, dense_far, a)
+        mean, all_cloud = lerp(near.refined, far.refined, a), lerp(near.cloud, far.cloud, a)
+        most = lerp(dense, dense_far, a)
         more = mean * (thickened(flat(scratch, NOISE), edge, mean / max(most, _NOTHING), detail.quantile) - _ONE)
         ratio = (all_cloud + more + clear) / (all_cloud + clear)
         slope = flat(scratch, NOISE + 1) + flat(scratch, NOISE + 2) + flat(scratch, NOISE + 3)
         bright = sunward(slope, most * lump_m)
-        sunlight = lerp(beam, beam_far, a)
+        sunlight = lerp(near.beam, far.beam, a)
         lit = bright * sunlight
         # where the sun shines most of what is scattered again was sunlight just before
         follows = (bright - _ONE) * _FOLLOWS * sunlight + _ONE
-        here, forward_here = ratio * lerp(extinction, extinction_far, a), ratio * lerp(forward, forward_far, a)
-        source = ratio * (lerp(diffuse, diffuse_far, a) * follows + lerp(single, single_far, a) * lit)
+        here = ratio * lerp(near.extinction, far.extinction, a)
+        forward_here = ratio * lerp(near.forward, far.forward, a)
+        source = ratio * (lerp(near.diffuse, far.diffuse, a) * follows + lerp(near.single, far.single, a) * lit)
         if part > _ZERO:
-            step = part * ds
-            depth = (near + here) * (_HALF * step)
-            ahead += (near_forward + forward_here) * (_HALF * step)
+            part_m = part * step.ds_m
+            depth = (last + here) * (_HALF * part_m)
+            ahead += (last_forward + forward_here) * (_HALF * part_m)
             trans = transmission(depth)
-            radiance += through * step_emission(depth, trans, step, near_source, source, near, here)
+            radiance += through * step_emission(depth, trans, part_m, last_source, source, last, here)
             through *= trans
         if a >= _ONE:
             break
-        near, near_forward, near_source = here, forward_here, source
+        last, last_forward, last_source = here, forward_here, source
         a, part = _next_part(a, least, largest(through))
     write(scratch, HERE, here)
     write(scratch, HERE + PACK, forward_here)
     write(scratch, HERE + 2 * PACK, source)
     put(scratch, FRESH, _ONE)
-    return radiance, through, ahead
+    return Gathered(radiance, through, ahead)

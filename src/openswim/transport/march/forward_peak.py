@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.optics.phase import PhaseFunction
+from openswim.scene.phase import PhaseFunction
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ it they broaden (docs/fast.md, F17) and the sun's disc fades.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,6 +28,7 @@ from openswim.transport.engine.pack import (
     write,
 )
 from openswim.transport.engine.scalar import harmonics, shadow_fraction, smoothstep, table_index, transmission
+from openswim.transport.march.state import AEROSOL, MOLECULES, SPECIES, Sample
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
@@ -35,18 +37,30 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 # directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
 SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
 
-# What is constant along a ray, packs of its scratch: phase functions of molecules and of aerosol, without the part of
-# its peak that is resolved; what each species scatters of the beam once (RAY on)
-_MOLECULES, _AEROSOL, RAY = 0, PACK, 2 * PACK
+
+class Corners(NamedTuple):
+    """The four nodes of a level around a place: steps to the right and up, in elements of an array; weights."""
+
+    right: Any
+    up: Any
+    v00: Any
+    v01: Any
+    v10: Any
+    v11: Any
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def prepare_ray(cos_angle, table, phase, volume, ray, peak):
-    """Fill in what is constant along a straight ray: phase functions and peaks. Returns the resolved peak's share."""
+def prepare_ray(cos_angle, table, phase, volume, constants, peak):
+    """Fill in `Ray.constants` and `Ray.peak` of straight rays by the cosine of their angle to the sun. Returns
+    `Ray.share`.
+
+    Molecules and aerosol: sum_l (2l+1) chi_l P_l(cos Theta) of the ``phase`` (2, M, PACK), and of each species the same
+    of `Volume.single`, to which the part (1 - share) R(Theta, 0) of the peaks is added; ``peak`` is R(Theta, phi).
+    """
     inner, outer = volume.peak_inner, volume.peak_outer
     share = np.float32(smoothstep((cos_angle - outer) / (inner - outer)))
     for s in range(volume.species):
-        write(ray, RAY + s * PACK, spread(_ZERO))
+        write(constants, SPECIES + s * PACK, spread(_ZERO))
     for kind in range(2):
         p0, p1 = 1.0, cos_angle
         total = spread(_ZERO)
@@ -56,9 +70,9 @@ def prepare_ray(cos_angle, table, phase, volume, ray, peak):
             if kind == 0:
                 for s in range(volume.species):
                     once = legendre * read(volume.single, (s * DEGREE + ell) * PACK)
-                    write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + once)
+                    write(constants, SPECIES + s * PACK, read(constants, SPECIES + s * PACK) + once)
             p0, p1 = p1, ((2 * ell + 3) * cos_angle * p1 - (ell + 1) * p0) / (ell + 2)
-        write(ray, kind * PACK, total)
+        write(constants, kind * PACK, total)
     angle = math.acos(min(1.0, max(-1.0, cos_angle)))
     n = table.shape[1] - 1
     t = math.sqrt(angle / math.pi) * n
@@ -71,10 +85,10 @@ def prepare_ray(cos_angle, table, phase, volume, ray, peak):
         for d in range(depths):
             near = read(table, start + d * PACK)
             write(peak, s * stride + d * PACK, near + a * (read(table, start + stride + d * PACK) - near))
-    write(ray, _AEROSOL, read(ray, _AEROSOL) + (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
+    write(constants, AEROSOL, read(constants, AEROSOL) + (_ONE - share) * read(peak, (table.shape[0] - 1) * stride))
     for s in range(volume.species):
         narrow = (_ONE - share) * read(peak, s * stride)
-        write(ray, RAY + s * PACK, read(ray, RAY + s * PACK) + narrow)
+        write(constants, SPECIES + s * PACK, read(constants, SPECIES + s * PACK) + narrow)
     return share
 
 
@@ -84,10 +98,11 @@ def _lerp(a, b, share):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _four(array, n, right, up, v00, v01, v10, v11):
-    """Bilinear mean of four quadruple packs of an array, at flat element n, to the right of it, and up."""
-    low_row = v00 * read_quadruple(array, n) + v01 * read_quadruple(array, n + right)
-    return low_row + (v10 * read_quadruple(array, n + up) + v11 * read_quadruple(array, n + up + right))
+def _four(array, n, corners):
+    """Bilinear mean of four quadruple packs of an array, the first at flat element n."""
+    right, up = corners.right, corners.up
+    low_row = corners.v00 * read_quadruple(array, n) + corners.v01 * read_quadruple(array, n + right)
+    return low_row + (corners.v10 * read_quadruple(array, n + up) + corners.v11 * read_quadruple(array, n + up + right))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -113,42 +128,47 @@ def _peak_at(peak, start, q, part):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def turn_ray(dx, dy, dz, volume, ray):
+def turn_ray(dx, dy, dz, volume, constants):
     """Fill in the harmonics of the ray's direction behind what `prepare_ray` does, where sources are read by them."""
     if volume.turning.shape[0] > 0:
-        harmonics(dx, dy, dz, DEGREE, ray[RAY + volume.species * PACK :])
+        harmonics(dx, dy, dz, DEGREE, constants[SPECIES + volume.species * PACK :])
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _turned(node, right, up, above, v00, v01, v10, v11, g, ray, volume):
-    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on; of those that do not
-    tell it, toward the eye."""
+def _turned(node, corners, g, constants, volume):
+    """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on, ``g`` of the way to
+    the level above: sum_lm Y_lm S_lm of those that have harmonics; of the others, toward the eye."""
+    _, ny, nx, nc = volume.fields.shape
+    right, up = corners.right // nc, corners.up // nc
     size = DEGREE * DEGREE * PACK
-    first = RAY + volume.species * PACK
+    first = SPECIES + volume.species * PACK
     total = spread(_ZERO)
     for corner in range(8):
-        at = node + (above if corner >= 4 else 0) + (up if corner & 2 else 0) + (right if corner & 1 else 0)
+        at = node + (ny * nx if corner >= 4 else 0) + (up if corner & 2 else 0) + (right if corner & 1 else 0)
         share = (g if corner >= 4 else _ONE - g) * (
-            (v11 if corner & 1 else v10) if corner & 2 else (v01 if corner & 1 else v00)
+            (corners.v11 if corner & 1 else corners.v10) if corner & 2 else (corners.v01 if corner & 1 else corners.v00)
         )
         start = int(flat(volume.turning_row, at)) * size
         if share > _ZERO:
-            here = read(volume.fields, at * volume.fields.shape[3] + PACK)
+            here = read(volume.fields, at * nc + PACK)
             if start > 0:
                 here = spread(_ZERO)
                 for n in range(DEGREE * DEGREE):
-                    here += flat(ray, first + n) * read(volume.turning, start + n * PACK)
+                    here += flat(constants, first + n) * read(volume.turning, start + n * PACK)
             total += share * here
     return total
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes):
-    """A point of the grid, at fractional indices; its channels are left in ``nodes``.
+def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
+    """`Sample` of a point of the grid, at fractional indices; its channels are left in ``nodes``. With B' the root of
+    the beam and x_s the species' reference extinction, all trilinear between nodes,
 
-    ahead: forward depth to the eye, but for this point's ``half_step``. Returns packs of extinction, of what the
-    forward peaks scatter besides, of the diffuse source, of what is scattered of the beam, of the beam, and of the
-    air's own extinction; then the species' reference extinction.
+        beta' = beta'_air + sum_s x_s k_s,   beam = min(1, B'^2 e^-c),   single = sum_s x_s [P_s + w R_s(phi)] + air's,
+
+    c what the beam's depth bends within the cell (`Volume.bend`), P_s and w R_s what `prepare_ray` filled in, R_s read
+    at the forward depth phi from the sun to here and on to the eye: ``ahead`` is that between the eye and here but for
+    this point's ``half_step_m``. What has detail is left out (0).
     """
     nz, ny, nx, nc = volume.fields.shape
     k = min(int(level), nz - 2)
@@ -165,14 +185,15 @@ def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes
     v11 = a * b
     v01, v10 = a - v11, b - v11
     v00 = _ONE - a - v10
+    corners = Corners(right, up, v00, v01, v10, v11)
     here = ((k * ny + j) * nx + i) * nc
     above = here + ny * nx * nc
     f = volume.fields
-    node = _lerp(_four(f, here, right, up, v00, v01, v10, v11), _four(f, above, right, up, v00, v01, v10, v11), g)
+    node = _lerp(_four(f, here, corners), _four(f, above, corners), g)
     write(nodes, 0, node)
     for base in range(4 * PACK, nc, 4 * PACK):  # only where there are many species
-        lower = _four(f, here + base, right, up, v00, v01, v10, v11)
-        write(nodes, base, _lerp(lower, _four(f, above + base, right, up, v00, v01, v10, v11), g))
+        lower = _four(f, here + base, corners)
+        write(nodes, base, _lerp(lower, _four(f, above + base, corners), g))
     air_row = _lerp(read_quadruple(volume.air, k * 4 * PACK), read_quadruple(volume.air, (k + 1) * 4 * PACK), g)
     air, forward = low(low(air_row)), high(high(air_row))
     resolved, single = spread(_ZERO), spread(_ZERO)
@@ -186,21 +207,21 @@ def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes
             extinction += x * read(volume.scaled, s * PACK)
             forward += x * read(volume.forward, s * PACK)
         q, part = spread(_ZERO), spread(_ZERO)
-        depths = peak.shape[1]
-        if share > _ZERO:
+        depths = ray.peak.shape[1]
+        if ray.share > _ZERO:
             c = volume.forward_channel
             depth = pack_of(
                 flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
             )
             haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
-            q, part = _peak_place(depth + haze + ahead + half_step * forward, depths)
+            q, part = _peak_place(depth + haze + ahead + half_step_m * forward, depths)
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
         if volume.shining:
             # not from the nodes, whose own angles differ from the ray's
             aerosol = low(high(air_row))
-            single = high(low(air_row)) * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
-            if share > _ZERO:
-                resolved = aerosol * _peak_at(peak, volume.species * depths * PACK, q, part)
+            single = high(low(air_row)) * read(ray.constants, MOLECULES) + aerosol * read(ray.constants, AEROSOL)
+            if ray.share > _ZERO:
+                resolved = aerosol * _peak_at(ray.peak, volume.species * depths * PACK, q, part)
         if cloud > _ZERO:
             if volume.bend.shape[0] > 0:
                 at = ((k * ny + j) * nx + i) * PACK
@@ -211,17 +232,16 @@ def sample_grid(ix, iy, level, ray, peak, share, ahead, half_step, volume, nodes
             for s in range(volume.species):
                 x = flat(nodes, 2 * PACK + s)
                 start = s * depths * PACK
-                single += x * read(ray, RAY + s * PACK)
-                if share > _ZERO:
-                    resolved += x * _peak_at(peak, start, q, part)
-        single += share * resolved
+                single += x * read(ray.constants, SPECIES + s * PACK)
+                if ray.share > _ZERO:
+                    resolved += x * _peak_at(ray.peak, start, q, part)
+        single += ray.share * resolved
     source = high(low(node))
     if volume.turning.shape[0] > 0:
-        at = (k * ny + j) * nx + i
-        source = _turned(at, right // nc, up // nc, ny * nx, v00, v01, v10, v11, g, ray, volume)
+        source = _turned((k * ny + j) * nx + i, corners, g, ray.constants, volume)
     if volume.per_extinction:
         source *= extinction
-    return extinction, forward, source, single, beam, air, cloud
+    return Sample(extinction, forward, source, single, beam, air, cloud, _ZERO)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -256,13 +276,25 @@ def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, ahead, half_step, shells, haze):
-    """A point of the shells: see `sample_grid`. ``haze``: row of the aerosol in ``peak``."""
-    above = max(h - shells.ground_m, 0.0)
-    level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
+def air_at(h_m, shells):
+    """`Shells.rows` at a height, and between which levels that is: the lower, and the share of the other."""
+    above_m = max(h_m - shells.ground_m, 0.0)
+    level = table_index(above_m, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     k = min(int(level), shells.rows.shape[0] - 2)
-    c = np.float32(level - k)
-    mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), level - k)
+    c = level - k
+    rows = shells.rows
+    row = _lerp(read_quadruple(rows, k * 4 * PACK), read_quadruple(rows, (k + 1) * 4 * PACK), np.float32(c))
+    return row, k, c
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def sample_air(mu, mu_sun, h_m, ray, ahead, half_step_m, shells):
+    """`Sample` of a point of the shells, by the cosines of the zenith angles of the ray and of the sun, see
+    `sample_grid`: beam = (the sun's disc over the horizon) e^-tau', tau' bilinear in level and root of the sun's
+    cosine above the horizon; the aerosol's peak is the last of the ray's."""
+    row, k, part_up = air_at(h_m, shells)
+    mu_horizon = _lerp(flat(shells.horizon, k), flat(shells.horizon, k + 1), part_up)
+    c = np.float32(part_up)
     lit = np.float32(shadow_fraction(mu_sun, mu_horizon, SUN_RADIUS_RAD))
     columns = shells.slant.shape[1]
     t = sun_table_coordinate(mu_sun, mu_horizon, columns)
@@ -280,13 +312,14 @@ def sample_air(mu, mu_sun, cos_angle, h, ray, peak, share, ahead, half_step, she
         + v10 * read_double(shells.slant, n + up)
         + v11 * read_double(shells.slant, n + right + up)
     )
-    row = _lerp(read_quadruple(shells.rows, k * 4 * PACK), read_quadruple(shells.rows, (k + 1) * 4 * PACK), c)
     extinction, molecules = low(low(row)), high(low(row))
     aerosol, forward = low(high(row)), high(high(row))
     beam = lit * transmission(low(slant))
-    single = molecules * read(ray, _MOLECULES) + aerosol * read(ray, _AEROSOL)
-    smooth = _diffuse_source(mu, mu_sun, cos_angle, k, c, shells)
-    if share > _ZERO:
-        q, part = _peak_place(high(slant) + ahead + half_step * forward, peak.shape[1])
-        single += share * aerosol * _peak_at(peak, haze * peak.shape[1] * PACK, q, part)
-    return extinction, forward, smooth, single, beam, extinction
+    single = molecules * read(ray.constants, MOLECULES) + aerosol * read(ray.constants, AEROSOL)
+    smooth = _diffuse_source(mu, mu_sun, ray.cos_angle, k, c, shells)
+    if ray.share > _ZERO:
+        depths = ray.peak.shape[1]
+        q, part = _peak_place(high(slant) + ahead + half_step_m * forward, depths)
+        haze = (ray.peak.shape[0] - 1) * depths * PACK
+        single += ray.share * aerosol * _peak_at(ray.peak, haze, q, part)
+    return Sample(extinction, forward, smooth, single, beam, extinction, _ZERO, _ZERO)

@@ -46,9 +46,11 @@ GOING, GONE, HIT = 0.0, 1.0, 2.0
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def start_walk(w, ox, oy, oz, dx, dy, dz, end, shells, volume):
+def start_walk(w, origin_m, direction, end, shells, volume):
     """Begin a walk at an eye, or where its ray meets the top of the shells. The ground is at distance ``end``, or,
     where that is negative, is yet to be met, and the ray stops at -``end`` if it is not."""
+    ox, oy, oz = origin_m[0], origin_m[1], origin_m[2]
+    dx, dy, dz = direction[0], direction[1], direction[2]
     radius = shells.radius_m
     w[STATE], w[COUNT], w[SAMPLES], w[START], w[S], w[STEP], w[SAFE] = GOING, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0
     h = height_m(ox, oy, oz, radius)

@@ -10,11 +10,13 @@ F64 = NDArray[np.float64]
 
 MOST_RESOLVED_NODES = 4_000_000
 _MOST_NODES = 6_000_000
-_MOST_LEVELS = 160
+_MOST_LEVELS, _MOST_LAYER_LEVELS = 160, 640
+LAYERS_DEGREE = 32  # truncation order M of the light in layers without sides (`columns.discrete_ordinates`)
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 _AIR_TOP_M = 18_000.0  # of levels above a scene's own
+_FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
 _TALLER, _TALLEST, _TALLEST_M = 2.0, 0.3, 2000.0  # than the last, of its height (haze thins out fast), and at all
 
 
@@ -113,3 +115,45 @@ def levels_above(levels: F64) -> F64:
         dz = max(dz, min(_TALLER * dz, _TALLEST * out[-1], _TALLEST_M))
         out.append(out[-1] + dz)
     return np.array(out[1:])
+
+
+def layer_levels(levels_m: F64, extinction: F64, mu_sun: float) -> F64:
+    """Levels (nz,) and more between them, close where the light changes fast: near the top, and near the bottom.
+
+    Spaced by optical depth: a twentieth of the distance to the nearer end, at least a thirtieth of what the slanting
+    sun meets in unit depth.
+    """
+    depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
+    from_below = np.concatenate([[0.0], np.cumsum(depth)])
+    total = from_below[-1]
+    coarseness = 1.0
+    while True:
+        least = coarseness * max(mu_sun, 0.05) / 30
+        out = [levels_m[0]]
+        for k, here in enumerate(depth):
+            part = 0.0
+            while part < 1:
+                x = from_below[k] + part * here
+                step = min(coarseness * 0.5, max(0.05 * coarseness * x, 0.02 * coarseness),
+                           max(0.05 * coarseness * (total - x), least))  # fmt: skip
+                # what is left of a cell is shared evenly where two steps would do
+                part = 1.0 if here * (1 - part) <= 1.3 * step else part + min(step / here, 0.6 * (1 - part))
+                out.append(levels_m[k] + part * (levels_m[k + 1] - levels_m[k]))
+        if len(out) <= max(_MOST_LAYER_LEVELS, len(levels_m)):
+            return np.array(out)
+        coarseness *= 1.3
+
+
+def large_levels(heights: NDArray, terrain: F32, cell_m: float, top_m: float) -> F64:
+    """Levels (n,) as close as the model's on the whole, where that is not needlessly close for cells so wide."""
+    columns = heights.reshape(len(heights), -1)
+    columns = columns[:, :: max(1, columns.shape[1] // 2000)].astype(float)
+    middle, thickness = 0.5 * (columns[1:] + columns[:-1]), np.diff(columns, axis=0)
+    low = float(min(terrain.min(), columns[0].min()))
+    least = np.clip(_FLATNESS * cell_m, _FINEST_M, _COARSEST_M)
+    probe = np.linspace(low, top_m, 400)
+    rows = np.array([np.abs(middle - z).argmin(axis=0) for z in probe])
+    local = np.maximum(np.median(np.take_along_axis(thickness, rows, 0), axis=1), least)
+    count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
+    count = max(8, int(np.ceil(count_at[-1])))
+    return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)

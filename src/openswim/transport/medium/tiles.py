@@ -9,22 +9,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.ground.relief import refined_terrain
-from openswim.optics.cover import LEAST_COVER, cloud_cover
-from openswim.optics.species import OpticalSpecies, each_species
-from openswim.scene.frame import scene_frame
-from openswim.scene.grid import Grid
-from openswim.scene.scene import Scene
-from openswim.scene.variables import HYDROMETEORS
+from openswim.optics.cover import LEAST_COVER
+from openswim.optics.matter import Matter
+from openswim.optics.species import OpticalSpecies
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.medium.chart import chart_of, columns_on
 from openswim.transport.medium.cloud_cover import cloud_under_cover
-from openswim.transport.medium.medium import Medium, air_of, chart_of, check_span, columns_on, outside_ground_m
+from openswim.transport.medium.medium import Medium, air_of, outside_ground_m
+from openswim.transport.medium.plan import MediumPlan
+from openswim.transport.medium.surface import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-_FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _spread(t, threads, values, heights, levels, out):
@@ -78,50 +74,19 @@ def spread_on_levels(values: F32, heights: NDArray, levels: F64) -> F32:
     return out
 
 
-def large_levels(heights: NDArray, terrain: F32, cell_m: float, top_m: float) -> F64:
-    """Levels (n,) as close as the model's on the whole, where that is not needlessly close for cells so wide."""
-    columns = heights.reshape(len(heights), -1)
-    columns = columns[:, :: max(1, columns.shape[1] // 2000)].astype(float)
-    middle, thickness = 0.5 * (columns[1:] + columns[:-1]), np.diff(columns, axis=0)
-    low = float(min(terrain.min(), columns[0].min()))
-    least = np.clip(_FLATNESS * cell_m, _FINEST_M, _COARSEST_M)
-    probe = np.linspace(low, top_m, 400)
-    rows = np.array([np.abs(middle - z).argmin(axis=0) for z in probe])
-    local = np.maximum(np.median(np.take_along_axis(thickness, rows, 0), axis=1), least)
-    count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
-    count = max(8, int(np.ceil(count_at[-1])))
-    return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
-
-
-def _cloud_top_m(scene: Scene, heights: NDArray) -> float:
-    """Height of the level above all that is on levels."""
-    last = 1
-    for name, values in scene.data.data_vars.items():
-        if values.ndim == 3 and (str(name).removesuffix("_content") in HYDROMETEORS or "extinction" in str(name)):
-            filled = np.array([level.any() for level in values.transpose("z", "y", "x").values])
-            last = max(last, int(np.flatnonzero(filled).max(initial=0)))
-    top = heights[min(last + 1, len(heights) - 1)]
-    return float(np.max(top))
-
-
-def large_medium(scene: Scene, wavelengths_nm: F64) -> tuple[Medium, F32 | None]:
+def large_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> tuple[Medium, F32 | None]:
     """The medium of a whole large domain, without axes and places of its columns (`part_of_medium` adds them), and
-    what share of its cells is cloud (nz, ny, nx), if the scene says so."""
-    grid = scene.grid
+    what share of its cells is cloud (nz, ny, nx), if that is known."""
+    grid = matter.grid
     assert grid is not None
-    check_span(grid)
-    frame = scene_frame(scene)
     _, ny, nx = grid.shape
-    terrain = np.zeros((ny, nx), np.float32)
-    if "surface_altitude" in scene.data:
-        terrain = np.nan_to_num(scene.data["surface_altitude"].values.astype(np.float32))
-    terrain = refined_terrain(scene, terrain)
+    terrain = surface.terrain_m
     heights = grid.height_m
-    levels = large_levels(heights, terrain, min(grid.spacing_m()), _cloud_top_m(scene, heights))
+    levels = plan.own_levels_m
     species: list[OpticalSpecies] = []
     fields: list[F32] = []
     nothing = np.zeros((0, 0, 0), np.float32)
-    for one in each_species(scene, wavelengths_nm):
+    for one in matter.species:
         fields.append(spread_on_levels(one.extinction_per_m, heights, levels))
         species.append(replace(one, extinction_per_m=nothing))
     thickness = np.gradient(levels)
@@ -131,14 +96,14 @@ def large_medium(scene: Scene, wavelengths_nm: F64) -> tuple[Medium, F32 | None]
         fields[n] = nothing
     for k, z in enumerate(levels):
         extinction[:, k, z < terrain - 1.5 * thickness[k]] = 0
-    cover = cloud_cover(scene)
+    cover = matter.cover
     if cover is not None:
         cover = np.clip(spread_on_levels(cover, heights, levels), LEAST_COVER, 1)
     ground_m = outside_ground_m(terrain)
     medium = Medium(
-        frame, wavelengths_nm, species, extinction, levels, grid.spacing_m(), terrain,
-        np.zeros((0, 0, 3, 3), np.float32), np.zeros((0, 0, 3)), False, *chart_of(grid, frame), ground_m,
-        air_of(scene, wavelengths_nm, ground_m),
+        matter.frame, grid, matter.wavelengths_nm, species, extinction, levels, grid.spacing_m(), terrain,
+        np.zeros((0, 0, 3, 3), np.float32), np.zeros((0, 0, 3)), False, *chart_of(grid, matter.frame), ground_m,
+        air_of(matter.air, ground_m),
     )  # fmt: skip
     return medium, cover
 
@@ -162,11 +127,11 @@ class Window(NamedTuple):
         return slice(self.south, self.north), slice(self.west, self.east)
 
 
-def part_of_medium(medium: Medium, cover: F32 | None, grid: Grid, window: Window) -> Medium:
+def part_of_medium(medium: Medium, cover: F32 | None, window: Window) -> Medium:
     """The columns of a window, in the whole's frame and on its levels; cloud that covers parts of cells is thinned to
     what reflects as much."""
     rows, columns = window.slices
-    axes, place = columns_on(grid, medium.frame, window.slices)
+    axes, place = columns_on(medium.grid, medium.frame, window.slices)
     extinction = np.ascontiguousarray(medium.extinction[:, :, rows, columns])
     if cover is not None:
         extinction = cloud_under_cover(
@@ -175,5 +140,5 @@ def part_of_medium(medium: Medium, cover: F32 | None, grid: Grid, window: Window
     return replace(
         medium, extinction=extinction,
         terrain_m=np.ascontiguousarray(medium.terrain_m[rows, columns]), axes=axes, place=place,
-        chart=medium.chart - np.array([window.west, window.south], float),
+        chart=medium.chart - np.array([window.west, window.south], float), first=(window.west, window.south),
     )  # fmt: skip

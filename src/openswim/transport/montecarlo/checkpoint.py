@@ -6,18 +6,16 @@ import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import openswim
 from openswim.errors import UserError
+from openswim.options import Options
 from openswim.scene.files import check_target, written_whole
-from openswim.transport.montecarlo.ground import Seen
-
-if TYPE_CHECKING:
-    from openswim.transport.montecarlo.reference import ReferenceField, Sums
+from openswim.transport.montecarlo.sums import Sums
 
 F64 = NDArray[np.float64]
 
@@ -33,17 +31,14 @@ class Checkpoint:
     key: str
 
     @classmethod
-    def of(cls, light: ReferenceField, origin: F64, direction: F64, sides: list[F64], seen: Seen) -> Checkpoint | None:
-        if light.solver.checkpoint is None:
+    def of(cls, options: Options, *view: Any) -> Checkpoint | None:
+        """``view``: all that its sums depend on, as arrays, numbers and (named) tuples of them."""
+        if options.checkpoint is None:
             return None
-        check_target(light.solver.checkpoint, name="checkpoint")
+        check_target(options.checkpoint, name="checkpoint")
         digest = hashlib.sha256()
-        for value in (
-            openswim.__version__, origin, direction, sides, seen, light.wavelengths_nm, light.solver.seed, light.aiming,
-            light.world, light.phases,
-        ):  # fmt: skip
-            _feed(digest, value)
-        return cls(Path(light.solver.checkpoint), digest.hexdigest()[:16])
+        _feed(digest, (openswim.__version__, view))
+        return cls(Path(options.checkpoint), digest.hexdigest()[:16])
 
     def _stored(self) -> dict[str, Any]:
         if not self.path.exists():

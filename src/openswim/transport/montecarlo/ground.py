@@ -9,8 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.ground import SurfaceSample, reflectance, spectra, water
+from openswim.ground import reflectance, spectra, water
 from openswim.ground.reflectance import LEAST_MU, balance
+from openswim.ground.sample import SurfaceSample
 from openswim.transport.montecarlo.phase import turned, uniform, unit_circle
 
 F64 = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.optics.phase import PhaseFunction
+from openswim.scene.phase import PhaseFunction
 
 F64 = NDArray[np.float64]
 

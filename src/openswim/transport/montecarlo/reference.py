@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.cameras.rays import Rays
-from openswim.ground import surface_properties
-from openswim.ground.albedo import SurfaceSample
+from openswim.ground.sample import SurfaceSample
+from openswim.optics.matter import Matter
+from openswim.options import Options
 from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
-from openswim.scene.scene import Scene
+from openswim.scene.rays import Rays
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.field import View
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.plan import MediumPlan
+from openswim.transport.medium.surface import Surface
 from openswim.transport.montecarlo.checkpoint import Checkpoint
 from openswim.transport.montecarlo.ground import Seen, seen_ground
 from openswim.transport.montecarlo.kernels import flux_kernel, path_kernel, scout_kernel
 from openswim.transport.montecarlo.phase import Phases
+from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.world import World, build_world
-
-if TYPE_CHECKING:
-    from openswim.transport.solver import Solver
+from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
 
@@ -54,14 +53,14 @@ class ReferenceView(View):
         return float(self.sigma.mean()) / mean if mean > 0 else 0.0
 
 
-def solve_reference(solver: Solver, scene: Scene, sun: F64, wavelengths_nm: F64) -> ReferenceField:
+def solve_reference(
+    options: Options, plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
+) -> ReferenceField:
     """Make ready what paths need; they are followed when rays are known."""
     started = time.perf_counter()
-    world, phases, medium, lighting = build_world(scene, sun, wavelengths_nm)
-    from openswim.scene.frame import scene_frame
-
+    world, phases, medium, lighting = build_world(plan, matter, surface, sun)
     return ReferenceField(
-        solver, scene, scene_frame(scene), sun, wavelengths_nm, world, phases, medium, lighting,
+        options, surface, matter.frame, sun, matter.wavelengths_nm, world, phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},
     )  # fmt: skip
 
@@ -70,8 +69,8 @@ def solve_reference(solver: Solver, scene: Scene, sun: F64, wavelengths_nm: F64)
 class ReferenceField:
     """The light of a scene by Monte Carlo, with the methods of `Field`."""
 
-    solver: Solver
-    scene: Scene
+    solver: Options
+    surface: Surface
     frame: Frame
     sun: F64
     wavelengths_nm: F64
@@ -115,7 +114,7 @@ class ReferenceField:
         where = hit if hit.any() else np.arange(n) == 0
         places = np.where(hit[:, None], position, 0.0)[where]
         lat, lon, _ = self.frame.latlon(places)
-        sample = surface_properties(self.scene, lat, lon, self.wavelengths_nm)
+        sample = self.surface.sample(lat, lon)
         full.lambertian = sample.lambertian
         for name in ("albedo", "water", "snow", "sea_ice", "wind_speed", "chlorophyll"):
             getattr(full, name)[where] = getattr(sample, name)
@@ -125,7 +124,10 @@ class ReferenceField:
         """Paths of all rays, pass by pass, until there are enough or the error is small."""
         solver = self.solver
         sums = Sums(len(direction), len(self.wavelengths_nm))
-        checkpoint = Checkpoint.of(self, origin, direction, sides, seen)
+        checkpoint = Checkpoint.of(
+            solver, origin, direction, sides, seen, self.wavelengths_nm, solver.seed, self.aiming, self.world,
+            self.phases,
+        )  # fmt: skip
         if checkpoint is not None:
             checkpoint.load(sums)
         most = solver.paths or (PATHS if solver.target_error is None and solver.seconds is None else 1 << 40)
@@ -256,35 +258,3 @@ def _black(n: int, nw: int) -> SurfaceSample:
     """Ground that reflects nothing at n places."""
     water, snow, sea_ice, wind_speed, chlorophyll = np.zeros((5, n))  # each is filled in by itself
     return SurfaceSample(np.zeros((n, nw)), water, snow, sea_ice, wind_speed, chlorophyll, lambertian=True)
-
-
-class Sums:
-    """Sums over the paths of rays."""
-
-    def __init__(self, rays: int, wavelengths: int) -> None:
-        self.total, self.squares = np.zeros((rays, wavelengths)), np.zeros((rays, wavelengths))
-        self.paths = 0
-        self.interrupted = False
-
-    def add(self, total: F64, squares: F64, paths: int) -> None:
-        """The sums of some more paths: all or nothing, since no interrupt comes between plain assignments."""
-        total, squares, paths = self.total + total, self.squares + squares, self.paths + paths
-        self.total, self.squares, self.paths = total, squares, paths
-
-    @property
-    def mean(self) -> F64:
-        return self.total / max(self.paths, 1)
-
-    @property
-    def sigma(self) -> F64:
-        """Standard error of the mean."""
-        if self.paths < 2:
-            return np.full(self.total.shape, np.inf)
-        spread = np.maximum(self.squares / self.paths - self.mean**2, 0.0)
-        return np.sqrt(spread / (self.paths - 1))
-
-    @property
-    def error(self) -> float:
-        """Mean standard error over mean radiance."""
-        whole = self.total.sum()
-        return float(self.sigma.sum() * self.paths / whole) if whole > 0 else 0.0

@@ -10,12 +10,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.optics import background
-from openswim.scene.scene import Scene
+from openswim.optics.matter import Matter
+from openswim.optics.species import background
 from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.plan import MediumPlan
+from openswim.transport.medium.surface import Surface
 from openswim.transport.montecarlo.phase import Phases, phases_of
 
 F32 = NDArray[np.float32]
@@ -75,21 +77,20 @@ class World(NamedTuple):
     sun_depth: F32  # (heights, cosines, nw) logarithm of the air's slant optical depth to the sun
 
 
-def build_world(scene: Scene, sun: F64, wavelengths_nm: F64) -> tuple[World, Phases, Medium | None, Lighting]:
-    """Everything the kernels need to know of a scene; phase functions of the species, then molecules, then haze."""
-    from openswim.scene.frame import scene_frame
-
-    frame = scene_frame(scene)
-    nw = len(wavelengths_nm)
+def build_world(
+    plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
+) -> tuple[World, Phases, Medium | None, Lighting]:
+    """Everything the kernels need to know; phase functions of the species, then molecules, then haze."""
+    frame = matter.frame
+    nw = len(matter.wavelengths_nm)
     medium = None
-    if scene.grid is None:
-        lighting = Lighting.of_clear_scene(scene, frame, wavelengths_nm)
+    if plan is None:
+        lighting = Lighting.of_clear_sky(surface, frame)
     else:
-        # the finer cells of coarse models are part of the scene that all solvers share
-        medium = build_medium(scene, wavelengths_nm, float(sun[2]), refine=frame.curved)
-        lighting = Lighting.of_grid(scene, medium)
+        medium = build_medium(plan, matter, surface)
+        lighting = Lighting.of_grid(surface, medium)
     ground_m = lighting.ground_m
-    air, haze_phase, gas_phase = _air_table(scene, wavelengths_nm, ground_m)
+    air, haze_phase, gas_phase = _air_table(matter, ground_m)
     airy = bool(air.any())
     edges = _LAYER_EDGES_M.astype(float)
     layer_of = np.searchsorted(edges, AIR_STEP_M * np.arange(AIR_NODES), "right") - 1
@@ -225,10 +226,10 @@ def empty_blocks(majorant: F32, periodic: bool) -> F32:
     return np.clip(away - 1, 0, _MOST_SKIP).astype(np.float32)
 
 
-def _air_table(scene: Scene, wavelengths_nm: F64, ground_m: float):
+def _air_table(matter: Matter, ground_m: float):
     """Table (AIR_NODES, 3, nw) of the air above ``ground_m``, and the phase functions of haze and gas."""
     height = ground_m + AIR_STEP_M * np.arange(AIR_NODES)
-    air = background(scene.atmosphere, wavelengths_nm, height)
+    air = background(None, matter.wavelengths_nm, height) if matter.air is None else matter.air.at(height)
     extinction = air.rayleigh_per_m + air.absorption_per_m + air.aerosol_per_m
     haze = air.aerosol_per_m * np.asarray(air.aerosol_albedo)[:, None]
     table = np.ascontiguousarray(np.stack([extinction, air.rayleigh_per_m, haze]).transpose(2, 0, 1))

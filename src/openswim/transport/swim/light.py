@@ -5,16 +5,16 @@ Albers et al. 2020, Eqs 4-8 as corrected; `swim_view` makes radiance of it. docs
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam
-from openswim.transport.beam.sun_sweep import beyond_sides, depths_to_sun, inside
+from openswim.transport.beam.lit_volume import depths_to_sun
+from openswim.transport.beam.sun_sweep import beyond_sides, inside
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table, sky_flux
+from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.empty_space import beside, occupied
 from openswim.transport.march.volume import Shells, Volume
 from openswim.transport.medium.medium import Medium
@@ -24,9 +24,6 @@ from openswim.transport.swim.layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
-
-if TYPE_CHECKING:
-    from openswim.transport.view.toward_eye import GridLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

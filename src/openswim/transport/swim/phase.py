@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics import OpticalSpecies
-from openswim.optics.phase import AlbersDHG, PhaseFunction
+from openswim.scene.phase import AlbersDHG, PhaseFunction
 
 F64 = NDArray[np.float64]
 

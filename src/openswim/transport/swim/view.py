@@ -5,17 +5,17 @@ Albers et al. 2020, Eqs 11-15, 21-23, 26 and 32-34 as corrected; docs/swim.md li
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.air.shells import without_light
 from openswim.transport.beam.direct import shell_transmission
 from openswim.transport.ground_light.fluxes import ground_flux, sky_flux
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.march import march_rays
-from openswim.transport.march.volume import FAR_M, Shells, blank_fields
+from openswim.transport.march.volume import FAR_M, Shells, Volume, blank_fields
 from openswim.transport.medium.medium import Medium
 from openswim.transport.swim.layer import (
     absorbed_transmittance,
@@ -23,15 +23,12 @@ from openswim.transport.swim.layer import (
     layer_albedo,
     multiple_scattering_albedo,
 )
+from openswim.transport.swim.near_side import DEPTH_OF_VIEW, near_side
 from openswim.transport.swim.phase import anisotropy, shaded_phase, sunlit_phase, thin_phases
-
-if TYPE_CHECKING:
-    from openswim.transport.field import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-DEPTH_OF_VIEW = 2.0  # l of Eq. 12
 _CLOUDY = 1e-6  # optical depth
 _LEAST_MU = 0.02
 _FROM_ABOVE = 0.3  # cosine of a falling ray to the vertical from which a cloud is seen wholly from above
@@ -57,41 +54,37 @@ class Sight(NamedTuple):
 
 
 def view(
-    field: PackField, origin: F64, direction: F64, shells: Shells, ends: F64 | None = None
+    lit: LitGrid, volume: Volume, origin: F64, direction: F64, shells: Shells, ends: F64 | None = None
 ) -> tuple[F32, F32, F32, F64, NDArray[np.int64]]:
     """Radiance and e^-tau (n, PACK), depth of the species (n, ns), distance of the ground or -1, samples of rays, which
     end at distances ``ends`` (n,) where these are given."""
-    species = field.volume.species
-    # air that dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)
-    seen = march_rays(
-        origin, direction, field.sun, field.table, without_light(shells), field.volume, field.solver.step,
-        DEPTH_OF_VIEW, ends,
-    )  # fmt: skip
-    radiance, full, front, depth = seen.radiance, seen.full, seen.front, seen.species_depth
-    distance = seen.distance_m
-    clear, air_depth = _clear_view(field, origin, direction, distance, shells, ends)
+    species = lit.volume.species
+    # the air dims but does not shine: the cloud's share of Eq. 34, dimmed by e^-tau_1 along the way (Eq. 33)
+    seen = near_side(origin, direction, shells, volume, lit.options.step, ends)
+    front, depth, distance = seen.front, seen.species_depth, seen.distance_m
+    clear, air_depth = _clear_view(lit, origin, direction, distance, shells, ends)
     out = clear.copy()
     cloudy = np.flatnonzero(depth[:, :species].sum(axis=1) > _CLOUDY)
     if cloudy.size:
         o, d = origin[cloudy], direction[cloudy]
         place = o + d * seen.cloud_m[cloudy, None].astype(float)
-        for w in range(field.count):
-            sight = _sight(field, shells, place, d, depth[cloudy, :species], radiance[cloudy, w], front[cloudy, w], w)
-            cloud = cloud_radiance(field, sight, shells, front[cloudy, w].astype(float), w)
+        for w in range(lit.count):
+            sight = _sight(lit, shells, place, d, depth[cloudy, :species], seen.lit[cloudy, w], front[cloudy, w], w)
+            cloud = cloud_radiance(lit, sight, shells, front[cloudy, w].astype(float), w)
             share = clear_share(sight.tau, front[cloudy, w].astype(float), air_depth[cloudy, w])
             out[cloudy, w] = share * clear[cloudy, w] + cloud  # Eq. 34
-    out[:, field.count :] = out[:, field.count - 1 : field.count]
-    return np.maximum(out, 0), full, depth, distance, seen.samples
+    out[:, lit.count :] = out[:, lit.count - 1 : lit.count]
+    return np.maximum(out, 0), seen.full, depth, distance, seen.samples
 
 
 def _clear_view(
-    field: PackField, origin: F64, direction: F64, distance: F64, shells: Shells, ends: F64 | None = None
+    lit: LitGrid, origin: F64, direction: F64, distance: F64, shells: Shells, ends: F64 | None = None
 ) -> tuple[F32, F32]:
     """L'_clear of the air alone along rays that end where the terrain does, and its depth (Eq. 3, all orders)."""
-    volume = field.volume._replace(fields=blank_fields((1, 1, 1), 1))
+    volume = lit.volume._replace(fields=blank_fields((1, 1, 1), 1))
 
     def march(start: F64, along: F64) -> tuple[F32, F32]:
-        seen = march_rays(start, along, field.sun, field.table, shells, volume, field.solver.step, ends=ends)
+        seen = march_rays(start, along, lit.sun, lit.table, shells, volume, lit.options.step, ends=ends)
         return np.maximum(seen.radiance, 0), seen.scaled
 
     def height(place: F64) -> F64:
@@ -127,14 +120,14 @@ def _air_transmission(height_m, mu, w, shells, out):
 
 
 def _sight(
-    field: PackField, shells: Shells, place: F64, direction: F64, depth: F32, integral: F32, front: F32, w: int
+    lit: LitGrid, shells: Shells, place: F64, direction: F64, depth: F32, integral: F32, front: F32, w: int
 ) -> Sight:
     """Take the integral of Eq. 12, of omega E/E_TOA e^-tau, apart."""
-    medium = field.medium
+    medium = lit.medium
     assert medium is not None
     up = _up(place, shells)
     height_m = np.linalg.norm(place + np.array([0, 0, shells.radius_m]), axis=-1) - shells.radius_m
-    mu0 = up @ field.sun
+    mu0 = up @ lit.sun
     relative = np.array([s.relative_extinction[w] for s in medium.species])
     own = depth.astype(float).T * relative[:, None]
     tau = own.sum(axis=0)
@@ -147,7 +140,7 @@ def _sight(
     air *= np.exp(-front)
     transmittance = np.clip(irradiance / np.maximum(air, 1e-12), 0, 1)
     return Sight(
-        own, tau, near, irradiance, transmittance, direction @ field.sun, (direction * up).sum(-1),
+        own, tau, near, irradiance, transmittance, direction @ lit.sun, (direction * up).sum(-1),
         np.clip(mu0, _LEAST_MU, 1), mu0,
     )  # fmt: skip
 
@@ -157,18 +150,18 @@ def _mean(depth: F64, values: list[float], tau: F64) -> F64:
     return np.asarray(np.array(values, float) @ depth / tau)
 
 
-def cloud_radiance(field: PackField, sight: Sight, shells: Shells, front: F64, w: int) -> F64:
+def cloud_radiance(lit: LitGrid, sight: Sight, shells: Shells, front: F64, w: int) -> F64:
     """L'_cloud (n,) as seen from the eye, f_cloud of Eq. 33 included: from below (Eq. 12) or from above (Eq. 26)."""
-    medium = field.medium
+    medium = lit.medium
     assert medium is not None
     blend = np.clip(-sight.rise / _FROM_ABOVE, 0, 1)
     blend *= blend * (3 - 2 * blend)
-    out = (1 - blend) * from_below(sight, medium, w, field.solver.paper_phases)
+    out = (1 - blend) * from_below(sight, medium, w, lit.options.paper_phases)
     above = np.flatnonzero(blend > 0)
     if above.size:
         part = Sight(*(a[..., above] for a in sight))
         out[above] += blend[above] * from_above(part, medium, w)
-    return out + np.exp(-front) * _lit_by_sky_and_ground(field, sight, shells, w)
+    return out + np.exp(-front) * _lit_by_sky_and_ground(lit, sight, shells, w)
 
 
 def from_below(sight: Sight, medium: Medium, w: int, paper: bool = False) -> F64:
@@ -207,9 +200,9 @@ def from_above(sight: Sight, medium: Medium, w: int) -> F64:
     return lit * (omega * single * -np.expm1(-tau) * (1 - a) + 4 * mu0 * arf * a * again)  # Eq. 26
 
 
-def _lit_by_sky_and_ground(field: PackField, sight: Sight, shells: Shells, w: int) -> F64:
+def _lit_by_sky_and_ground(lit: LitGrid, sight: Sight, shells: Shells, w: int) -> F64:
     """L' of a cloud in the light of the sky and of the ground, which Eq. 8 leaves for later: Lambertian."""
-    medium = field.medium
+    medium = lit.medium
     assert medium is not None
     tau, up = sight.tau, sight.rise > 0
     b = _mean(sight.depth, [one.backscatter_fraction for one in medium.species], tau)
@@ -217,11 +210,11 @@ def _lit_by_sky_and_ground(field: PackField, sight: Sight, shells: Shells, w: in
     g = _mean(sight.depth, [one.phase[w].asymmetry for one in medium.species], tau)
     vertical = tau * np.abs(sight.rise)
     back = diffuse_albedo(b * tau) * multiple_scattering_albedo(omega, g, vertical, 0.5)
-    mu, columns = sight.mu_sun, field.lighting.mu_sun.ravel()
+    mu, columns = sight.mu_sun, lit.lighting.mu_sun.ravel()
     total, sky = ground_flux(shells, mu)[:, w], sky_flux(shells, mu)[:, w]
     # the ground's mean light, by the hour of the day at the cloud
     usual = float(ground_flux(shells, columns[:: max(1, columns.size // 1000)])[:, w].mean())
-    ground = float(np.mean(field.lighting.mean_fluxes()["up_bottom"][w])) * total / max(usual, 1e-9)
+    ground = float(np.mean(lit.lighting.mean_fluxes()["up_bottom"][w])) * total / max(usual, 1e-9)
     facing, behind = np.where(up, ground, sky), np.where(up, sky, ground)
     through = (1 - diffuse_albedo(b * tau)) * absorbed_transmittance(omega, g, vertical, 0.5)
     through *= np.where(up, 9 / 7 * shaded_phase(sight.rise), 1.0)

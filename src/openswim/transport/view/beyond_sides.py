@@ -28,7 +28,7 @@ from scipy.sparse import csr_array
 from openswim.transport.air.shells import clear_radiance
 from openswim.transport.diffuse.absorbed_beam import beam_around
 from openswim.transport.diffuse.moments import places
-from openswim.transport.diffuse.optical_grid import Coefficients, OpticalGrid, optical_grid
+from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.sweep import share_ordinates, share_rows
 from openswim.transport.diffuse.sweeper import Sweeper
@@ -37,8 +37,9 @@ from openswim.transport.engine.ordinates import Ordinates
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.lit.lit_grid import GridLight
 from openswim.transport.march.volume import Shells
-from openswim.transport.view.toward_eye import GridLight
+from openswim.transport.medium.delta_scaled import Coefficients
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

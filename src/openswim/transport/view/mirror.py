@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground import water
+from openswim.scene.rays import Rays
 from openswim.transport.engine.pack import PACK
+from openswim.transport.ground_light.relief import Relief
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import FAR_M
-
-if TYPE_CHECKING:
-    from openswim.transport.field import PackField
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
+
+# What rays (n, 3) see as an eye (3,), the image of one under water, would: radiance (n, PACK), lit ground included, and
+# the distance (n,) to the ground, or -1.
+Look = Callable[[F64, F64, F64], tuple[F32, F64]]
 
 HIGHEST_EYE_M = 30_000.0  # from above, water mirrors 2 % of the sky: the clear one will do
 _ROWS, _COLUMNS = 50, 90  # of the mirrored picture, at most
@@ -26,16 +31,20 @@ _BESIDE_RAD = np.radians(1.0)  # so that this far from its end a mirrored pictur
 _FACETS = 16
 _LIKE_WIND = 0.5  # m/s, by which winds of a picture's parts may differ
 _LIFT_M = 0.5  # above the ground, that mirrored rays begin
+WET = 0.05  # share of water in a pixel from which on what it mirrors is looked at
+_ASKED = 60_000  # rays of a picture by which water in it is found, at most
 _LOWEST = 0.01  # sine of the altitude: what would be mirrored from below the horizon is seen by way of a second wave
 
 
 @dataclass(frozen=True)
 class Mirrored:
-    """The sky that waves at a wind speed mirror to an eye, by azimuth and altitude (rad) there: radiance ``seen``
-    (altitudes, azimuths, PACK), where it is ``known``. Azimuths count from ``start``."""
+    """The sky that waves mirror to an eye, by azimuth and altitude (rad) there: radiance ``seen`` (altitudes, azimuths,
+    PACK), where it is ``known``. Azimuths count from ``start``.
 
-    eye: F64
-    wind_speed: float
+    The mirrored picture is smooth, so it is marched on its own coarse grid of azimuth and altitude at the eye, sixteen
+    facets to a node: tilted by Cox & Munk's (1954) slopes, weighted with Fresnel reflectance and the area they show.
+    """
+
     up: F64
     axes: F64
     start: float
@@ -45,28 +54,26 @@ class Mirrored:
     known: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, field: PackField, eye: F64, place: F64, direction: F64, wind_speed: float) -> Mirrored:
-        """That part of it which is seen along ``direction`` (n, 3) at ``place`` (n, 3)."""
-        radius = field.frame.radius_m
-        up = _upward(eye[None], radius)[0]
+    def of(cls, look: Look, relief: Relief | None, radius_m: float, eye: F64, wet: WetRays) -> Mirrored:
+        """That part of it which is seen along the rays that end on water; ``look``: see `Look`."""
+        up = _upward(eye[None], radius_m)[0]
         axes = _horizontal(up)
-        azimuth, altitude = _angles(direction, axes, up)
+        azimuth, altitude = _angles(wet.direction, axes, up)
         start = _widest_gap(azimuth)
         grid_az, grid_alt = _axis((azimuth - start) % (2 * np.pi), _COLUMNS), _axis(altitude, _ROWS)
-        level = float(np.median(np.linalg.norm(place + np.array([0.0, 0.0, radius]), axis=-1))) + 0.5
+        level = float(np.median(np.linalg.norm(wet.place + np.array([0.0, 0.0, radius_m]), axis=-1))) + _LIFT_M
         az, alt = (v.ravel() for v in np.meshgrid(grid_az, grid_alt))
         az += start
         toward = np.cos(alt)[:, None] * (np.sin(az)[:, None] * axes[0] + np.cos(az)[:, None] * axes[1])
         toward += np.sin(alt)[:, None] * up
-        node = _on_sphere(eye, toward, level, radius)
-        if field.relief is not None:  # where no water lies level, it is as high as the ground
-            distance = field.relief.meet(eye[None], toward)
+        node = _on_sphere(eye, toward, level, radius_m)
+        if relief is not None:  # where no water lies level, it is as high as the ground
+            distance = relief.meet(eye[None], toward)
             met = distance < FAR_M
             node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
         shape = (grid_alt.size, grid_az.size)
-        seen, known = _marched(field, eye, node, toward, wind_speed)
-        seen = seen.reshape(*shape, PACK)
-        return cls(eye, wind_speed, up, axes, start, grid_az, grid_alt, seen, known.reshape(shape))
+        seen, known = _marched(look, radius_m, eye, node, toward, wet.wind_speed)
+        return cls(up, axes, start, grid_az, grid_alt, seen.reshape(*shape, PACK), known.reshape(shape))
 
     def angles(self, direction: F64) -> tuple[F64, F64]:
         """Azimuth and altitude (n,) as they are counted here."""
@@ -74,41 +81,75 @@ class Mirrored:
         before = _BESIDE_RAD  # the first node, and not a turn after it
         return (azimuth - self.start + before) % (2 * np.pi) - before, altitude
 
-    def covers(self, eye: F64, direction: F64, wind_speed: float) -> bool:
-        """Whether it is this eye's, by about this wind, and holds all along ``direction`` (n, 3) or beside."""
-        if not np.array_equal(eye, self.eye) or abs(wind_speed - self.wind_speed) > _LIKE_WIND:
-            return False
-        return all(
-            angle.min() > nodes[0] - _BESIDE_RAD and angle.max() < nodes[-1] + _BESIDE_RAD
-            for angle, nodes in zip(self.angles(direction), (self.azimuth, self.altitude), strict=True)
-        )
-
     def along(self, direction: F64) -> F32:
-        """Radiance (n, PACK), NaN where there is no node that is known."""
+        """Mean radiance L' (n, PACK) that is mirrored along rays (n, 3); NaN where it is not known."""
         azimuth, altitude = self.angles(direction)
+        outside = np.zeros(azimuth.size, bool)
+        for angle, nodes in ((azimuth, self.azimuth), (altitude, self.altitude)):
+            outside |= (angle < nodes[0] - _BESIDE_RAD) | (angle > nodes[-1] + _BESIDE_RAD)
         x = np.interp(azimuth, self.azimuth, np.arange(self.azimuth.size))
         y = np.interp(altitude, self.altitude, np.arange(self.altitude.size))
-        return _among(self.seen, self.known, x, y)
+        out = _among(self.seen, self.known, x, y)
+        out[outside] = np.nan
+        return out
 
 
-def mirrored_sky(field: PackField, eye: F64, place: F64, direction: F64, wind_speed: F64) -> F32:
-    """Mean radiance L' (n, PACK) of the sky that waves at ``place`` (n, 3) mirror to an eye (3,); NaN where unknown.
+class WetRays(NamedTuple):
+    """Rays (n,) that end on water: where, along which direction (n, 3) each, and the mean wind there, m/s."""
 
-    The mirrored picture is smooth, so it is marched on its own coarse grid of azimuth and altitude at the eye, sixteen
-    facets to a node: tilted by Cox & Munk's (1954) slopes, weighted with Fresnel reflectance and the area they show.
-    The field keeps it for as long as a picture is made.
-    """
-    wind = float(np.mean(wind_speed))
-    if field.mirrored is None or not field.mirrored.covers(eye, direction, wind):
-        field.mirrored = Mirrored.of(field, eye, place, direction, wind)
-    return field.mirrored.along(direction)
+    place: F64
+    direction: F64
+    wind_speed: float
+
+
+def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRays | None:
+    """Those of a picture's rays, or of some spread over it, that end on water unless clouds hide it; None without."""
+    some = rays[:: max(1, len(rays) // _ASKED)]
+    direction = some.directions()
+    if relief is not None:
+        distance = relief.meet(eye[None], direction)
+        met = np.flatnonzero(distance < FAR_M)
+        place = eye + distance[met, None] * direction[met]
+    else:
+        radius = lit.frame.radius_m
+        met = np.flatnonzero(_falls_to(eye, direction, radius + lit.lighting.ground_m, radius))
+        place = _on_sphere(eye, direction[met], radius + lit.lighting.ground_m, radius)
+    direction = direction[met]
+    water, wind = np.zeros(len(met), bool), np.zeros(len(met))
+    left = np.ones(len(met), bool)
+    for level in lit.levels:
+        here = np.flatnonzero(left if level.wider is None else left & _within(level, place))
+        if here.size:
+            lat, lon, _ = level.frame.latlon(place[here])
+            sample = level.surface.sample(lat, lon)
+            water[here] = (sample.water > WET) & (not sample.lambertian)
+            wind[here] = sample.wind_speed
+        left[here] = False
+    if not water.any():
+        return None
+    return WetRays(place[water], direction[water], float(wind[water].mean()))
+
+
+def _within(level: LitGrid, place: F64) -> NDArray[np.bool_]:
+    """Whether places lie on a grid."""
+    assert level.medium is not None
+    ix, iy = level.medium.indices(place)
+    _, ny, nx = level.medium.shape
+    return np.asarray((ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1))
+
+
+def _falls_to(eye: F64, direction: F64, level_m: float, radius_m: float) -> NDArray[np.bool_]:
+    """Whether rays from an eye meet the sphere of a radius about the Earth's centre."""
+    centre = eye + np.array([0.0, 0.0, radius_m])
+    along = direction @ centre
+    return np.asarray((along < 0) & (along**2 >= float(centre @ centre) - level_m**2))
 
 
 def _marched(
-    field: PackField, eye: F64, place: F64, direction: F64, wind_speed: float
+    look: Look, radius: float, eye: F64, place: F64, direction: F64, wind_speed: float
 ) -> tuple[F64, NDArray[np.bool_]]:
     """Mirrored radiance (n, PACK) at places, and whether the way up is free there."""
-    n, radius = len(place), field.frame.radius_m
+    n = len(place)
     up = _upward(place, radius)
     level = direction - (direction * up).sum(-1, keepdims=True) * up
     level /= np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9)
@@ -126,7 +167,7 @@ def _marched(
     # all that a level mirror shows is seen from the eye's image under the water
     middle = place[n // 2]
     image = eye - 2 * ((eye - middle) @ up[n // 2]) * up[n // 2]
-    radiance, distance = field.look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image)
+    radiance, distance = look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image)
     free = (distance.reshape(n, -1) < 0) | (distance.reshape(n, -1) > 30.0)
     weight = weight * free
     total = weight.sum(axis=1)

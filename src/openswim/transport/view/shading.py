@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import SurfaceSample, reflected_radiance, surface_properties
 from openswim.ground.hills import sunlight_on_slopes
-from openswim.ground.model import ModelGround
-from openswim.ground.relief import height_maps, mapped_normals
+from openswim.ground.reflectance import reflected_radiance
+from openswim.ground.sample import SurfaceSample
 from openswim.scene.rims import BEYOND_CELLS
-from openswim.scene.scene import Scene
 from openswim.transport.air.shells import beam_transmission, beam_transmission_at
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import SKY_AZIMUTHS, SKY_MU, Lighting, sky_flux
+from openswim.transport.ground_light.relief import Relief
+from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
-from openswim.transport.view.mirror import HIGHEST_EYE_M, mirrored_sky
-
-if TYPE_CHECKING:
-    from openswim.transport.field import PackField
+from openswim.transport.view.beyond_sides import Beyond
+from openswim.transport.view.mirror import WET, Mirrored
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -50,57 +48,84 @@ class _Ground:
         return _Ground(*(getattr(self, f.name)[where] for f in fields(self)))
 
 
-def shade(
-    light_field: PackField, shells: Shells, place: F64, direction: F64, width_m: F64, eye: F64 | None = None
-) -> F32:
+class Ground(Protocol):
+    """A lit grid, and what its ground looks like to an eye."""
+
+    @property
+    def lit(self) -> LitGrid: ...
+
+    @property
+    def sky(self) -> Shells:
+        """The shells that the eye's rays go through."""
+        ...
+
+    @property
+    def relief(self) -> Relief | None: ...
+
+    @property
+    def mirrored(self) -> Mirrored | None:
+        """What water mirrors to the eye."""
+        ...
+
+    def through_clouds(self, place: F64) -> F64:
+        """Transmission (n, PACK) of the grid's clouds from the sun to places (n, 3)."""
+        ...
+
+
+def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
     """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3), ``width_m`` (n,) of it to a pixel.
 
-    Water mirrors the scene's own sky to an ``eye`` (3,) within the atmosphere, and the clear sky where there is none.
+    Water mirrors the scene's own sky where it is known what of it, else the clear sky.
     """
+    lit = own.lit
     out = np.empty((len(place), PACK), np.float32)
-    found: dict[int, tuple[NDArray[np.int64], _Ground]] = {}
-    near = eye is not None and light_field.frame.latlon(eye)[2] < HIGHEST_EYE_M
-    model = light_field.model_ground
-    on_slopes = light_field.lighting.diffuse_on_slopes()
+    on_slopes = lit.lighting.diffuse_on_slopes()
+    # worked out by all threads, which a share is not
+    beyond = _beyond(lit) if _any_outside(lit, place) else None
 
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
             part = slice(start, start + _PART)
-            ground = _ground(light_field, shells, model, on_slopes, place[part], direction[part], width_m[part])
-            out[part] = _reflected(light_field, shells, ground)
-            wet = np.flatnonzero(ground.sample.water > 0.05)
-            if near and wet.size and not ground.sample.lambertian:
-                found[start] = (start + wet, ground[wet])
+            ground = _ground(own, beyond, on_slopes, place[part], direction[part], width_m[part])
+            mirrored = None
+            if own.mirrored is not None and not ground.sample.lambertian:
+                wet = np.flatnonzero(ground.sample.water > WET)
+                mirrored = np.full((len(ground.mu_sun), PACK), np.nan, np.float32)
+                mirrored[wet] = own.mirrored.along(direction[part][wet])
+            out[part] = _reflected(lit, own.sky, ground, mirrored)
 
-    if light_field.beyond is not None and _any_outside(light_field, place):
-        light_field.beyond.prepare()  # by all threads, which a share is not
     in_threads(share, parts=-(-len(place) // _PART))
-    waters = [found[start] for start in sorted(found)]
-    if waters and eye is not None:
-        which = np.concatenate([w for w, _ in waters])
-        wind = np.concatenate([ground.sample.wind_speed for _, ground in waters])
-        mirrored = mirrored_sky(light_field, eye, place[which], direction[which], wind)
-        first = 0
-        for wet, ground in waters:
-            out[wet] = _reflected(light_field, shells, ground, mirrored[first : first + wet.size])
-            first += wet.size
     return out
 
 
-def _any_outside(light_field: PackField, place: F64) -> bool:
+def _beyond(lit: LitGrid) -> Beyond | None:
+    """What clouds do to the light of the ground around a grid that was swept and ends there."""
+    if lit.wider is not None or lit.light is None or not lit.swept or lit.light.medium.periodic:
+        return None
+    light = lit.light
+
+    def make() -> Beyond:
+        found = Beyond(light, lit.shells, lit.ends)
+        found.prepare()
+        return found
+
+    return lit.once("beyond", make)
+
+
+def _any_outside(lit: LitGrid, place: F64) -> bool:
     """Whether any places lie beyond the grid's bounds, seen from the Earth's centre."""
-    radius = light_field.frame.radius_m
-    sides = light_field.volume.sides_m
+    radius = lit.frame.radius_m
+    sides = lit.volume.sides_m
     plane = place[:, :2] * (radius / np.maximum(radius + place[:, 2:], 1e-3 * radius))
     return bool(((plane < sides[[0, 2]]) | (plane > sides[[1, 3]])).any())
 
 
 def _ground(
-    light_field: PackField, shells: Shells, model: ModelGround, on_slopes: F32, place: F64, direction: F64, width_m: F64
+    own: Ground, beyond: Beyond | None, on_slopes: F32, place: F64, direction: F64, width_m: F64
 ) -> _Ground:
     """What is there, and the light on it, of which `diffuse_on_slopes` is given: see `shade`."""
-    scene, frame, lighting = light_field.scene, light_field.frame, light_field.lighting
-    sun, wl = light_field.sun, light_field.wavelengths_nm
+    lit, shells = own.lit, own.sky
+    surface, frame, lighting, sun = lit.surface, lit.frame, lit.lighting, lit.sun
     lat, lon, height_m = frame.latlon(place)
     up = place + np.array([0, 0, frame.radius_m])
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
@@ -111,32 +136,32 @@ def _ground(
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
     along_m = width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0)
     footprint = np.sqrt(width_m * along_m)
-    medium, relief = light_field.medium, light_field.relief
+    medium, relief = lit.medium, own.relief
     if relief is not None:
         beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
         normal = relief.normals(place, up, footprint)
     if medium is not None:
-        ix, iy = _indices(scene, medium, place, lat, lon)
+        ix, iy = medium.indices(place)
         _, ny, nx = medium.shape
         inside = (ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1) | medium.periodic
         direct = lighting.direct if relief is None or lighting.unshadowed is None else lighting.unshadowed
         beam[inside] = bilinear(direct, ix[inside], iy[inside], medium.periodic)
         diffuse[inside] = bilinear(on_slopes, ix[inside], iy[inside], medium.periodic)
         outside = np.flatnonzero(~inside)
-        if outside.size and light_field.beyond is not None:
-            diffuse[outside] = light_field.beyond.flux(ix[outside], iy[outside], diffuse[outside], lighting.diffuse)
+        if outside.size and beyond is not None:
+            diffuse[outside] = beyond.flux(ix[outside], iy[outside], diffuse[outside], lighting.diffuse)
         if lighting.normal is not None and relief is None:
             normal[inside] = bilinear(
                 np.moveaxis(lighting.normal, -1, 0), ix[inside], iy[inside], medium.periodic
             )
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
-            beam[shaded] *= light_field.through_clouds(place[shaded])
-    sample = surface_properties(scene, lat, lon, wl, footprint, light_field.solver.detail, model)
-    maps = height_maps(scene)
+            beam[shaded] *= own.through_clouds(place[shaded])
+    sample = surface.sample(lat, lon, footprint, lit.options.detail)
+    maps = surface.mapped
     if maps and relief is None:
-        own, known = mapped_normals(maps, frame, place, up, footprint)
-        normal += known[:, None] * (own - normal)
+        mapped, known = surface.mapped_normals(frame, place, up, footprint)
+        normal += known[:, None] * (mapped - normal)
     normal = np.where(sample.water[:, None] > 0.5, up, normal)
     if maps and medium is not None:
         within = np.flatnonzero(inside)
@@ -145,7 +170,7 @@ def _ground(
         )
     facet_sun = (normal * sun).sum(-1)
     horizontal_sun = sun - mu_sun[:, None] * up
-    if medium is not None and light_field.solver.detail and not (maps or sample.lambertian):
+    if medium is not None and lit.options.detail and not (maps or sample.lambertian):
         steep = _steepness(lighting, medium, ix, iy)
         rough = np.flatnonzero((steep > _LEAST_SLOPE) & (sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
         beam[rough] *= sunlight_on_slopes(
@@ -153,8 +178,8 @@ def _ground(
             medium.scene_cell_m, along_m[rough],
         )[:, None]  # fmt: skip
     if relief is not None:
-        lit = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
-        beam[lit] *= relief.lit(place[lit], sun)[:, None]
+        sunny = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))
+        beam[sunny] *= relief.lit(place[sunny], sun)[:, None]
     facet_view = np.clip(-(normal * direction).sum(-1), 0.02, 1)
     horizontal_view = -direction + (direction * up).sum(-1, keepdims=True) * up
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
@@ -163,13 +188,13 @@ def _ground(
     return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)))
 
 
-def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:
+def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:
     """L' (n, nw) of the ground; its water mirrors ``mirrored`` (n, nw) where that is known, else the clear sky."""
-    centre = light_field.sun[2:]
+    centre = lit.sun[2:]
     clear = np.maximum(sky_flux(shells, centre), 1e-9)
 
     def sky(which: NDArray[np.int64], mu: F64, azimuth: F64) -> F64:
-        table = light_field.lighting.clear_sky
+        table = lit.lighting.clear_sky
         assert table is not None
         radiance = bilinear(
             np.moveaxis(table, -1, 0),
@@ -184,7 +209,7 @@ def _reflected(light_field: PackField, shells: Shells, ground: _Ground, mirrored
 
     direct = ground.beam * np.maximum(ground.mu_sun, 0)[:, None]
     return reflected_radiance(
-        ground.sample, light_field.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
+        ground.sample, lit.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
     ).astype(np.float32)  # fmt: skip
 
@@ -216,15 +241,3 @@ def _behind_grid(medium: Medium, sun: F64, mu_sun: F64, ix: F64, iy: F64) -> NDA
             a, b = (-margin - at) / way, (count - 1 + margin - at) / way
             near, far = np.maximum(near, np.minimum(a, b)), np.minimum(far, np.maximum(a, b))
     return np.asarray(near <= far)
-
-
-def _indices(scene: Scene, medium: Medium, place: F64, lat: F64, lon: F64) -> tuple[F64, F64]:
-    """Fractional grid indices of places."""
-    grid = scene.grid
-    assert grid is not None
-    if medium.frame.curved:
-        ix, iy = grid.index(lon, lat)
-        return (ix - medium.first[0]) * medium.fineness, (iy - medium.first[1]) * medium.fineness
-    ix = medium.fineness * (place[:, 0] - grid.x[0]) / grid.step[0]
-    iy = medium.fineness * (place[:, 1] - grid.y[0]) / grid.step[1]
-    return ix, iy

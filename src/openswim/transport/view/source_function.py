@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from openswim.transport.diffuse.moments import Coarser, Moments, between, interpolated
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.eye_ways import way_from_eye
 from openswim.transport.engine.pack import (
     LANES,
     PACK,
     flat,
     put,
     read_quadruple,
-    root,
     spread_quadruple,
     write,
 )
@@ -43,57 +43,19 @@ class FieldAt(NamedTuple):
     factor: NDArray[np.int64]
     columns: NDArray[np.int64]
 
-
-def field_at(moments: list[Moments], coarser: list[Coarser]) -> FieldAt:
-    """What `view_source` reads of the solved wavelengths."""
-    return FieldAt(
-        tuple(m.place for m in moments), tuple(m.values for m in moments), tuple(c.place for c in coarser),
-        tuple(c.values for c in coarser), np.array([c.factor for c in coarser]), np.array([c.columns for c in coarser]),
-    )  # fmt: skip
-
-
-def columns_of(axes: NDArray, place: NDArray, eye: NDArray, parallel: bool) -> NDArray[np.float32]:
-    """Rows (ny, 12, nx) for `view_source`: sea-level points (ny, nx, 3) seen from the eye, then the columns' axes."""
-    away = np.zeros_like(place) if parallel else place - eye
-    rows = np.concatenate([away, axes.reshape(*axes.shape[:2], 9)], axis=-1)
-    return wide(np.ascontiguousarray(np.moveaxis(rows, -1, 1), np.float32))
-
-
-def wide(array: NDArray[Any]) -> NDArray[np.float32]:
-    """The array itself, or with rows too short for a pack made long enough."""
-    short = LANES - array.shape[-1]
-    padded = array if short <= 0 else np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)])
-    return np.require(padded, np.float32, "CW")
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def way_to_eye(c, nx, columns, height, eye, parallel):
-    """Unit vectors to the eye from LANES nodes at a height, in the scene's axes, then in the columns' own.
-
-    ``columns``: see `columns_of`; from flat element ``c`` on.
-    """
-    ax, ay, az = read_quadruple(columns, c + 9 * nx), read_quadruple(columns, c + 10 * nx), read_quadruple(
-        columns, c + 11 * nx
-    )
-    if parallel:
-        vx, vy, vz = spread_quadruple(eye[0]), spread_quadruple(eye[1]), spread_quadruple(eye[2])
-    else:
-        vx = read_quadruple(columns, c) + height * ax
-        vy = read_quadruple(columns, c + nx) + height * ay
-        vz = read_quadruple(columns, c + 2 * nx) + height * az
-        r = _ONE / (root(vx * vx + vy * vy + vz * vz) + np.float32(1e-6))
-        vx, vy, vz = vx * r, vy * r, vz * r
-    x = read_quadruple(columns, c + 3 * nx) * vx + read_quadruple(columns, c + 4 * nx) * vy
-    x += read_quadruple(columns, c + 5 * nx) * vz
-    y = read_quadruple(columns, c + 6 * nx) * vx + read_quadruple(columns, c + 7 * nx) * vy
-    y += read_quadruple(columns, c + 8 * nx) * vz
-    return vx, vy, vz, x, y, ax * vx + ay * vy + az * vz
+    @classmethod
+    def of(cls, moments: list[Moments], coarser: list[Coarser]) -> FieldAt:
+        return cls(
+            tuple(m.place for m in moments), tuple(m.values for m in moments), tuple(c.place for c in coarser),
+            tuple(c.values for c in coarser), np.array([c.factor for c in coarser]),
+            np.array([c.columns for c in coarser]),
+        )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _geometry(j, i, nx, columns, height, eye, parallel, harmonics):
-    """Of LANES nodes the harmonics (M^2, LANES) of the way the light goes."""
-    _, _, _, x, y, z = way_to_eye(j * 12 * nx + i, nx, columns, height, eye, parallel)
+def _geometry(j, i, height_m, eye, harmonics):
+    """Of LANES nodes the harmonics (M^2, LANES) of the way from the eye."""
+    x, y, z = way_from_eye(j, i, height_m, eye)
     # as `scalar.harmonics`
     cosine, sine, corner = spread_quadruple(_ONE), spread_quadruple(_ZERO), spread_quadruple(_FIRST)
     for m in range(DEGREE):
@@ -189,12 +151,14 @@ def _source_function(amounts, scaled, scattering, air_extinction, air_scattering
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS)
-def _rows(
-    j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
-):  # fmt: skip
+def _row(j, scatterers, stands_for, field, eye, count, part, fields):
     """The nodes of row j in a ``part`` of the grid, LANES at a time."""
-    nz, ny, nx = fields.shape[0], fields.shape[1], columns.shape[2]
+    extinction, scaled, scattering = scatterers.extinction, scatterers.scaled, scatterers.scattering
+    air_extinction, air_scattering, levels_m = scatterers.air_extinction, scatterers.air_scattering, scatterers.levels_m
+    # once for all: asked for in loops, a tuple's arrays have their references counted, by threads in turn
+    kept, values, coarse_kept, coarse_values = field.kept, field.values, field.coarse_kept, field.coarse_values
+    factor, columns = field.factor, field.columns
+    nz, ny, nx = fields.shape[0], fields.shape[1], extinction.shape[3]
     harmonics, moments = np.empty((_MOMENTS, LANES), np.float32), np.empty((_MOMENTS, LANES), np.float32)
     source, amounts = np.empty((PACK, LANES), np.float32), np.empty((extinction.shape[0], LANES), np.float32)
     widest = 0
@@ -205,16 +169,16 @@ def _rows(
         for w in range(count):
             if factor[w] > 0 and kept[w][k, j].min() < 0:
                 _coarse_row(
-                    coarse_kept[w], coarse_values[w], k, j, factor[w], coarse_columns[w], row[w]
+                    coarse_kept[w], coarse_values[w], k, j, factor[w], columns[w], row[w]
                 )
         for block in range(part[2, 0] // LANES, (part[2, 1] + LANES - 1) // LANES):
             i = min(block * LANES, nx - LANES)
-            _geometry(j, i, nx, columns, np.float32(levels_m[k]), eye, parallel, harmonics)
+            _geometry(j, i, np.float32(levels_m[k]), eye, harmonics)
             own = min(LANES, fields.shape[2] - i)
             _amounts((k * ny + j) * nx + i, own, nz * ny * nx, extinction, stands_for, amounts)
             for w in range(count):
                 _moments(
-                    kept[w], values[w], k, j, i, factor[w], coarse_columns[w], row[w], moments
+                    kept[w], values[w], k, j, i, factor[w], columns[w], row[w], moments
                 )
                 total = _source_function(
                     amounts, scaled[w], scattering[w], air_extinction[w, k], air_scattering[w, k], harmonics, moments
@@ -227,27 +191,21 @@ def _rows(
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def view_source(
-    t, threads, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-    coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
-):  # fmt: skip
+def view_source(t, threads, scatterers, stands_for, field, eye, count, part, fields):
     """Source of diffuse light toward one eye, per extinction, at every node of thread t's rows, into
-    fields[..., PACK:2 PACK].
+    fields[..., PACK:2 PACK]: of the first ``count`` wavelengths, the last repeated,
+
+        S/beta' = sum_lm sigma_l Y_lm(v) M_lm/beta',    v the way from the eye, in the column's axes,
+
+    M_lm the moments of the diffuse radiance (`FieldAt`), sigma_l of scattering and beta' of `Scatterers`, of the node
+    that stands for this one (``stands_for``, see `thickest_around`).
 
     Per extinction, for between nodes light and extinction change together, and the mean of their product is not that of
     its ends (docs/decisions/0015-light-between-nodes.md); so the march, too, adds what is scattered but once.
-
-    ``extinction`` (ns, nz, ny, nx), ``stands_for``: see `thickest_around`; at PACK wavelengths, of which the first
-    ``count`` are wanted, per extinction what is delta-scaled ``scaled`` (PACK, ns) and Legendre moments of what is
-    scattered ``scattering`` (PACK, ns, M), ``air_extinction`` (PACK, nz) and ``air_scattering`` (PACK, nz, M), the
-    diffuse field (`FieldAt`) in the columns' own axes. ``columns``: see `columns_of`. ``eye``: the viewing direction
-    where ``parallel``. ``part``: levels, rows and columns (3, 2) from and to which it is wanted, and maybe a few more.
+    ``part``: levels, rows and columns (3, 2) from and to which it is wanted, and maybe a few more.
     """
     for j in range(part[1, 0] + t, part[1, 1], threads):
-        _rows(
-            j, extinction, stands_for, scaled, scattering, air_extinction, air_scattering, kept, values, coarse_kept,
-            coarse_values, factor, coarse_columns, columns, levels_m, eye, parallel, count, part, fields,
-        )  # fmt: skip
+        _row(j, scatterers, stands_for, field, eye, count, part, fields)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)

@@ -1,0 +1,295 @@
+"""A camera in a TOML file: read, checked, and written (docs/cameras.md)."""
+
+import difflib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from openswim.arguments import check_kind, number, shown
+from openswim.cameras.camera import Camera
+from openswim.cameras.checks import check_shape
+from openswim.cameras.given import from_map
+from openswim.cameras.lenses import Lens
+from openswim.cameras.obstacles import Mask
+from openswim.cameras.optics import Optics
+from openswim.cameras.picture_files import read_picture
+from openswim.cameras.sizes import shape_of
+from openswim.cameras.toml_text import read_toml, toml_text
+from openswim.errors import UserError
+from openswim.scene.files import written_whole
+
+VERSION = 1
+_PLACE = ("lat", "lon", "x_m", "y_m", "height_m", "above")
+_SET_UP = ("centre_row", "centre_column", "mirrored", "affine", "fov_deg")
+_LENS = ("focal_px", "coefficients")
+_TURNED, _POINTED = ("rotation_deg", "tilt_deg", "tilt_azimuth_deg"), ("azimuth_deg", "altitude_deg", "roll_deg")
+_COUNTS = ("azimuth", "zenith", "azimuth_deg_per_count", "zenith_deg_per_count", "outside_count", "directions")
+_VIEWS = {
+    "allsky": ("centre", "fov_deg"),
+    "panorama": ("azimuth_deg", "altitude_range_deg"),
+    "perspective": (*_POINTED, "fov_deg"),
+    "satellite": ("fov_deg",),
+    "fisheye": ("lens", *_LENS, *_SET_UP, *_TURNED, *_POINTED),
+    "pinhole": (*_LENS, *_SET_UP, *_TURNED, *_POINTED),
+    "map": _COUNTS,
+}
+_TABLES = {
+    "place": _PLACE,
+    "frame": ("rows", "columns", "time_pattern", "utc_offset_h", "saturated_count"),
+    "view": ("kind", *sorted({key for keys in _VIEWS.values() for key in keys})),
+    "obstacles": ("horizon_deg", "mask"),
+    "calibration": None,
+}
+_CENTRES = {"zenith": 90.0, "nadir": -90.0}
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """What a camera's frames need to be read: how their names tell the time (strptime), the zone of their clock, and
+    the count from which on they are saturated."""
+
+    time_pattern: str | None = None
+    utc_offset_h: float | None = None
+    saturated_count: float | None = None
+
+
+@dataclass(frozen=True)
+class CameraFile:
+    """All that a camera's TOML file says."""
+
+    camera: Camera
+    name: str = ""
+    frames: FrameSettings = FrameSettings()
+    calibration: dict[str, Any] = field(default_factory=dict)  # what a fit said of itself
+
+
+def read_camera(path: str | os.PathLike[str], **place: Any) -> CameraFile:
+    """Read a camera's file; `place` (lat, lon, height_m ...) goes before what the file says, where not None."""
+    check_kind("camera file", path, (str, os.PathLike), "give a file's name")
+    path = Path(path)
+    tables = read_toml(path)
+    try:
+        return _camera(tables, path, {key: value for key, value in place.items() if value is not None})
+    except UserError as error:
+        text = str(error)
+        raise UserError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def load_camera(path: str | os.PathLike[str], **place: Any) -> Camera:
+    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's."""
+    return read_camera(path, **place).camera
+
+
+def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
+    """Write the TOML file that `load_camera` reads."""
+    write_camera(CameraFile(camera), path)
+
+
+def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
+    """Write a camera's file; maps go into a file beside it."""
+    path = Path(path)
+    camera = content.camera
+    tables: dict[str, Any] = {"openswim_camera": VERSION}
+    if content.name:
+        tables["name"] = content.name
+    tables["place"] = {key: getattr(camera, key) for key in _PLACE if getattr(camera, key) is not None}
+    settings = {key: value for key, value in vars(content.frames).items() if value is not None}
+    tables["frame"] = {"rows": camera.shape[0], "columns": camera.shape[1], **settings}
+    beside: list[tuple[Path, np.ndarray]] = []
+    tables["view"] = _view_table(camera, path, beside)
+    obstacles: dict[str, Any] = {"horizon_deg": camera.horizon_deg} if camera.horizon_deg else {}
+    if camera.mask is not None:
+        obstacles["mask"] = f"{path.stem}_mask.npy"
+        beside.append((path.with_name(obstacles["mask"]), camera.mask.hidden))
+    tables |= {"obstacles": obstacles} if obstacles else {}
+    tables |= {"calibration": content.calibration} if content.calibration else {}
+    for name, array in beside:
+        with written_whole(name) as partial, partial.open("wb") as stream:
+            np.save(stream, array)
+    with written_whole(path) as partial:
+        partial.write_text("# A camera for OpenSWIm (docs/cameras.md)\n" + toml_text(tables), "utf-8")
+
+
+def _view_table(camera: Camera, path: Path, beside: list[tuple[Path, np.ndarray]]) -> dict[str, Any]:
+    kind = "panorama" if camera.name == "sphere" else camera.name
+    if (optics := camera.lens_optics) is not None:
+        table: dict[str, Any] = {"kind": kind} | ({"lens": optics.lens.model} if kind == "fisheye" else {})
+        table |= {"focal_px": optics.lens.focal_px}
+        table |= {"coefficients": optics.lens.coefficients} if optics.lens.coefficients else {}
+        return table | {key: getattr(optics, key) for key in (*_SET_UP, *_TURNED)}
+    if camera.view == "map":
+        pixels = camera.pixels()
+        name = path.with_name(f"{path.stem}_directions.npy")
+        beside.append((name, np.stack([pixels.azimuth_deg, 90 - pixels.altitude_deg]).astype(np.float32)))
+        return {"kind": kind, "directions": name.name}
+    if kind not in _VIEWS:
+        raise UserError("a camera of free rays has no file: keep the rays themselves")
+    values = {key: getattr(camera, key) for key in _VIEWS[kind] if key != "centre"}
+    if kind == "allsky":
+        values["centre"] = "zenith" if camera.altitude_deg > 0 else "nadir"
+    return {"kind": kind} | values
+
+
+def _camera(tables: dict[str, Any], path: Path, place: dict[str, Any]) -> CameraFile:
+    version = tables.get("openswim_camera")
+    if version != VERSION or isinstance(version, bool):
+        raise UserError(f"is no camera's file: its first line says openswim_camera = {VERSION}")
+    _check_keys(tables, ("openswim_camera", "name", *_TABLES), "the file")
+    for name, keys in _TABLES.items():
+        if not isinstance(tables.get(name, {}), dict):
+            raise UserError(f"{name} is {shown(tables[name])}: write a table [{name}]")
+        if keys is not None:
+            _check_keys(tables.get(name, {}), keys, f"[{name}]")
+    view, frame = dict(tables.get("view", {})), tables.get("frame", {})
+    kind = view.pop("kind", None)
+    if not isinstance(kind, str) or kind not in _VIEWS:
+        raise UserError(f"[view] kind is {shown(kind)}: choose one of {', '.join(_VIEWS)}")
+    _check_keys(view, _VIEWS[kind], f"[view] of kind {kind}")
+    where = dict(tables.get("place", {})) if not {"x_m", "y_m"} & set(place) else {}
+    if {"lat", "lon"} & set(place):
+        where = {key: value for key, value in where.items() if key not in ("x_m", "y_m")}
+    where |= place
+    if not {"lat", "lon"} <= set(where) and not {"x_m", "y_m"} <= set(where):
+        raise UserError("has no place: write lat and lon in degrees under [place], or give --lat and --lon")
+    options: dict[str, Any] = where | _obstacles(tables.get("obstacles", {}), path)
+    if kind == "map":
+        camera = _of_map(view, path, options)
+        if {"rows", "columns"} & set(frame) and (frame.get("rows"), frame.get("columns")) != camera.shape:
+            raise UserError(f"[frame] rows and columns differ from the map's {camera.shape[0]} and {camera.shape[1]}")
+    else:
+        shape = tuple(_needed(frame, key, "[frame]") for key in ("rows", "columns"))
+        check_shape(shape)
+        camera = _of_view(kind, view, shape, options)
+    settings = _frame_settings(frame)
+    name = tables.get("name", "")
+    check_kind("name", name, str, 'write it in quotes, such as name = "roof"')
+    return CameraFile(camera, name, settings, tables.get("calibration", {}))
+
+
+def _of_view(kind: Any, view: dict[str, Any], shape: tuple[Any, ...], options: dict[str, Any]) -> Camera:
+    if kind in ("fisheye", "pinhole"):
+        optics = _optics(kind, view, shape)
+        return Camera(kind, shape, fov_deg=optics.fov_deg, lens_optics=optics, **options)
+    if kind == "allsky":
+        centre = view.pop("centre", "zenith")
+        if not isinstance(centre, str) or centre not in _CENTRES:
+            raise UserError(f"[view] centre is {shown(centre)}: choose one of {', '.join(_CENTRES)}")
+        if len(set(shape)) > 1:
+            raise UserError(f"[frame] rows {shape[0]} and columns {shape[1]} of an allsky view must be the same")
+        return Camera("allsky", shape, altitude_deg=_CENTRES[centre], **view, **options)
+    if kind == "satellite":
+        options = {"above": "sea level"} | options
+        fov = _needed(view, "fov_deg", "[view]")
+        return Camera("perspective", shape, azimuth_deg=0.0, altitude_deg=-90.0, fov_deg=fov, **options)
+    if kind == "perspective":
+        view = {"fov_deg": 60.0, "altitude_deg": 10.0} | view
+    if isinstance(view.get("altitude_range_deg"), list):
+        view["altitude_range_deg"] = tuple(view["altitude_range_deg"])
+    return Camera(kind, shape, **view, **options)
+
+
+def _optics(kind: str, view: dict[str, Any], shape: tuple[Any, ...]) -> Optics:
+    coefficients = view.get("coefficients", ())
+    check_kind("[view] coefficients", coefficients, (list, tuple), "give a list of numbers")
+    model = "pinhole" if kind == "pinhole" else _needed(view, "lens", "[view]")
+    if kind == "fisheye" and model == "pinhole":
+        raise UserError('[view] lens pinhole belongs to kind = "pinhole"')
+    lens = Lens(model, _needed(view, "focal_px", "[view]"), coefficients)
+    row, column = ((number("[frame] rows and columns", n) - 1) / 2 for n in shape)
+    centre = tuple(number(f"[view] {key}", view.get(key, middle))
+                   for key, middle in (("centre_row", row), ("centre_column", column)))  # fmt: skip
+    options = {key: view[key] for key in ("mirrored", "affine", "fov_deg") if key in view}
+    turned, pointed = ({key: view[key] for key in keys if key in view} for keys in (_TURNED, _POINTED))
+    if not pointed:
+        return Optics(lens, centre[0], centre[1], **turned, **options)
+    if turned or not {"azimuth_deg", "altitude_deg"} <= set(pointed):
+        raise UserError(
+            "[view] give azimuth_deg, altitude_deg and roll_deg, or rotation_deg, tilt_deg and tilt_azimuth_deg"
+        )
+    azimuth, altitude, roll = (number(f"[view] {key}", pointed.get(key, 0.0)) for key in _POINTED)
+    return Optics.pointing(lens, (centre[0], centre[1]), azimuth, altitude, roll, **options)
+
+
+def _of_map(view: dict[str, Any], path: Path, options: dict[str, Any]) -> Camera:
+    if "directions" in view:
+        stored = _array(_beside(view["directions"], "[view] directions", path))
+        if stored.ndim != 3 or len(stored) != 2 or stored.dtype.kind != "f":
+            raise UserError(f"[view] directions holds {stored.shape}: must be (2, rows, columns) of azimuth and zenith")
+        return _mapped(stored[0], stored[1], options)
+    maps = []
+    for name in ("azimuth", "zenith"):
+        counts = read_picture(_beside(_needed(view, name, "[view]"), f"[view] {name}", path)).counts
+        if counts.ndim != 2:
+            raise UserError(f"[view] {name} has {counts.shape[-1]} channels: a map has one")
+        scale = number(f"[view] {name}_deg_per_count", view.get(f"{name}_deg_per_count", 1.0))
+        outside = number("[view] outside_count", view.get("outside_count", np.nan))
+        maps.append(np.where(counts == outside, np.nan, counts * scale))
+    return _mapped(maps[0], maps[1], options)
+
+
+def _mapped(azimuth_deg: Any, zenith_deg: Any, options: dict[str, Any]) -> Camera:
+    pixels = from_map(azimuth_deg, zenith_deg)
+    return Camera("map", shape_of(pixels.pixels.inside.shape), given=pixels, **options)
+
+
+def _obstacles(table: dict[str, Any], path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    if "horizon_deg" in table:
+        found["horizon_deg"] = table["horizon_deg"]
+    if "mask" in table:
+        name = _beside(table["mask"], "[obstacles] mask", path)
+        if name.suffix == ".npy":
+            hidden = _array(name)
+        else:
+            counts = read_picture(name).counts
+            hidden = (counts if counts.ndim == 2 else counts.max(axis=-1)) == 0  # black hides
+        if hidden.ndim != 2 or hidden.dtype != bool:
+            raise UserError(f"{name}: a mask is a picture of one channel, black where the sky is hidden")
+        found["mask"] = Mask(hidden, name.name)
+    return found
+
+
+def _beside(name: Any, what: str, path: Path) -> Path:
+    """A file named in the camera's file, which counts from there."""
+    check_kind(what, name, str, "give a file's name in quotes")
+    return path.parent / name
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        with path.open("rb") as stream:  # mapped: a header may claim what is not there
+            if stream.read(6) != b"\x93NUMPY":
+                raise UserError(f"{path}: is no .npy file")
+        return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+    except (OSError, ValueError, EOFError, MemoryError, OverflowError, TypeError, SyntaxError) as error:
+        why = " ".join(str(error).split())[:100]
+        raise UserError(f"{path}: cannot be read ({why})") from None
+
+
+def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
+    pattern = frame.get("time_pattern")
+    if pattern is not None:
+        check_kind("[frame] time_pattern", pattern, str, 'write it as "%Y%m%d_%H%M%S"')
+    numbers = {
+        key: number(f"[frame] {key}", frame[key]) for key in ("utc_offset_h", "saturated_count") if key in frame
+    }
+    if abs(numbers.get("utc_offset_h", 0.0)) > 15:
+        raise UserError(f"[frame] utc_offset_h {numbers['utc_offset_h']:g} is not within -15..15 hours")
+    return FrameSettings(pattern, numbers.get("utc_offset_h"), numbers.get("saturated_count"))
+
+
+def _needed(table: dict[str, Any], key: str, where: str) -> Any:
+    if key not in table:
+        raise UserError(f"{where} needs {key}")
+    return table[key]
+
+
+def _check_keys(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, 1)
+            meant = f"did you mean {close[0]}?" if close else f"it takes {', '.join(known)}"
+            raise UserError(f"{where} has an unknown {shown(key)}: {meant}")

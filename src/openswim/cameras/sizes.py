@@ -1,0 +1,34 @@
+"""Sizes of pictures, and how wide the Earth is in them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from openswim.arguments import number
+from openswim.cameras.checks import check_altitude_range, check_shape, require
+
+Size = int | Sequence[int]  # columns, or (rows, columns)
+WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer fits a flat picture
+
+
+def shape_of(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
+    """(rows, columns) of a size; `rows` of so many columns where these alone are given."""
+    alone = isinstance(size, (int, np.integer))
+    shape: Any = tuple(size) if isinstance(size, Iterable) else (rows(int(size)) if alone else size, size)
+    check_shape(shape)
+    return int(shape[0]), int(shape[1])
+
+
+def rows_of(columns: int, altitude_range_deg: tuple[float, float]) -> int:
+    bottom, top = check_altitude_range(altitude_range_deg)
+    return max(1, round(columns * (top - bottom) / 360))
+
+
+def whole_disc_fov_deg(height_m: float, earth_radius_m: float, shape: tuple[int, int]) -> float:
+    """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
+    height_m, earth_radius_m = number("satellite height", height_m), number("earth_radius_m", earth_radius_m)
+    require(height_m > 0, f"satellite height {height_m:g} m is not above sea level")
+    tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
+    widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
+    return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

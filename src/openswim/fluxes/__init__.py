@@ -1,0 +1,6 @@
+"""Light on a horizontal plane: global, direct and diffuse, spectral and broadband."""
+
+from openswim.fluxes.broadband import Broadband, broadband, gases_above
+from openswim.fluxes.horizontal import Quadrature, quadrature_directions, spectral_irradiance
+
+__all__ = ["Broadband", "Quadrature", "broadband", "gases_above", "quadrature_directions", "spectral_irradiance"]

@@ -1,0 +1,120 @@
+"""The ground of a scene at given wavelengths, as transport asks for it (`transport.medium.surface.Surface`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.ground import earth
+from openswim.ground.albedo import surface_properties
+from openswim.ground.model import ModelGround
+from openswim.ground.reflectance import hemispherical_albedo
+from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
+from openswim.ground.sample import SurfaceSample
+from openswim.scene.frame import Frame
+from openswim.scene.grid import Grid
+from openswim.scene.scene import Scene
+from openswim.scene.variables import SURFACE_DIMS
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSurface:
+    """The ground of a scene: the user's maps, the scene's own fields, the default Earth's; see `Surface`."""
+
+    scene: Scene
+    wavelengths_nm: F64
+
+    @property
+    def wider(self) -> SceneSurface | None:
+        return None if self.scene.wider is None else replace(self, scene=self.scene.wider)
+
+    def at_wavelengths(self, which: NDArray[np.int64]) -> SceneSurface:
+        return replace(self, wavelengths_nm=self.wavelengths_nm[which])
+
+    def window(self, rows: slice, columns: slice) -> SceneSurface:
+        return replace(self, scene=_ground_of(self.scene, rows, columns))
+
+    # what it is
+
+    @cached_property
+    def _model(self) -> ModelGround:
+        return ModelGround.of(self.scene, self.wavelengths_nm)
+
+    def sample(
+        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0, detail: bool = False
+    ) -> SurfaceSample:
+        return surface_properties(self.scene, lat, lon, self.wavelengths_nm, footprint_m, detail, self._model)
+
+    def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:
+        return hemispherical_albedo(self.sample(lat, lon), self.wavelengths_nm)
+
+    # how high it is
+
+    @property
+    def terrain_m(self) -> F32:
+        shape = (1, 1) if self.scene.grid is None else self.scene.grid.shape[1:]
+        terrain = np.zeros(shape, np.float32)
+        if "surface_altitude" in self.scene.data:
+            own = self.scene.data["surface_altitude"].values.astype(np.float32)
+            terrain = np.nan_to_num(own).reshape(shape)
+        return refined_terrain(self.scene, terrain)
+
+    def finer_terrain_m(self, terrain_m: F32, fineness: int) -> F32:
+        return refined_terrain(self.scene, terrain_m, fineness)
+
+    @property
+    def mapped(self) -> bool:
+        return bool(height_maps(self.scene))
+
+    @property
+    def map_outlines(self) -> list[tuple[float, F64, F64]]:
+        return [(one.pixel_m, *one.raster.outline()) for one in height_maps(self.scene)]
+
+    def mapped_m(
+        self, lat: F64, lon: F64, footprint_m: F64, between: Callable[[F64], F64] | None = None
+    ) -> tuple[F64, F64]:
+        return mapped_height(height_maps(self.scene), lat, lon, footprint_m, between)
+
+    def mapped_normals(self, frame: Frame, place: F64, up: F64, footprint_m: F64) -> tuple[F64, F64]:
+        return mapped_normals(height_maps(self.scene), frame, place, up, footprint_m)
+
+    @property
+    def mountains(self) -> bool:
+        wanted = self.scene.ground is None or self.scene.ground.mountains
+        return wanted and self.earth_known and "surface_altitude" in self.scene.data
+
+    @property
+    def earth_known(self) -> bool:
+        return earth.has_relief()
+
+    def earth_m(self, lat: F64, lon: F64) -> F64:
+        return earth.relief_m(lat, lon)
+
+    def sea(self, lat: F64, lon: F64) -> NDArray[np.bool_]:
+        return earth.sea_at_nearest(lat, lon)
+
+
+def surface_of(scene: Scene, wavelengths_nm: ArrayLike) -> SceneSurface:
+    """The ground of a scene and of the wider ones around it."""
+    return SceneSurface(scene, np.atleast_1d(np.asarray(wavelengths_nm, float)))
+
+
+def _ground_of(scene: Scene, rows: slice, columns: slice) -> Scene:
+    """What a scene has on the ground in a window."""
+    grid = scene.grid
+    assert grid is not None
+    data = {str(n): v[rows, columns] if v.dims == SURFACE_DIMS else v.isel(y=rows, x=columns)
+            for n, v in scene.data.data_vars.items() if "z" not in v.dims}  # fmt: skip
+    highest_m = float(data["surface_altitude"].max()) if "surface_altitude" in data else 0.0
+    levels_m = np.array([highest_m, highest_m + 1.0])  # nothing is on them, but no ground is above them all
+    part = Grid(grid.x[columns], grid.y[rows], levels_m, grid.crs, grid.earth_radius_m)
+    fields = xr.Dataset(data).drop_vars(["x", "y", "height"], errors="ignore")
+    return Scene(part, fields, scene.atmosphere, {}, scene.time, scene.source, [], scene.ground)

@@ -1,6 +1,0 @@
-"""Light on a horizontal plane: global, direct and diffuse, spectral and broadband."""
-
-from openswim.irradiance.broadband import Broadband, broadband, gases_above
-from openswim.irradiance.horizontal import Quadrature, quadrature_directions, spectral_irradiance
-
-__all__ = ["Broadband", "Quadrature", "broadband", "gases_above", "quadrature_directions", "spectral_irradiance"]

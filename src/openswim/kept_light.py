@@ -1,0 +1,186 @@
+"""Solved light on disk: a Zarr folder with the scene, what was asked of the solver, and the light in named arrays."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import openswim
+from openswim.arguments import check_kind, paths
+from openswim.errors import UserError
+from openswim.ground.surface import surface_of
+from openswim.lights.daylight import Daylight
+from openswim.optics.matter import matter_of
+from openswim.progress import job
+from openswim.scene import Ground, Scene
+from openswim.scene.files import written_whole
+from openswim.solver import Solver
+from openswim.transport import Field, ReferenceField
+from openswim.transport.lit.kept import described, restored
+from openswim.transport.lit.lit_grid import LitGrid
+
+KIND, VERSION = "openswim light", 1
+_CHUNK = 1 << 23  # bytes of an array that are written together
+_LONGEST_TEXT = 1 << 22  # characters of the description, more than any light has
+_MOST_MEMORY = 0.8  # share of the memory that is free
+
+
+def save_light(
+    scene: Scene, field: Field | ReferenceField, daylight: Daylight, time: np.datetime64 | None,
+    path: str | os.PathLike[str],
+) -> None:  # fmt: skip
+    """Keep solved light as a Zarr folder, whole or not at all: see `LitScene.save`."""
+    if not isinstance(field, Field):
+        raise UserError(f"{path}: solver reference keeps no light, but follows paths for each view: use a checkpoint")
+    if not all(isinstance(pack, LitGrid) for pack in field.packs):
+        raise UserError(f"{path}: a domain of so many columns is lit anew for each view: save the light of a part")
+    found = described(field.lit)
+    about = {
+        "kind": KIND, "version": VERSION, "openswim": openswim.__version__, "fingerprint": fingerprint(scene),
+        "options": asdict(field.solver), "wavelengths_nm": field.wavelengths_nm.tolist(),
+        "daylight": asdict(daylight) | {"direction": daylight.direction.tolist()},
+        "time": None if time is None else str(time),
+        "cut": [level.cut for level in scene.levels], "ground": [_ground(level) for level in scene.levels],
+        "light": found.levels,
+    }  # fmt: skip
+    import zarr
+
+    with written_whole(path) as partial, job("light to disk", sum(a.nbytes for a in found.arrays.values())) as meter:
+        root = zarr.open_group(str(partial), mode="w", zarr_format=2)
+        root.attrs.put(about)
+        for n, level in enumerate(scene.levels):
+            level.to_dataset().to_zarr(str(partial), group=f"scene{n}", mode="w", zarr_format=2, consolidated=False)
+        for name, array in found.arrays.items():
+            first = max(1, _CHUNK // max(1, array[:1].nbytes)) if array.ndim else 1
+            chunks = (min(first, max(1, array.shape[0])), *(max(1, n) for n in array.shape[1:])) if array.ndim else ()
+            stored = root.create_array(
+                f"arrays/{name}", shape=array.shape, dtype=array.dtype, chunks=chunks, compressors=None, filters=None
+            )
+            stored[...] = array
+            meter.advance(array.nbytes)
+
+
+def read_light(
+    path: str | os.PathLike[str], scene: Scene | None
+) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
+    """The scene, its light, its sun and the time: see `openswim.open_light`."""
+    import zarr
+
+    check_kind("light", path, (str, os.PathLike), "give the name of a folder that lit.save(...) has written")
+    if not Path(path).is_dir():
+        raise UserError(f"{path}: no folder of kept light: give one that lit.save(...) has written")
+    try:
+        root = zarr.open_group(str(path), mode="r")
+        about = dict(root.attrs)
+    except Exception as error:  # whatever a damaged store has zarr raise
+        raise UserError(f"{path}: no kept light can be read here ({_first_line(error)}): save it anew") from None
+    if about.get("kind") != KIND:
+        raise UserError(f"{path}: this is no kept light: give a folder that lit.save(...) has written")
+    if about.get("version") != VERSION:
+        raise UserError(
+            f"{path}: kept light of layout {about.get('version')!r}, this OpenSWIm reads {VERSION}: solve and save anew"
+        )
+    try:
+        return _read(path, root, about, scene)
+    except UserError:
+        raise
+    except Exception as error:  # of whatever a changed file has arrays and classes raise
+        raise UserError(f"{path}: kept light is damaged ({_first_line(error)}): solve and save anew") from None
+
+
+def _read(
+    path: str | os.PathLike[str], root: Any, about: dict[str, Any], scene: Scene | None
+) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
+    if len(json.dumps(about)) > _LONGEST_TEXT:
+        raise ValueError("its description is too long")
+    nbytes = sum(array.nbytes for _, array in root["arrays"].members(max_depth=None) if hasattr(array, "nbytes"))
+    free = _free_memory()
+    if nbytes > _MOST_MEMORY * free:
+        raise UserError(
+            f"{path}: kept light of {nbytes / 1e9:.1f} GB does not fit into {free / 1e9:.1f} GB of free memory"
+        )
+    if scene is None:
+        if any(ground and ground["maps"] for ground in about["ground"]):
+            raise UserError(
+                f"{path}: light over the user's own maps, which are not kept with it: give open_light(path, scene)"
+            )
+        scene = _scene(path, about)
+    if fingerprint(scene) != about["fingerprint"]:
+        raise UserError(f"{path}: kept light of another scene than this one: solve it anew, or give the scene it is of")
+    solver = Solver(**about["options"])
+    wavelengths = np.array(about["wavelengths_nm"], float)
+    matter, surface = matter_of(scene, wavelengths), surface_of(scene, wavelengths)
+    known: dict[str, np.ndarray] = {}
+    with job("light from disk", nbytes) as meter:
+
+        def array(name: str) -> np.ndarray:
+            if name not in known:
+                stored = root[f"arrays/{name}"]
+                known[name] = np.require(stored[...], requirements=["C", "W"])
+                meter.advance(known[name].nbytes)
+            return known[name]
+
+        packs = restored(about["light"], array, solver, matter, surface)
+    day = dict(about["daylight"])
+    daylight = Daylight(**day | {"direction": np.array(day["direction"], float)})
+    time = None if about["time"] is None else np.datetime64(about["time"], "ms")
+    return scene, Field(packs), daylight, time
+
+
+def _scene(path: str | os.PathLike[str], about: dict[str, Any]) -> Scene:
+    """The scene that was kept with the light, and the wider ones around it."""
+    from openswim.readers import open_scene
+
+    levels = [open_scene(Path(path) / f"scene{n}") for n in range(len(about["cut"]))]
+    for n, level in enumerate(levels):
+        ground = about["ground"][n]
+        level.cut = bool(about["cut"][n])
+        level.ground = None if ground is None else Ground((), (), ground["chlorophyll_mg_m3"], ground["mountains"])
+        level.wider = levels[n + 1] if n + 1 < len(levels) else None
+    return levels[0]
+
+
+def _ground(scene: Scene) -> dict[str, Any] | None:
+    """What the user says of the ground, and how many maps there are, whose files are not named."""
+    ground = scene.ground
+    if ground is None:
+        return None
+    return {
+        "chlorophyll_mg_m3": ground.chlorophyll_mg_m3, "mountains": ground.mountains,
+        "maps": len(paths("albedo", ground.albedo)) + len(paths("height", ground.height)),
+    }  # fmt: skip
+
+
+def fingerprint(scene: Scene) -> str:
+    """Of all of a scene that light depends on, the wider ones around it included."""
+    found = hashlib.sha256()
+    for level in scene.levels:
+        data = level.to_dataset()
+        for name in sorted(map(str, data.variables)):
+            values = np.ascontiguousarray(data[name].values)
+            found.update(f"{name} {data[name].dims} {values.dtype.str} ".encode() + values.tobytes())
+        about = {k: v for k, v in data.attrs.items() if k not in ("history", "source", "assumptions", "title")}
+        found.update(repr(sorted((str(k), str(v)) for k, v in about.items())).encode() + bytes([level.cut]))
+        found.update(repr(_ground(level)).encode())
+    return found.hexdigest()
+
+
+def _free_memory() -> float:
+    """Bytes."""
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * int(line.split()[1])
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (OSError, ValueError, AttributeError):
+        return float("inf")
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -1,0 +1,101 @@
+"""Light: a scene and its sun solved for once, for as many cameras as one likes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.arguments import check_kind
+from openswim.errors import UserError
+from openswim.kept_light import read_light
+from openswim.lights import subsolar_point, sun_position
+from openswim.lights.daylight import Daylight
+from openswim.scene import Scene
+from openswim.scene.frame import scene_frame
+from openswim.scene.times import parse_time
+from openswim.solver import Solver
+from openswim.viewpoint import LitScene
+
+F64 = NDArray[np.float64]
+
+WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
+
+
+def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:
+    """The sun at a time (UTC; the scene's own by default), or at ``sun`` = (azimuth, altitude) degrees.
+
+    Its direction is raised by atmospheric refraction at the centre of the scene, so that it sets when it should;
+    rays themselves are straight.
+    """
+    frame = scene_frame(scene)
+    if sun is not None:
+        return Daylight(frame.direction(*_checked_sun(sun), frame.lat, frame.lon))
+    when = scene.time if time is None else time
+    if when is None:
+        raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
+    place = sun_position(when, *((frame.lat, frame.lon) if frame.curved else scene.place))
+    if not frame.curved:
+        direction = frame.direction(place.azimuth_deg, place.refracted_altitude_deg, 0.0, 0.0)
+        return Daylight(direction, place.distance_au, place.angular_radius_deg)
+    direction = frame.enu(*subsolar_point(when))[2]
+    lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
+    if lift > 0:
+        up = np.array([0.0, 0.0, 1.0])
+        tangent = up - direction * direction[2]
+        direction = direction * np.cos(lift) + tangent / max(np.linalg.norm(tangent), 1e-9) * np.sin(lift)
+    return Daylight(direction, place.distance_au, place.angular_radius_deg)
+
+
+def _checked_sun(sun: Any) -> tuple[float, float]:
+    try:
+        azimuth, altitude = (float(angle) for angle in sun)
+    except (TypeError, ValueError):
+        azimuth = altitude = np.nan
+    if not (np.isfinite(azimuth) and -90 <= altitude <= 90):
+        raise UserError(f"sun = {sun!r}: give (azimuth, altitude) in degrees, the altitude within -90..90")
+    return azimuth, altitude
+
+
+def _checked_wavelengths(wavelengths_nm: Any) -> F64:
+    """(n,), each once: data are told apart by them."""
+    try:
+        wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    except (TypeError, ValueError):
+        wavelengths = np.empty((0, 0))
+    if wavelengths.ndim != 1 or np.unique(wavelengths).size < wavelengths.size:
+        raise UserError(f"wavelengths_nm = {wavelengths_nm!r}: give a list of numbers, each once")
+    return wavelengths
+
+
+def solver_of(solver: str | Solver) -> Solver:
+    return solver if isinstance(solver, Solver) else Solver(solver)
+
+
+def light(
+    scene: Scene,
+    solver: str | Solver = "fast",
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
+    time: Any = None,
+    sun: tuple[float, float] | None = None,
+) -> LitScene:
+    """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
+    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
+    wavelengths = _checked_wavelengths(wavelengths_nm)
+    day = daylight(scene, time, sun)
+    when = scene.time if time is None else parse_time(time)
+    field = solver_of(solver).solve(scene, day.direction, wavelengths)
+    return LitScene(scene, field, day, None if sun is not None else when)
+
+
+def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:
+    """Light that `LitScene.save` has kept: pictures from it are those of the light that was saved, bit for bit.
+
+    scene: that which was lit, to be used in place of the one that was kept with the light; needed where it has the
+    user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
+    another scene than is given.
+    """
+    return LitScene(*read_light(path, scene))

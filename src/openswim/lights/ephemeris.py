@@ -1,0 +1,61 @@
+"""Times and bodies of JPL's DE421 as shipped by skyfield-data: offline, from 1900 to 9 October 2053."""
+
+import functools
+from datetime import datetime
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from openswim.errors import UserError
+from openswim.scene.times import Time, parse_time
+
+FIRST_TIME, LAST_TIME = np.datetime64("1900-01-01"), np.datetime64("2053-10-09")
+FIRST_LEAP_SECONDS = np.datetime64("1972-01-01")  # before, civil time followed the Earth's rotation
+
+
+@functools.cache
+def timescale() -> Any:
+    """Skyfield's, from its built-in tables."""
+    from skyfield.api import load
+
+    return load.timescale(builtin=True)
+
+
+@functools.cache
+def bodies() -> Any:
+    """The ephemeris: `bodies()["moon"]`."""
+    from skyfield.api import Loader
+
+    folder = resources.files("skyfield_data").joinpath("data")
+    return Loader(str(folder), verbose=False)("de421.bsp")
+
+
+def skyfield_time(time: Time) -> Any:
+    """`time`: ISO text, a datetime or a numpy datetime64; UTC unless it names its zone.
+
+    Before 1972 there was no UTC with leap seconds, and times are UT1: read as UTC, they would turn the sky by .18
+    degrees in 1900.
+    """
+    stamp = parse_time(time)
+    if stamp is None or np.isnat(stamp) or not FIRST_TIME <= stamp < LAST_TIME:
+        raise UserError(f"time {stamp} lies outside the ephemeris; give a time from 1900-01-01 to 2053-10-08")
+    t: datetime = stamp.astype(datetime)
+    calendar = timescale().ut1 if stamp < FIRST_LEAP_SECONDS else timescale().utc
+    return calendar(t.year, t.month, t.day, t.hour, t.minute, t.second + t.microsecond * 1e-6)
+
+
+def observer(lat: float, lon: float, height_m: float = 0.0) -> Any:
+    """A place on the WGS84 ellipsoid, degrees and metres, for skyfield."""
+    from skyfield.api import wgs84
+
+    if not -90 <= lat <= 90:
+        raise UserError(f"latitude {lat} lies outside -90..90; give degrees north")
+    if not -360 <= lon <= 360:
+        raise UserError(f"longitude {lon} lies outside -360..360; give degrees east")
+    return bodies()["earth"] + wgs84.latlon(lat, lon, elevation_m=height_m)
+
+
+def standard_pressure_pa(height_m: float) -> float:
+    """Of the air at a height, for refraction: 1010 hPa at sea level, a scale height of 9.1 km (as skyfield's)."""
+    return float(101_000.0 * np.exp(-height_m / 9.1e3))

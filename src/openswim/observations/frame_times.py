@@ -1,0 +1,131 @@
+"""When a frame was taken: by its FITS header, its name, or its EXIF; the zone is told, never guessed."""
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from openswim.cameras.files import FrameSettings
+from openswim.errors import UserError
+
+_DIRECTIVES = {
+    "%Y": r"\d{4}", "%y": r"\d{2}", "%m": r"\d{2}", "%d": r"\d{2}", "%H": r"\d{2}", "%M": r"\d{2}", "%S": r"\d{2}",
+    "%j": r"\d{3}", "%f": r"\d{1,6}", "%b": "[A-Za-z]{3}", "%z": r"[+-]\d{2}:?\d{2}",
+}  # fmt: skip
+# year to second (or minute), the parts apart or not: image_20250215080830, FE3_20160901_100000, 2020-12-11_20-09-36
+_USUAL = re.compile(
+    r"(?<!\d)((?:19|20)\d{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])[-_.T ]?"
+    r"([01]\d|2[0-3])[-_.:h]?([0-5]\d)(?:[-_.:m]?([0-5]\d))?(?!\d)"
+)
+_ZONE = re.compile(r"(?<![A-Za-z])(?:UTC|GMT)(?:([pm+-])(\d{1,2}))?(?![A-Za-z\d])")
+_LONGEST_EXPOSURE_S = 3600.0
+
+
+@dataclass(frozen=True)
+class FrameTime:
+    """The middle of the exposure (UTC) and who says so."""
+
+    time: np.datetime64
+    source: str
+
+
+def frame_time(path: Path, header: dict[str, Any], exif: dict[str, str], settings: FrameSettings) -> FrameTime:
+    """FITS goes before the name, and the name before EXIF, whose clocks are set by hand."""
+    if "DATE-OBS" in header:
+        return FrameTime(_of_fits(path, header), "FITS DATE-OBS and half of the exposure")
+    pattern = settings.time_pattern
+    local = _by_pattern(path, pattern) if pattern else _by_usual(path.name)
+    if local is not None:
+        said = _ZONE.search(path.stem)
+        stated = None if said is None else _hours(said)
+        if stated is not None and settings.utc_offset_h not in (None, stated):
+            raise UserError(
+                f"{path}: its name says UTC{stated:+g}, --utc-offset {settings.utc_offset_h:g}: leave one of them out"
+            )
+        return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h), "name")
+    if "DateTimeOriginal" in exif:
+        return FrameTime(_of_exif(path, exif, settings.utc_offset_h), "EXIF and half of the exposure")
+    raise UserError(
+        f"{path}: neither its name nor its metadata tell the time: give --time, or time_pattern in the camera's file"
+    )
+
+
+def _utc(path: Path, local: datetime, offset_h: float | None) -> np.datetime64:
+    if local.tzinfo is not None:
+        local = local.astimezone(UTC).replace(tzinfo=None)
+    elif offset_h is None:
+        raise UserError(
+            f"{path}: says {local:%Y-%m-%d %H:%M:%S}, not in which zone: give --utc-offset (0 for UTC, 1 for UTC+1)"
+        )
+    else:
+        local -= timedelta(hours=offset_h)
+    return np.datetime64(local, "ms")
+
+
+def _by_usual(name: str) -> datetime | None:
+    found = _USUAL.search(name)
+    if found is None:
+        return None
+    parts = [int(part or 0) for part in found.groups()]
+    try:
+        return datetime(*parts)  # type: ignore[arg-type]
+    except ValueError:  # the thirtieth of February
+        return None
+
+
+def _by_pattern(path: Path, pattern: str) -> datetime:
+    """The first place in the name that a strptime pattern fits."""
+    parts = re.split(r"(%.)", pattern)
+    unknown = [part for part in parts[1::2] if part not in _DIRECTIVES]
+    if unknown or not {"%Y", "%y"} & set(parts):
+        raise UserError(
+            f"time pattern {pattern!r}: takes {' '.join(_DIRECTIVES)}, a year among them, such as %d%m%y_%H%M%S"
+        )
+    expression = "".join(_DIRECTIVES[part] if i % 2 else re.escape(part) for i, part in enumerate(parts))
+    for found in re.finditer(rf"(?=({expression}))", path.name):
+        try:
+            return datetime.strptime(found[1], pattern)
+        except ValueError:
+            continue
+    raise UserError(f"{path}: its name does not follow the time pattern {pattern!r}: give another, or --time")
+
+
+def _hours(said: re.Match[str]) -> float:
+    """UTC, UTCp1 (as Hamburg's cameras write UTC+1), GMT-3."""
+    return 0.0 if said[1] is None else (1 if said[1] in "p+" else -1) * float(said[2])
+
+
+def _of_fits(path: Path, header: dict[str, Any]) -> np.datetime64:
+    text = str(header["DATE-OBS"])
+    clock = header.get("TIME-OBS") or header.get("UTSTART") or header.get("UT")
+    if "T" not in text and clock:
+        text = f"{text}T{clock}"
+    try:
+        start = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise UserError(f"{path}: FITS DATE-OBS {text!r} is no time: give --time") from None
+    return _utc(path, start + _half(header.get("EXPTIME", header.get("EXPOSURE"))), 0.0)
+
+
+def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None) -> np.datetime64:
+    text = exif["DateTimeOriginal"]
+    try:
+        start = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
+        zone = exif.get("OffsetTimeOriginal", "")
+        if zone and offset_h is None:
+            start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
+    except ValueError:
+        raise UserError(f"{path}: EXIF time {text!r} is none: give --time") from None
+    return _utc(path, start + _half(exif.get("ExposureTime")), offset_h)
+
+
+def _half(exposure_s: Any) -> timedelta:
+    """Half of an exposure: headers have its beginning."""
+    try:
+        seconds = float(exposure_s)
+    except (TypeError, ValueError):
+        return timedelta(0)
+    return timedelta(seconds=seconds / 2 if 0 < seconds <= _LONGEST_EXPOSURE_S else 0)

@@ -1,0 +1,74 @@
+"""A camera's frame: its counts, and when it was taken."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.arguments import check_kind
+from openswim.cameras.files import FrameSettings
+from openswim.cameras.picture_files import read_picture
+from openswim.errors import UserError
+from openswim.observations.frame_times import FrameTime, frame_time
+from openswim.scene.times import Time, parse_time
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """Which frame it is, without its counts."""
+
+    path: Path
+    time: np.datetime64
+    time_source: str
+    shape: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class SkyFrame:
+    """Counts (ny, nx) or (ny, nx, 3: red, green, blue) as stored, row 0 on top, and the time (UTC)."""
+
+    path: Path
+    counts: NDArray[Any]
+    time: np.datetime64
+    time_source: str
+    full_scale: float
+    saturated: float  # from this count on a pixel says nothing
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.counts.shape[0], self.counts.shape[1]
+
+    @property
+    def info(self) -> FrameInfo:
+        """All but the counts."""
+        return FrameInfo(self.path, self.time, self.time_source, self.shape)
+
+    @property
+    def green(self) -> NDArray[np.float32]:
+        """(ny, nx): the channel in the middle, or the only one."""
+        return np.asarray(self.counts if self.counts.ndim == 2 else self.counts[..., 1], np.float32)
+
+
+def read_frame(
+    path: str | os.PathLike[str], time: Time = None, settings: FrameSettings | None = None
+) -> SkyFrame:
+    """Read a frame: JPEG, PNG, JPEG 2000, TIFF, FITS (also packed), or a camera's raw file.
+
+    `time`: UTC, where file and name do not tell; `settings`: how the name tells it, and the zone of its clock.
+    """
+    check_kind("frame", path, (str, os.PathLike), "give a file's name")
+    path, settings = Path(path), settings or FrameSettings()
+    picture = read_picture(path)
+    if time is not None:
+        stamp = parse_time(time)
+        if stamp is None or np.isnat(stamp):
+            raise UserError(f"time {time!r} is none: write it as 2020-12-11T20:09:33 (UTC)")
+        when = FrameTime(stamp, "given")
+    else:
+        when = frame_time(path, picture.header, picture.exif, settings)
+    # JPEG and the like blur what is cut off: a few counts below the end are full too
+    saturated = settings.saturated_count or picture.full_scale * (0.98 if picture.full_scale < 256 else 0.999)
+    return SkyFrame(path, picture.counts, when.time, when.source, picture.full_scale, saturated)

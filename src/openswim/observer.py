@@ -1,0 +1,90 @@
+"""Where an observer stands: which of nested grids covers the place, how high the ground is, which way is up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.errors import UserError
+from openswim.scene import Scene
+from openswim.scene.frame import scene_frame
+from openswim.scene.grid import EDGE, extent_text
+from openswim.transport import Field, ReferenceField
+from openswim.transport.engine.interpolation import bilinear
+
+F64 = NDArray[np.float64]
+
+SPACE_M = 1e5
+
+
+def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
+    """Complain where the observer is outside the domain or buried; needs no light."""
+    height = camera.height_m
+    if not np.isfinite(height) or height < 0:
+        raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
+    camera.check_frame(scene_frame(scene).curved)
+    if scene.grid is None or scene.grid.periodic or _aloft(camera):
+        return
+    levels = scene.levels[:1] if solver == "reference" else scene.levels
+    if _index(levels, *place_of(camera)) is None:
+        raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
+
+
+def _aloft(camera: Camera) -> bool:
+    """Whether no ground need be looked for below the camera."""
+    return camera.height_m >= SPACE_M or camera.above == "sea level"
+
+
+def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) -> float:
+    """Height of the ground under the camera (m)."""
+    grid = scene.grid
+    if grid is None or field.medium is None:
+        return field.ground_m
+    if grid.periodic or _aloft(camera):
+        return 0.0
+    x, y = place_of(camera)
+    landscape = None if isinstance(field, ReferenceField) else field.landscape
+    if landscape is not None:
+        return landscape.ground_m(y, x)
+    media = [field.medium] if isinstance(field, ReferenceField) else field.media
+    found = _index(scene.levels[: len(media)], x, y)
+    assert found is not None  # _check_observer has looked
+    level, ix, iy = found
+    fineness = media[level].fineness
+    return float(bilinear(media[level].terrain_m, np.array([ix * fineness]), np.array([iy * fineness]))[0])
+
+
+def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
+    """The finest of nested scenes that covers a place, and the place's fractional indices in it."""
+    for level, scene in enumerate(levels):
+        grid = scene.grid
+        assert grid is not None
+        if grid.curved:
+            ix, iy = (float(v) for v in grid.index(x, y))
+        else:
+            ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
+        _, ny, nx = grid.shape
+        inner = min(max(ix, 0.0), nx - 1.0), min(max(iy, 0.0), ny - 1.0)
+        if max(abs(ix - inner[0]), abs(iy - inner[1])) < EDGE:
+            return level, *inner
+    return None
+
+
+def place_of(camera: Camera) -> tuple[float, float]:
+    """Longitude and latitude (degrees) of a camera, or x and y (m) in a flat scene."""
+    x, y = (camera.lon, camera.lat) if camera.x_m is None else (camera.x_m, camera.y_m)
+    assert x is not None  # Camera has checked
+    assert y is not None
+    return x, y
+
+
+def _extent(scene: Scene) -> str:
+    """What the domain covers, for an error message."""
+    grid = scene.grid
+    assert grid is not None
+    if not grid.curved:
+        return f"choose x in {grid.x[0]:g} to {grid.x[-1]:g} m and y in {grid.y[0]:g} to {grid.y[-1]:g} m"
+    return extent_text(grid)

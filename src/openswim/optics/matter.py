@@ -1,0 +1,127 @@
+"""What fills a scene at given wavelengths: all that transport is told of a scene but its ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.optics.cover import cloud_cover
+from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
+from openswim.scene.frame import Frame, scene_frame
+from openswim.scene.grid import Grid
+from openswim.scene.variables import HYDROMETEORS
+
+if TYPE_CHECKING:
+    from openswim.scene.atmosphere import Atmosphere
+    from openswim.scene.scene import Scene
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """The background air around a scene, at wavelengths (nwl,)."""
+
+    atmosphere: Atmosphere
+    wavelengths_nm: F64
+
+    def at(self, height_m: ArrayLike) -> Background:
+        """Its coefficients at heights (nz,) above sea level."""
+        return background(self.atmosphere, self.wavelengths_nm, height_m)
+
+
+@dataclass(frozen=True, eq=False)
+class Matter:
+    """Species on a grid, and the air around it, in the frame in which light travels.
+
+    grid: None for a clear sky. species: a list, or of large domains whatever makes them anew, one after the other.
+    cover (nz, ny, nx): share of each cell that is cloud; None where cloud fills its cells. air: None for none.
+    highest_m: level above all that is on levels. cut: whether the grid is a part of a domain that goes on.
+    wider: what lies on a wider, coarser grid around this one.
+    """
+
+    frame: Frame
+    grid: Grid | None
+    wavelengths_nm: F64
+    species: Iterable[OpticalSpecies]
+    cover: F32 | None
+    air: Air | None
+    highest_m: float
+    cut: bool = False
+    wider: Matter | None = None
+
+    @property
+    def levels(self) -> list[Matter]:
+        """This matter and that on the wider grids around it."""
+        return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def at(self, which: I64) -> Matter:
+        """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
+        wavelengths = self.wavelengths_nm[which]
+        species: Iterable[OpticalSpecies]
+        if isinstance(self.species, EachSpecies):
+            species = self.species.at(which)
+        else:
+            species = [one.at(which) for one in self.species]
+        return replace(
+            self, wavelengths_nm=wavelengths, species=species,
+            air=None if self.air is None else replace(self.air, wavelengths_nm=wavelengths),
+            wider=None if self.wider is None else self.wider.at(which),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class EachSpecies:
+    """The species of a scene, made anew one by one whenever they are gone through: none is kept."""
+
+    scene: Scene
+    wavelengths_nm: F64
+    cover: F32 | None
+    names: Sequence[str] | None
+
+    def __iter__(self) -> Iterator[OpticalSpecies]:
+        yield from each_species(self.scene, self.wavelengths_nm, self.cover, self.names)
+
+    def at(self, which: I64) -> EachSpecies:
+        """See `Matter.at`."""
+        return replace(self, wavelengths_nm=self.wavelengths_nm[which])
+
+
+def matter_of(
+    scene: Scene, wavelengths_nm: ArrayLike, keep: bool = True, names: Sequence[Sequence[str] | None] = ()
+) -> Matter:
+    """What fills a scene, and the wider ones around it.
+
+    keep: hold the extinction of all species on its grid. names: those of other matter's species and of what is around
+    it, so that droplets are divided by size alike.
+    """
+    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
+    out = None
+    for n, level in reversed(list(enumerate(scene.levels))):
+        cover = cloud_cover(level)
+        species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
+        out = Matter(
+            frame, level.grid, wavelengths, list(species) if keep else species, cover,
+            None if level.atmosphere is None else Air(level.atmosphere, wavelengths), _highest_m(level), level.cut, out,
+        )  # fmt: skip
+    assert out is not None
+    return out
+
+
+def _highest_m(scene: Scene) -> float:
+    """Height of the level above all that is on levels."""
+    if scene.grid is None:
+        return 0.0
+    heights, last = scene.grid.height_m, 1
+    for name, values in scene.data.data_vars.items():
+        if values.ndim == 3 and (str(name).removesuffix("_content") in HYDROMETEORS or "extinction" in str(name)):
+            filled = np.array([level.any() for level in values.transpose("z", "y", "x").values])
+            last = max(last, int(np.flatnonzero(filled).max(initial=0)))
+    return float(np.max(heights[min(last + 1, len(heights) - 1)]))

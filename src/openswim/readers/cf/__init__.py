@@ -1,0 +1,1 @@
+"""The documented scene layout (docs/scene-format.md)."""

@@ -1,0 +1,155 @@
+"""The documented scene layout (docs/scene-format.md), netCDF or Zarr: the way in for any model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
+from openswim.readers.cf.grid import grid_of, upright
+from openswim.readers.common.base import (
+    SceneInfo,
+    Time,
+    check_size,
+    iso,
+    naming,
+    pick_time,
+)
+from openswim.readers.common.opening import opened, reading
+from openswim.readers.fields.absent import no_ground, no_species
+from openswim.scene import Grid, Scene
+from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.times import parse_time, rounded
+from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
+
+_HELPERS = {
+    "x",
+    "y",
+    "height",
+    "lon",
+    "lat",
+    "latitude",
+    "longitude",
+    "time",
+    "wavelength",
+    GRID_MAPPING,
+    AEROSOL,
+    *PROFILES,
+}
+_NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"
+
+
+class CFReader:
+    """Reads files written in the documented layout, by this program or any other."""
+
+    name = "scene layout"
+
+    def detects(self, path: Path) -> bool:
+        """True for files that say so, and for those with dimensions z, y, x and a variable of the layout."""
+        try:
+            with opened(path, decode=False) as data:
+                on_levels = set(LEVEL_DIMS) <= set(data.dims)
+                known = any(is_known(str(name)) for name in data.variables)
+                return "openswim_layout" in data.attrs or (on_levels and known)
+        except UserError:
+            return False
+
+    def read(self, path: Path, time: Time = None) -> Scene:
+        """The scene at one time of the file (default: its first); only that time is read."""
+        with naming(path), _opened(path) as whole:
+            data, valid = _at_time(path, whole, time)
+            for name in data.variables:
+                check_size(path, str(name), data[name].shape)
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            with reading(path, _NOT_THE_LAYOUT):
+                data = upright(data)
+                grid = grid_of(data, notes)
+                fields = fields_of(data, grid, notes)
+                atmosphere = atmosphere_of(data, notes)
+                optics = optics_of(data)
+            if "openswim_layout" not in data.attrs:
+                notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
+            unused = [
+                str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
+            ]
+            if unused:
+                notes.append(f"variables not used: {', '.join(unused)}")
+            notes += misspelt(data)
+            source = str(data.attrs.get("source", path.name))
+            return Scene(grid, fields, atmosphere, optics, valid, source, notes)
+
+    def grid(self, path: Path, time: Time = None) -> Grid | None:
+        """The grid at one time; None for a clear sky."""
+        with naming(path), _opened(path) as whole, reading(path, _NOT_THE_LAYOUT):
+            return grid_of(upright(_at_time(path, whole, time)[0]), [])
+
+    def describe(self, path: Path) -> SceneInfo:
+        """Grid, times and contents, from the header, the coordinates and the heights of the first time."""
+        with naming(path), _opened(path) as whole:
+            times = _times(whole)
+            data = upright(_at_time(path, whole, None)[0])
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            with reading(path, _NOT_THE_LAYOUT):
+                grid = grid_of(data, notes)
+                atmosphere_of(data, notes)
+                optics_of(data)
+            names = [str(name) for name in data.data_vars if is_known(str(name))]
+            expected = [f"{species}_content" for species in HYDROMETEORS] + [
+                "air_pressure",
+                "air_temperature",
+            ]
+            expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
+            if "openswim_layout" not in data.attrs:
+                notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
+            notes += misspelt(data)
+            return SceneInfo.on(
+                grid,
+                path=str(path),
+                model=str(data.attrs.get("source", "scene layout")),
+                times=[iso(moment) for moment in times[~np.isnat(times)]],
+                species=species_of(names),
+                surface=[name for name in names if "z" not in data[name].dims],
+                missing=[name for name in expected if name not in names],
+                assumed=notes,
+            )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[xr.Dataset]:
+    """The file as a lazy dataset; missing values become NaN, times datetime64."""
+    with opened(path) as data:
+        layout = data.attrs.get("openswim_layout", LAYOUT)
+        try:
+            known = int(layout) <= LAYOUT
+        except (TypeError, ValueError):
+            raise UserError(f"{path}: openswim_layout is {str(layout)[:20]!r}, not a number: damaged file") from None
+        if not known:
+            raise UserError(
+                f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
+            )
+        yield data
+
+
+def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
+    if "time" not in data.variables:
+        return np.array([], dtype="datetime64[ms]")
+    values = np.atleast_1d(data["time"].values)
+    if values.dtype.kind != "M":
+        raise UserError(
+            'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
+        )
+    return rounded(values)
+
+
+def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:
+    times = _times(data)
+    chosen = pick_time(path, times, time) if times.size else 0
+    if "time" in data.dims:
+        data = data.isel(time=chosen)
+    return data, times[chosen] if times.size else parse_time(time)

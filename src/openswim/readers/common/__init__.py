@@ -1,0 +1,1 @@
+"""What readers share: files opened, checked and dated, units, what a reader is."""

@@ -1,0 +1,120 @@
+"""Opening whatever holds arrays as one lazy xarray.Dataset: netCDF, HDF5, Zarr, kerchunk references, icechunk."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.readers.common.base import open_netcdf, unreadable
+from openswim.scene.files import ZARR_MARKS
+
+_LONGEST_REFERENCES = 500_000_000  # bytes of a kerchunk JSON
+
+
+@contextmanager
+def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
+    """The file as a lazy dataset; missing values become NaN; `decode`: times become datetime64.
+
+    netCDF and HDF5 files, Zarr folders, kerchunk references (JSON, or a Parquet folder) and icechunk
+    repositories; the last two need the extra `openswim[references]`.
+    """
+    engine, target, options = _recognised(path)
+    try:
+        data = xr.open_dataset(
+            target, engine=engine, decode_timedelta=False, decode_times=decode, chunks=None, **options
+        )
+    except Exception as error:  # the back ends raise anything on damaged files
+        raise UserError(f"{path}: cannot be opened{said(error, ValueError)}: damaged, or no netCDF or Zarr") from error
+    with data:
+        yield data
+
+
+@contextmanager
+def reading(path: Path | str, remedy: str = "damaged, or not as docs/models.md describes") -> Iterator[None]:
+    """Turn what the back ends raise on damaged or unexpected content into one line."""
+    try:
+        yield
+    except MemoryError as error:
+        raise UserError(f"{path}: takes more memory than there is: damaged, or open a part of it") from error
+    except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError) as error:
+        raise UserError(f"{path}: cannot be read{said(error)}: {remedy}") from error
+
+
+def said(error: Exception, *also: type[Exception]) -> str:
+    """What the library that reads files says of one, in brackets; nothing where it is Python's own text."""
+    pythons = isinstance(error, json.JSONDecodeError) or not isinstance(error, (OSError, RuntimeError, *also))
+    text = " ".join(str(error).split()).split(". ")[0][:160]
+    return f" ({text})" if text and not pythons else ""
+
+
+def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
+    """Engine, what to hand to it, and its options."""
+    if path.is_dir():
+        if any((path / mark).exists() for mark in ZARR_MARKS):
+            if (path / "refs.0.parq").exists() or any(path.glob("*/refs.0.parq")):
+                return _references(path)
+            return "zarr", path, {"consolidated": _is_consolidated(path)}
+        if (path / "snapshots").is_dir() and ((path / "refs").is_dir() or (path / "repo").exists()):
+            return _icechunk(path)
+        raise UserError(unreadable(path))
+    if _is_references(path):
+        return _references(path)
+    open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
+    return "netcdf4", path, {}
+
+
+def _is_consolidated(store: Path) -> bool:
+    """Whether a Zarr folder says in one place what it holds; xarray warns at length where it has to find out."""
+    try:
+        return (store / ".zmetadata").exists() or bool(
+            json.loads((store / "zarr.json").read_text("utf-8")).get("consolidated_metadata")
+        )
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _is_references(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            start = file.read(4096).lstrip()
+    except OSError:
+        return False
+    return start.startswith(b"{") and any(mark in start for mark in (b'"refs"', b".zgroup", b".zarray", b".zmetadata"))
+
+
+def _references(path: Path) -> tuple[str, Any, dict[str, Any]]:
+    try:
+        import kerchunk  # noqa: F401
+    except ImportError as error:
+        raise UserError(f"{path}: kerchunk references: pip install 'openswim[references]'") from error
+    source: Any = os.fspath(path)
+    if path.is_file():
+        if path.stat().st_size > _LONGEST_REFERENCES:
+            raise UserError(f"{path}: references of over 500 MB: write them as Parquet")
+        try:
+            source = json.loads(path.read_text("utf-8"))
+        except (ValueError, RecursionError) as error:
+            raise UserError(f"{path}: not JSON: truncated or damaged references: write them again") from error
+        if not isinstance(source, dict) or not isinstance(source.get("refs", source), dict):
+            raise UserError(f"{path}: not kerchunk references: a JSON object of them is needed: write them again")
+    return "kerchunk", source, {}
+
+
+def _icechunk(path: Path) -> tuple[str, Any, dict[str, Any]]:
+    try:
+        import icechunk
+    except ImportError as error:
+        raise UserError(f"{path}: an icechunk repository: pip install 'openswim[references]'") from error
+    try:
+        repository = icechunk.Repository.open(icechunk.local_filesystem_storage(os.fspath(path)))
+        store = repository.readonly_session("main").store
+    except Exception as error:  # icechunk raises its own kinds
+        raise UserError(f"{path}: the icechunk repository cannot be opened{said(error)}: is it whole?") from error
+    return "zarr", store, {"consolidated": False}

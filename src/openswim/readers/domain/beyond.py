@@ -1,0 +1,32 @@
+"""What may still be seen beyond the part of a domain that is near: far clouds, in a wider and coarser grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from openswim.readers.domain.cutting import is_large, part_of
+from openswim.readers.domain.mesh import mesh_of
+from openswim.readers.domain.neighbourhood import FARTHER, Neighbourhood
+from openswim.scene import Scene
+
+
+def seen_part(scene: Scene, around: Neighbourhood) -> Scene:
+    """The part of a scene of very many columns, or of a large part of the Earth, that matters around a place, lying in
+    what is seen beyond; any other scene as it is."""
+    if scene.wider is not None or scene.grid is None or scene.grid.crs is None or not is_large(mesh_of(scene)):
+        return scene
+    return with_beyond(part_of(scene, around), around, lambda beyond: part_of(scene, beyond))
+
+
+def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
+    """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
+    far = None if around is None else around.beyond
+    if far is None or scene.grid is None or not scene.cut:
+        return scene
+    wider = read(far)
+    assert wider.grid is not None
+    if math.prod(wider.grid.size_m()) >= FARTHER**2 * math.prod(scene.grid.size_m()):
+        scene.wider = wider
+        scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
+    return scene

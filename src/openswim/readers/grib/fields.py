@@ -1,0 +1,229 @@
+"""What a GRIB file's columns hold for a scene: condensate by species, smoke, and the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.fields.absent import SNOW_COVERS_KG_M2
+from openswim.readers.fields.air import wind_along_axes, without_gaps
+from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
+from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
+from openswim.readers.grib.columns import Air, Columns
+from openswim.readers.grib.file import Field
+from openswim.scene import Optics
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.scene.variables import HYDROMETEORS
+
+F32 = NDArray[np.float32]
+
+_LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
+_HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
+SMOKE = "smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)"
+SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
+_SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
+SMOKE_EXTINCTION_M2_KG = 4500.0  # at 550 nm: scattering and absorption of aged smoke, Reid et al. 2005, Table 3
+_DEPTH_SCALE_M = 2000.0  # of aerosol known only by its optical depth
+_SMOKE_SCALE_M = 1000.0  # of smoke known only near the ground
+
+
+def condensate(columns: Columns, air: Air) -> dict[str, F32]:
+    """Contents [kg m-3], numbers [m-3] and effective radii [m] on levels, as scene variables."""
+    found: dict[str, F32] = {}
+    for name in (TOTAL, *(f"{species}_{CONTENT}" for species in HYDROMETEORS)):
+        fields = columns.levels_of(name)
+        if fields:
+            found[name] = _per_volume(columns, air, name, fields)
+    _split(columns, air, found)
+    for species in HYDROMETEORS:
+        for suffix in (NUMBER, RADIUS):
+            name = f"{species}_{suffix}"
+            fields = columns.levels_of(name)
+            if not fields or f"{species}_{CONTENT}" not in found:
+                continue
+            values = np.maximum(_per_volume(columns, air, name, fields), np.float32(0))
+            if values.any():
+                found[name] = values
+    _cover(columns, air, found)
+    if found and not any(values.any() for name, values in found.items() if name.endswith(CONTENT)):
+        columns.notes.append("all cloud and precipitation fields are zero: a clear sky")
+    return found
+
+
+def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
+    """Cloud fraction of the levels; where a file of wide cells has none, from its humidity."""
+    fields = columns.levels_of("cloud_cover")
+    if fields:
+        values = np.nan_to_num(columns.stack(fields, air.levels))
+        if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
+            raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
+        found["cloud_area_fraction"] = np.clip(values, 0, 1)
+        return
+    water = [found[name] for name in (_LIQUID, _ICE) if name in found]
+    if cover_is_guessed(columns, air) and np.any(water):
+        given = columns.levels_of("relative_humidity")
+        relative = columns.stack(given, air.levels) if given else None
+        humidity = 1 - air.dry_density_kg_m3 / air.density_kg_m3
+        condensate = np.sum(water, axis=0) / air.density_kg_m3
+        found["cloud_area_fraction"] = cover_from_humidity(
+            condensate, air.temperature_k, air.pressure_pa, humidity, relative
+        )
+        columns.notes.append(XU_RANDALL)
+
+
+def cover_is_guessed(columns: Columns, air: Air) -> bool:
+    """Whether cloud fraction follows from humidity: none in the file, whose cells are wide."""
+    humid = air.dry_density_kg_m3 is not air.density_kg_m3
+    wide = min(columns.layout.mesh.grid().spacing_m()) > WIDE_CELL_M
+    return humid and wide and not columns.levels_of("cloud_cover")
+
+
+def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field]) -> F32:
+    outside = sorted(set(fields) - set(air.levels) - set(air.buried))
+    if len(outside) > 0.2 * len(fields):
+        raise UserError(
+            f"{columns.file.path}: {name} is on {len(fields)} levels, of which {len(outside)} have no temperature: "
+            "keep all levels of both when cutting the file"
+        )
+    if outside:
+        listed = ", ".join(f"{level:g}" for level in outside)
+        columns.notes.append(f"{name} on levels {listed} is left out: no temperature there")
+    lacking = [level for level in air.levels if level not in fields]
+    inner = [k for k in lacking if min(fields) < k < max(fields)]
+    if inner:
+        columns.notes.append(f"{name} is missing on {len(inner)} levels between others ({inner[0]:g} ...): none there")
+    values = columns.stack(fields, air.levels)
+    gaps = without_gaps(values) - len(lacking) * values[0].size
+    if gaps:
+        columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    per = next(iter(fields.values())).meaning.per
+    if name.endswith(RADIUS) or per == "volume":
+        return values
+    return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
+
+
+def of_both_phases(columns: Columns) -> str | None:
+    """Name of a condensate that is liquid and ice in one; None where there is none, or ice by itself."""
+    liquid = columns.levels_of(_LIQUID)
+    if columns.levels_of(_ICE):
+        return None
+    if not liquid:
+        return TOTAL if columns.levels_of(TOTAL) else None
+    one = next(iter(liquid.values()))
+    own_phase = one.meaning.per != "dry" or one.centre not in (NCEP, FNMOC)
+    return None if own_phase or (one.centre == NCEP and one.process in _HRRR_RAP) else _LIQUID
+
+
+def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:
+    """One condensate for both phases: ice grows from none at 0 degC to all at -20 degC, as in the GFS's radiation."""
+    name = of_both_phases(columns)
+    total = None if name is None else found[name]
+    found.pop(TOTAL, None)
+    if total is not None:
+        share = np.clip((np.float32(273.16) - air.temperature_k) * np.float32(0.05), 0.0, 1.0)
+        found[_ICE], found[_LIQUID] = total * share, total * (1 - share)
+        columns.notes.append(SPLIT)
+
+
+def smoke(columns: Columns, air: Air) -> F32 | None:
+    """Extinction [m-1] at 550 nm by smoke on levels (HRRR-Smoke's mass density)."""
+    fields = columns.levels_of("smoke_density")
+    if not fields:
+        return None
+    values = np.nan_to_num(columns.stack(fields, air.levels), nan=0.0)
+    return _smoke_extinction(columns, values)
+
+
+def smoke_near_ground(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
+    """Extinction [m-1] at 550 nm by smoke that is known only just above the ground (HRRR-Smoke's 8-m density)."""
+    for one in columns.fields:
+        if one.name == "smoke_density" and one.kind == "height above ground":
+            values = np.nan_to_num(columns.read(one))
+            columns.notes.append(f"smoke is given at {one.level:g} m only: taken to thin upward by 1/e in 1 km")
+            return _smoke_extinction(columns, values * np.exp(-_above(height_m, terrain) / _SMOKE_SCALE_M))
+    return None
+
+
+def _smoke_extinction(columns: Columns, density: F32) -> F32:
+    columns.notes.append(SMOKE)
+    return np.asarray(np.maximum(density, 0.0) * SMOKE_EXTINCTION_M2_KG, np.float32)
+
+
+def smoke_optics() -> Optics:
+    return Optics(0.92, HenyeyGreenstein(0.62), "aerosol")
+
+
+def _above(height_m: F32, terrain: F32 | None) -> F32:
+    return np.maximum(height_m - (np.float32(0) if terrain is None else terrain), np.float32(0))
+
+
+def aerosol_from_depth(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
+    """Extinction [m-1] from an optical depth at 550 nm: falls off with a scale height of 2 km above the ground."""
+    depth = columns.on_ground("aerosol_depth", ("column",))
+    if depth is None:
+        return None
+    shape = np.exp(-_above(height_m, terrain) / _DEPTH_SCALE_M)
+    column = np.trapezoid(shape, height_m, axis=0)
+    columns.notes.append("aerosol from its optical depth at 550 nm, thinning with height by 1/e in 2 km")
+    return np.asarray(np.nan_to_num(depth) * shape / column, np.float32)
+
+
+def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
+    """Terrain, land, snow, ice, albedo and wind, as far as the file has them."""
+    found: dict[str, F32] = {}
+    if terrain is not None:
+        found["surface_altitude"] = terrain
+    for name, target in (("land", "land_area_fraction"), ("sea_ice", "sea_ice_area_fraction")):
+        values = columns.on_ground(name, instant=False)
+        if values is not None:
+            found[target] = np.clip(np.nan_to_num(values), 0.0, 1.0)
+    snow = _snow(columns)
+    if snow is not None:
+        found["snow_area_fraction"] = snow
+    albedo = columns.on_ground("albedo", instant=False)
+    if albedo is not None and np.isfinite(albedo).all():
+        if float(albedo.max()) < 0.0105:  # a fraction, though the parameter is in percent
+            albedo = albedo * 100
+        if float(albedo.min()) > 0.0:
+            found["surface_albedo"] = np.clip(albedo, 0.0, 1.0)
+        else:  # a mean over hours of night
+            columns.notes.append("albedo is zero where it was night: surface albedo from the ground map")
+    found |= _wind(columns)
+    return found
+
+
+def _snow(columns: Columns) -> F32 | None:
+    for name, full in (("snow_cover", 1.0), ("snow_depth", _SNOW_DEPTH_COVERS), ("snow_water", SNOW_COVERS_KG_M2)):
+        values = columns.on_ground(name)
+        if values is None:
+            continue
+        if name == "snow_cover" and float(np.nanmax(values, initial=0.0)) < 0.0105:
+            values = values * 100  # a fraction, though the parameter is in percent
+        if name != "snow_cover":
+            columns.notes.append(f"snow covers the ground fully from {full:g} {'m' if full < 1 else 'kg m-2'} on")
+        return np.asarray(np.clip(np.nan_to_num(values) / full, 0.0, 1.0), np.float32)
+    return None
+
+
+def _wind(columns: Columns) -> dict[str, F32]:
+    """10-m wind toward geographic east and north, turned where the file has it along the grid."""
+    parts = []
+    for name in ("wind_u", "wind_v"):
+        fields = columns.levels_of(name, "height above ground") | columns.levels_of(name, "surface")
+        one = fields.get(10.0, fields.get(0.0))
+        if one is None:
+            return {}
+        parts.append(columns.read(one))
+    u, v = parts
+    if np.isnan(u).any() or np.isnan(v).any():
+        columns.notes.append("10-m wind is missing in places: calm there")
+        u, v = np.nan_to_num(u), np.nan_to_num(v)
+    if columns.layout.wind_along_grid and not columns.layout.kind.startswith(("regular", "reduced")):
+        own = columns.layout.mesh.grid()
+        lon, lat = columns.selection.grid(np.array([0.0, 1.0])).lonlat(
+            *np.meshgrid(np.arange(columns.selection.x.size), np.arange(columns.selection.y.size))
+        )
+        angle = own.axis_angle(*own.index(lon, lat))
+        return wind_along_axes(u, v, angle)
+    return {"wind_east_10m": np.asarray(u, np.float32), "wind_north_10m": np.asarray(v, np.float32)}

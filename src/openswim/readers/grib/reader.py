@@ -1,0 +1,259 @@
+"""GRIB1 and GRIB2 files of HRRR, RAP, GFS, GDAS, NAVGEM, IFS, ICON, AROME and models like them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.common.base import (
+    SceneInfo,
+    Time,
+    iso,
+    labelled,
+    naming,
+    pick_time,
+    place_text,
+    spacing_text,
+)
+from openswim.readers.common.opening import reading
+from openswim.readers.domain.cutting import select
+from openswim.readers.domain.neighbourhood import Neighbourhood
+from openswim.readers.fields.absent import low_top, no_ground, no_species
+from openswim.readers.fields.cover import XU_RANDALL
+from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
+from openswim.readers.grib.fields import (
+    SMOKE,
+    SPLIT,
+    aerosol_from_depth,
+    condensate,
+    cover_is_guessed,
+    ground,
+    of_both_phases,
+    smoke,
+    smoke_near_ground,
+    smoke_optics,
+)
+from openswim.readers.grib.file import Field, GRIBFile
+from openswim.readers.grib.grid import NAMES, grid_of
+from openswim.readers.grib.sections import is_grib
+from openswim.scene import Grid, Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.variables import HYDROMETEORS
+
+MAX_NODES = 2_000_000_000
+_FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
+_KG_PER_DOBSON = 2.1415e-5
+_MODELS = {  # (centre, generating process): ON388 table A
+    (7, 81): "GFS analysis",
+    (7, 82): "GDAS",
+    (7, 83): "HRRR",
+    (7, 96): "GFS",
+    (7, 105): "RAP",
+    (7, 84): "NAM",
+    (7, 89): "NAM",
+}
+_CENTRES = {7: "NCEP", 58: "FNMOC (NAVGEM)", 78: "DWD (ICON)", 84: "Meteo-France", 85: "Meteo-France (AROME)",
+            98: "ECMWF (IFS)", 34: "JMA", 74: "Met Office"}  # fmt: skip
+_EXPECTED = ("land_area_fraction", "sea_ice_area_fraction", "snow_area_fraction", "surface_albedo", "wind_east_10m")
+
+
+class GRIBReader:
+    """Reads any GRIB file with temperature on levels, or with something on the ground to show."""
+
+    name = "GRIB"
+
+    def detects(self, path: Path) -> bool:
+        """True for files that begin with a GRIB message."""
+        return path.is_file() and is_grib(path)
+
+    def read(self, path: Path, time: Time = None, around: Neighbourhood | None = None) -> Scene:
+        """The scene at one valid time (default: the first); only the fields of that time are decoded, one by one.
+
+        around : the part of the domain that is wanted.
+        """
+        with naming(path), reading(path), GRIBFile(path) as file:
+            columns, valid = _columns(file, time, around)
+            if columns.kind:
+                air = air_of(columns)
+                fields: dict[str, Any] = _on_levels(columns, air)
+                height, terrain = air.height_m, air.terrain_m
+            else:
+                fields, height, terrain = _on_flat_levels(columns)
+            optics = {"aerosol": smoke_optics()} if _smoky(columns) and "aerosol_extinction" in fields else {}
+            data = labelled(fields, ground(columns, terrain))
+            columns.notes += no_species(data) + no_ground(data) + low_top(height)
+            atmosphere = _atmosphere(columns)
+            return Scene(
+                columns.selection.grid(height),
+                data,
+                atmosphere,
+                optics,
+                valid,
+                f"{path.name}: {_model(columns.fields)}",
+                list(dict.fromkeys(columns.notes)),
+                cut=columns.selection.cut,
+            )
+
+    def describe(self, path: Path) -> SceneInfo:
+        """What a file holds, from its headers and the heights of the first time (of 21 columns across the middle)."""
+        with naming(path), reading(path), GRIBFile(path) as file:
+            columns, _ = _columns(file, None, None, only_index=True)
+            mesh = columns.layout.mesh
+            ny, nx = mesh.shape
+            grid: Grid | None = None
+            names = Counter(one.name for one in columns.fields if one.kind == (columns.kind or one.kind))
+            present = {s for s in HYDROMETEORS if f"{s}_content" in names}
+            middle, _ = _columns(file, None, _middle(mesh))
+            if columns.kind:
+                air = air_of(middle)
+                grid = middle.selection.grid(air.height_m)
+                if of_both_phases(middle) is not None:
+                    present |= {"liquid", "ice"}
+                    middle.notes.append(SPLIT)
+                if present & {"liquid", "ice"} and cover_is_guessed(middle, air):
+                    middle.notes.append(XU_RANDALL)
+                if middle.levels_of("smoke_density"):
+                    middle.notes.append(SMOKE)
+            else:
+                _on_flat_levels(middle)
+            columns.notes += middle.notes
+            species = [s for s in HYDROMETEORS if s in present]
+            species += ["smoke"] if "smoke_density" in names else []
+            species += ["aerosol"] if any(one.name == "aerosol_depth" for one in columns.fields) else []
+            levels = f", {names['temperature']} {columns.kind} levels" if columns.kind else ", no levels"
+            found = set(ground(columns, terrain_of(columns)))
+            columns.notes += no_species({f"{s}_content" for s in species}) + no_ground(found)
+            _atmosphere(columns)
+            whole = mesh.grid()
+            unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
+            if unused:
+                columns.notes.append(f"parameters not used: {unused}")
+            return SceneInfo.on(
+                grid,
+                path=str(path),
+                model=_model(columns.fields),
+                grid=f"{nx} x {ny}{levels}",
+                projection=NAMES[columns.layout.kind] + place_text(whole),
+                spacing=spacing_text(whole),
+                times=[iso(moment) for moment in _times(file)],
+                species=species,
+                surface=sorted(found),
+                missing=[name for name in _EXPECTED if name not in found],
+                assumed=[note for note in dict.fromkeys(columns.notes) if "neighbourhood" not in note],
+            )
+
+
+def _times(file: GRIBFile) -> NDArray[np.datetime64]:
+    """Valid times, of the fields on levels where there are any: those on the ground may be older."""
+    found = kind_and_grid(file.fields)
+    times = {one.valid for one in file.fields if found is None or one.kind == found[0]}
+    return np.array(sorted(times), "datetime64[ms]")
+
+
+def _columns(
+    file: GRIBFile, time: Time, around: Neighbourhood | None, only_index: bool = False
+) -> tuple[Columns, np.datetime64]:
+    """The fields of one time, grid and member, and the part of the grid that is wanted."""
+    if not file.fields:
+        held = ", ".join(code for code, _ in file.unused.most_common(6)) or "nothing"
+        raise UserError(
+            f"{file.path}: no field a scene can use (it holds {held}): give the file that has temperature and cloud on "
+            "levels"
+        )
+    times = _times(file)
+    valid = times[pick_time(file.path, times, time)]
+    fields = [one for one in file.fields if one.valid == valid]
+    # terrain, land and heights of levels may come once, with the analysis
+    fields += [one for one in file.fields if one.valid != valid and (one.name == "land" or _is_place(one))]
+    notes: list[str] = []
+    members = sorted({one.member for one in fields if one.kind != "surface"} or {0})
+    if len(members) > 1:
+        notes.append(f"{len(members)} ensemble members in the file: member {members[0]} is shown")
+        fields = [one for one in fields if one.member in (members[0], 0)]
+    chosen = kind_and_grid(fields)
+    kind, definition = chosen if chosen is not None else ("", fields[0].grid)
+    fields = [one for one in fields if one.grid == definition]
+    repeated = sum(
+        n - 1 for n in Counter((o.name, o.kind, o.level) for o in fields if o.kind == kind and o.instant).values()
+    )
+    if repeated:
+        notes.append(f"{repeated} fields come twice: the first of each is used")
+    if chosen is None:
+        notes.append("no temperature on levels in the file: no clouds, only the ground and what stands above it")
+    layout = grid_of(file, next(one for one in fields if one.kind == (kind or one.kind)), notes)
+    selection = select(layout.mesh, around)
+    ny, nx = selection.shape
+    levels = len({one.level for one in fields if one.kind == kind and one.name == "temperature"}) or _FLAT_LEVELS_M.size
+    if not only_index and nx * ny * levels > MAX_NODES:
+        raise UserError(
+            f"{file.path}: {nx} x {ny} x {levels} nodes are more than {MAX_NODES:.0e}: open a part of it, "
+            "open_scene(path, around=(lat, lon))"
+        )
+    if selection.note:
+        notes.append(selection.note)
+    return Columns(file, fields, layout, selection, kind, notes), valid
+
+
+def _is_place(one: Field) -> bool:
+    return one.kind == "interface" or (one.kind == "surface" and one.name in ("height", "geopotential"))
+
+
+def _middle(mesh: Any) -> Neighbourhood:
+    ny, nx = mesh.shape
+    lon, lat = mesh.grid().lonlat(0.5 * (nx - 1), 0.5 * (ny - 1))
+    return Neighbourhood(float(lat), float(lon), radius_m=1.0)
+
+
+def _on_levels(columns: Columns, air: Air) -> dict[str, Any]:
+    fields: dict[str, Any] = {"air_pressure": air.pressure_pa, "air_temperature": air.temperature_k}
+    fields |= condensate(columns, air)
+    if not any(name.endswith("_content") for name in fields):
+        columns.notes.append("no cloud or precipitation on levels in the file: a clear sky")
+    extinction = smoke(columns, air)
+    if extinction is None:
+        extinction = aerosol_from_depth(columns, air.height_m, air.terrain_m)
+    if extinction is not None:
+        fields["aerosol_extinction"] = extinction
+    return fields
+
+
+def _on_flat_levels(columns: Columns) -> tuple[dict[str, Any], NDArray[Any], NDArray[np.float32] | None]:
+    terrain = terrain_of(columns)
+    low = 0.0 if terrain is None else float(np.floor(terrain.min()))
+    height = np.broadcast_to(
+        (_FLAT_LEVELS_M + low).astype(np.float32)[:, None, None], (_FLAT_LEVELS_M.size, *columns.selection.shape)
+    )
+    extinction = aerosol_from_depth(columns, height, terrain)
+    if extinction is None:
+        extinction = smoke_near_ground(columns, height, terrain)
+    fields = {} if extinction is None else {"aerosol_extinction": extinction}
+    return fields, _FLAT_LEVELS_M + low, terrain
+
+
+def _smoky(columns: Columns) -> bool:
+    return any(one.name == "smoke_density" for one in columns.fields)
+
+
+def _atmosphere(columns: Columns) -> Atmosphere:
+    column = columns.on_ground("ozone_column", ("column", "surface"))
+    if column is not None and np.isfinite(column).any():
+        mean = float(np.nanmean(column))
+        dobson = mean if mean > 1.0 else mean / _KG_PER_DOBSON
+        if 50.0 < dobson < 700.0:
+            columns.notes.append(
+                f"gas and aerosol background: US standard atmosphere with the file's ozone, {dobson:.0f} DU, and the "
+                "default aerosol"
+            )
+            return Atmosphere.us_standard(ozone_du=dobson)
+    columns.notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+    return Atmosphere.us_standard()
+
+
+def _model(fields: list[Field]) -> str:
+    one = next((f for f in fields if f.kind not in ("surface", "column")), fields[0])
+    return _MODELS.get((one.centre, one.process)) or _CENTRES.get(one.centre, f"centre {one.centre}")

@@ -1,0 +1,1 @@
+"""Models with a form of their own: RAMS, LAPS, COSP inputs, IFS columns, text files of LES."""

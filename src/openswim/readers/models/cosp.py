@@ -1,0 +1,81 @@
+"""Input files of the COSP satellite simulator, as the Met Office Unified Model writes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.readers.common.base import check_size
+from openswim.readers.fields.particles import Category, together
+from openswim.readers.gridded.reader import GriddedReader
+
+F32 = NDArray[np.float32]
+# Scene species: (mixing ratio, index of its effective radius along `hydro`), large-scale then convective.
+SPECIES = {"liquid": (("mr_lsliq", 0), ("mr_ccliq", 4)), "ice": (("mr_lsice", 1), ("mr_ccice", 5))}
+RAIN, SNOW, GRAUPEL = ("fl_lsrain", "fl_ccrain"), ("fl_lssnow", "fl_ccsnow"), ("fl_lsgrpl",)
+_SNOW_FALL_M_S, _GRAUPEL_FALL_M_S = 1.0, 3.0
+
+
+class COSPReader(GriddedReader):
+    """Reads COSP input: condensate of two cloud kinds, precipitation fluxes, effective radii."""
+
+    name = "COSP input (UM)"
+
+    def recognises(self, data: xr.Dataset) -> bool:
+        return {"mr_lsliq", "pfull", "T_abs"} <= set(data.variables)
+
+    def adapt(self, path: Path, data: xr.Dataset) -> xr.Dataset:
+        """Fluxes to contents, both kinds of cloud to one, radii by species."""
+        dims = data["mr_lsliq"].dims
+        out: dict[str, Any] = {}
+        notes = []
+        if "Reff" in data.variables:
+            check_size(path, "Reff", data["Reff"].shape)
+
+        def field(name: str) -> F32:
+            check_size(path, name, data[name].shape)
+            return np.nan_to_num(np.asarray(data[name].transpose(*dims).values, np.float32))
+
+        def radius(index: int) -> F32 | None:
+            if "Reff" not in data.variables or data["Reff"].ndim != 4 or data["Reff"].shape[0] <= index:
+                return None
+            return np.nan_to_num(np.asarray(data["Reff"][index].transpose(*dims).values, np.float32))
+
+        for species, kinds in SPECIES.items():
+            there = [Category(field(name), None, radius(index)) for name, index in kinds if name in data.variables]
+            content, size = together(species, there) if there else (None, None)
+            if content is not None:
+                attrs = {"units": "kg kg-1", "standard_name": f"{species}_mixing_ratio"}
+                attrs["called"] = ", ".join(name for name, _ in kinds)
+                out[f"{species}_content"] = (dims, content, attrs)
+            if size is not None:
+                out[f"{species}_effective_radius"] = (dims, size, {"units": "m"})
+        for species, names in (("rain", RAIN), ("snow", SNOW), ("graupel", GRAUPEL)):
+            flux = [np.maximum(field(name), 0.0) for name in names if name in data.variables]
+            if flux:
+                attrs = {"units": "kg m-3", "called": ", ".join(names)}
+                out[f"{species}_content"] = (dims, content_of_flux(species, flux), attrs)
+                notes.append(f"{species} content from its flux ({', '.join(names)})")
+        renamed = {"T_abs": "temperature", "pfull": "pressure", "tca": "cloud_fraction", "height": "height"}
+        renamed |= {"orography": "surface_altitude", "landmask": "lsm", "u_wind": "u10", "v_wind": "v10", "qv": "hus"}
+        for name, target in renamed.items():
+            if name in data.variables:
+                out[target] = data[name].assign_attrs(called=name).variable
+        coords = {str(name): data[name].variable for name in data.coords}
+        attrs = {"title": "COSP input of the Met Office Unified Model", "openswim_notes": "\n".join(notes)}
+        return xr.Dataset(out, coords=coords, attrs=attrs)
+
+
+def content_of_flux(species: str, fluxes: list[F32]) -> F32:
+    """Content [kg m-3] of precipitation fluxes [kg m-2 s-1].
+
+    Rain: 72 mg m-3 (R/mm h-1)^.88 (Marshall and Palmer 1948); snow and graupel fall at 1 and 3 m/s.
+    """
+    if species == "rain":
+        return np.sum([72e-6 * (3600.0 * flux) ** 0.88 for flux in fluxes], axis=0).astype(np.float32)
+    fall = _SNOW_FALL_M_S if species == "snow" else _GRAUPEL_FALL_M_S
+    return np.asarray(np.sum(fluxes, axis=0) / np.float32(fall), np.float32)

@@ -1,0 +1,77 @@
+"""Which reader knows a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from openswim.errors import UserError
+from openswim.readers.common.base import Reader, unreadable
+
+ENTRY_POINT_GROUP = "openswim.readers"
+
+
+@cache
+def readers() -> tuple[Reader, ...]:
+    """All readers: those of other packages (entry points "openswim.readers"), then the built-in ones."""
+    from importlib.metadata import entry_points
+
+    from openswim.readers.cf.reader import CFReader
+    from openswim.readers.grib.reader import GRIBReader
+    from openswim.readers.gridded.reader import GriddedReader
+    from openswim.readers.models.cosp import COSPReader
+    from openswim.readers.models.ifs_columns import IFSColumnsReader
+    from openswim.readers.models.laps import LAPSReader
+    from openswim.readers.models.les_text import LESTextReader
+    from openswim.readers.models.rams import RAMSReader
+    from openswim.readers.wrf.reader import WRFReader
+
+    others: list[Reader] = []
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        made = entry.load()
+        others.append(made() if isinstance(made, type) else made)
+    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader())
+    return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
+
+
+def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
+    """The files by the readers that know them; one that joins parts may know some by the company they keep only."""
+    if len(paths) == 1:
+        return {_reader_of(paths[0]): list(paths)}
+    for path in paths:
+        if not path.exists():
+            raise UserError(unreadable(path))
+    known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
+    groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
+    if not groups:
+        raise UserError(_why_unknown(paths[0]))
+    for path, reader in known.items():
+        if reader is None:
+            company = (each for each in groups if hasattr(each, "joins") and each.joins(path))
+            reader = next(company, None)
+            if reader is None:
+                raise UserError(_why_unknown(path))
+        groups[reader].append(path)
+    return groups
+
+
+def _reader_of(path: Path) -> Reader:
+    if not path.exists():
+        raise UserError(unreadable(path))
+    for reader in readers():
+        if reader.detects(path):
+            return reader
+    raise UserError(_why_unknown(path))
+
+
+def _why_unknown(path: Path) -> str:
+    from openswim.readers.common.opening import opened
+
+    names = ", ".join(reader.name for reader in readers())
+    with opened(path, decode=False) as data:  # raises where the file is damaged or something else
+        found = ", ".join(list(map(str, data.variables))[:5]) or "no variables"
+    return (
+        f"{path}: no reader ({names}) knows this file, which holds {found} ...: docs/models.md says what each takes; "
+        "any model can write the layout of docs/scene-format.md"
+    )

@@ -1,0 +1,1 @@
+"""WRF and WRF-Chem."""

@@ -1,0 +1,37 @@
+"""The face of transport: from a scene and a sun to a field of light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from openswim.errors import UserError
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
+from openswim.options import Options
+from openswim.scene.scene import Scene
+from openswim.transport import Field, ReferenceField, solve
+from openswim.transport.medium.plan import lit_in_parts
+from openswim.transport.plan import Plan
+
+
+class Solver(Options):
+    """How light is solved for: see `Options`, which name all that may be chosen."""
+
+    def solve(
+        self,
+        scene: Scene,
+        sun_direction: ArrayLike,
+        wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
+        plan: Plan | None = None,
+    ) -> Field | ReferenceField:
+        """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
+
+        plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew.
+        """
+        wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+        if wavelengths.size == 0 or not ((wavelengths >= 280) & (wavelengths <= 2500)).all():
+            raise UserError("wavelengths must lie between 280 and 2500 nm")
+        large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
+        matter = matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
+        return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)

@@ -1,0 +1,263 @@
+"""The sun's beam at every node of a grid, and the volume that rays march through, all but its sources filled in."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
+from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
+from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.engine.decisions import Decisions
+from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.ground_light.fluxes import Lighting, forward_depth
+from openswim.transport.march.empty_space import beside, free_cubes, occupied, steepness
+from openswim.transport.march.forward_peak import forward_share
+from openswim.transport.march.volume import (
+    DEGREE,
+    PEAK_COSINES,
+    SHELL_TABLE_PER_M,
+    Shells,
+    Volume,
+    blank_fields,
+    reach,
+    tidy,
+)
+from openswim.transport.medium.coefficients import on_levels
+from openswim.transport.medium.delta_scaled import Coefficients
+from openswim.transport.medium.medium import Medium
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
+
+
+class Channels(NamedTuple):
+    """What `Volume.fields` hold of a grid but its species and its sources toward an eye, on the nodes (nz, ny, nx).
+
+    beam (..., PACK): root of the delta-scaled beam, air included; forward_depth (n, ...): depths to the sun, as
+    `Volume.forward_channel` counts them; source (..., PACK): where it is alike to all eyes, as with "swim".
+    """
+
+    beam: F32
+    forward_depth: F32
+    source: F32 | None = None
+
+
+def channels_of(volume: Volume, with_source: bool) -> Channels:
+    """What a volume that is lit has in its channels."""
+    first = 2 * PACK + volume.species
+    source = volume.fields[..., PACK : 2 * PACK].copy() if with_source else None
+    forward = np.moveaxis(volume.fields[..., first : volume.cloud_channel], -1, 0)
+    return Channels(volume.fields[..., :PACK].copy(), np.ascontiguousarray(forward), source)
+
+
+def without_fields(volume: Volume) -> Volume:
+    """All of a volume but what stands at its nodes' channels."""
+    return volume._replace(fields=blank_fields((1, 1, 1), 1))
+
+
+def with_fields(volume: Volume, medium: Medium, channels: Channels) -> Volume:
+    """The volume with its nodes' channels filled in, without sources but those that are alike to all eyes."""
+    ns, nz = volume.species, medium.shape[0]
+    fields = blank_fields(medium.shape, volume.cloud_channel + 1)
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            fields[k, ..., :PACK] = channels.beam[k]
+            if channels.source is not None:
+                fields[k, ..., PACK : 2 * PACK] = channels.source[k]
+            _fill_level(fields[k], medium, k, ns, volume.cloud_channel, channels.forward_depth[:, k])
+
+    in_threads(fill)
+    return volume._replace(fields=fields)
+
+
+def _fill_level(out: F32, medium: Medium, k: int, ns: int, cloud_channel: int, forward_depth: F32) -> None:
+    """Species, forward depths and their sum of level ``k`` into ``out`` (ny, nx, channels)."""
+    for s in range(ns):
+        out[..., 2 * PACK + s] = medium.extinction[s, k]
+    out[..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
+    for n, depth in enumerate(forward_depth):
+        out[..., 2 * PACK + ns + n] = depth
+
+
+class SunDepth(NamedTuple):
+    """Optical depths to the sun, see `sun_sweep`, and which of them each wavelength reads (PACK,)."""
+
+    depth: F32
+    lanes: NDArray[np.int64]
+
+
+class Beams(NamedTuple):
+    """The sun's beam (nz, ny, nx) at every wavelength, and on the columns (ny, nx) where the terrain ends its way:
+    height below which there is shadow, and distance of the ridge that casts it, m."""
+
+    beams: list[F32]
+    shadow_m: F64
+    ridge_m: F64
+
+
+def depths_to_sun(medium: Medium, weights: F32, exact: NDArray[np.bool_], local_sun: F64) -> F32:
+    """`sun_sweep` of a medium, a field for each row of ``weights`` (n, ns) of its species."""
+    extinction = weighted(medium.extinction, weights, medium.periodic)
+    return sun_sweep(
+        extinction, exact, local_sun, medium.levels_m, medium.level_lookup, np.array(medium.cell_m, float),
+        medium.frame.radius_m, medium.periodic,
+    )  # fmt: skip
+
+
+def _forward(medium: Medium, nw: int) -> F32:
+    """omega f per reference extinction (ns, nw): what delta scaling leaves in the beam."""
+    rows = [
+        [k * omega * forward_share(phase.moments(medium.degree + 1), medium.degree)
+         for k, omega, phase in zip(s.relative_extinction, s.single_scattering_albedo, s.phase, strict=True)]
+        for s in medium.species
+    ]  # fmt: skip
+    return np.array(rows, np.float32).reshape(len(medium.species), nw)
+
+
+def sunlit_volume(
+    medium: Medium, coefficients: list[Coefficients], local_sun: F64, decide: Decisions, backscatter: F32 | None = None
+) -> tuple[Volume, SunDepth]:
+    """Sun sweep, and the volume with all but its sources filled in; of what delta scaling leaves in the beam, or, where
+    ``backscatter`` (ns, nw) is given, of that per reference extinction in its place."""
+    fast = backscatter is None
+    ns, nw = len(medium.species), PACK
+    scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
+    forward = _forward(medium, nw) if fast else np.zeros((ns, nw), np.float32)
+    second = forward if backscatter is None else backscatter
+    nz, ny, nx = medium.shape
+    origin, per_m, lookup = medium.level_lookup
+    # coefficients that agree within 2 % share a depth
+    rows: list[F32] = []
+    index: dict[str, list[int]] = {"scaled": [], "second": []}
+    for name, matrix in (("scaled", scaled), ("second", second)):
+        for w in range(PACK):
+            same = [n for n, r in enumerate(rows) if np.allclose(r, matrix[:, w], rtol=0.02, atol=1e-6)]
+            if not same:
+                rows.append(matrix[:, w])
+            index[name].append(same[0] if same else len(rows) - 1)
+    kept = sorted(set(index["second"]))
+    forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
+    cloud_channel = 2 * PACK + ns + len(kept)
+    fields = blank_fields((nz, ny, nx), cloud_channel + 1)
+    free = decide("free", lambda: free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic))
+    levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
+    exact = np.unpackbits(decide("exact", lambda: np.packbits(_exact(medium, levels))), count=nz * ny * nx)
+    depth = depths_to_sun(medium, np.array(rows), exact.view(bool).reshape(nz, ny, nx), local_sun)
+    del exact
+
+    def fill(t: int, threads: int) -> None:
+        for k in range(t, nz, threads):  # a level at a time stays in a cache
+            _fill_level(fields[k], medium, k, ns, cloud_channel, np.stack([inside(depth[n, k]) for n in kept]))
+
+    in_threads(fill)
+    air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
+    volume = Volume(
+        medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
+        float(medium.levels_m[-1]), np.array(medium.cell_m, np.float32), (levels - levels[0]).astype(np.float32),
+        medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
+        free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), np.float32),
+        np.array([forward_channel[n] for n in index["second"]]),
+        np.zeros((nz if fast and ns else 0, ny, nx, PACK), np.float32), _relative(scaled), False,
+        np.zeros((0, DEGREE * DEGREE, PACK), np.float32), np.zeros((1, 1, 1), np.int32),
+        np.zeros((nz, 4 * PACK), np.float32),
+        np.zeros((nz, PACK), np.float32), reach(air_extinction).astype(np.float32), medium.terrain_m,
+        steepness(medium.terrain_m, medium.cell_m, medium.periodic),
+    )  # fmt: skip
+    return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
+
+
+def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
+    """Nodes (nz, ny, nx) where light is scattered or meets the ground, from which the way to the sun is followed
+    exactly; ``levels_m`` (nz + 1,)."""
+    full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
+    above_ground = levels_m[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels_m)[:, None, None]
+    return np.asarray(beside(full, medium.periodic) & above_ground)
+
+
+def _relative(scaled: F32) -> F32:
+    """Delta-scaled extinction of the species (ns, PACK) relative to the first wavelength's."""
+    mean = scaled.mean(axis=0) if scaled.size and scaled[:, 0].any() else np.ones(PACK)
+    return np.asarray(mean / mean[0], np.float32)
+
+
+def _peak_cosines(medium: Medium) -> tuple[float, float]:
+    """Where forward peaks are read out: they are the narrower, the more moments the smooth field has."""
+    inner, outer = (DEGREE / medium.degree * np.arccos(c) for c in PEAK_COSINES)
+    return float(np.cos(inner)), float(np.cos(outer))
+
+
+def _sides(medium: Medium) -> F64:
+    """Least and greatest x, then y, of the columns' places projected from the Earth's centre on the tangent plane."""
+    radius = medium.frame.radius_m
+    depth = np.maximum(radius + medium.place[..., 2:], _LEAST_DEPTH * radius)
+    tangent = medium.place[..., :2] * (radius / depth)
+    return np.array([end(tangent[..., axis]) for axis in range(2) for end in (np.min, np.max)])
+
+
+def beams_and_shadows(
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
+    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int, relief: bool = False,
+) -> Beams:  # fmt: skip
+    """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
+    its own, without them too."""
+    nz, ny, nx = medium.shape
+    shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
+    if not medium.periodic:
+        in_threads(
+            shadow_rows, medium.terrain_m, local_sun, np.array(medium.cell_m, float), medium.frame.radius_m, shadow,
+            ridge,
+        )  # fmt: skip
+    beams = np.empty((count, nz, ny, nx), np.float32)
+    surface = np.empty((count, ny, nx), np.float32)
+    in_threads(
+        direct_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams,
+        surface, volume.fields,
+    )  # fmt: skip
+    lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
+    if volume.bend.size:
+        in_threads(
+            bend_cells, depths.depth, int(depths.lanes[0]), coefficients[0].scaled, local_sun, medium.levels_m,
+            np.array(medium.cell_m, float), volume,
+        )  # fmt: skip
+    if relief:
+        in_threads(
+            ground_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, np.full((ny, nx), -1e9), ridge, count,
+            shells, surface,
+        )  # fmt: skip
+        lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
+    _fill_air(volume, shells, medium, float(sun[2]))
+    lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
+    return Beams([beams[min(w, count - 1)] for w in range(PACK)], shadow, ridge)
+
+
+def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:
+    """The shells' rows on the levels, and their forward depth to the sun as above the scene's centre."""
+    above = np.maximum(medium.levels_m - shells.ground_m, 0.0)
+    level = np.interp(above, np.arange(len(shells.level_table)) / SHELL_TABLE_PER_M, shells.level_table)
+    r_ground = shells.radius_m + shells.ground_m
+    horizon = -np.sqrt(above * (2 * r_ground + above)) / (r_ground + above)
+    count = shells.slant.shape[1]
+    column = np.sqrt(np.clip((mu_sun - horizon) / (1 - horizon), 0, 1)) * (count - 1)
+    if medium.air is not None:
+        volume.air[:] = on_levels(medium, shells, shells.rows)
+    for w in range(PACK):
+        volume.haze_depth[:, w] = bilinear(shells.sun_forward[..., w], column, level)
+
+
+def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:
+    """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
+    node = medium.ground_node[None]
+    air = forward_depth(shells, lighting.mu_sun)
+    out = np.zeros((PACK, *medium.shape[1:]), np.float32)
+    for w in range(PACK):
+        cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
+        out[w] = air[..., w] + (cloud if volume.forward.any() else 0.0)
+    return out

@@ -1,0 +1,84 @@
+"""What sunbeams pass in a wider grid before they enter an inner one at its sides."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.beam.lit_volume import Channels, SunDepth
+from openswim.transport.beam.sun_sweep import inside
+from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.engine.pack import PACK
+from openswim.transport.march.volume import Volume
+from openswim.transport.medium.medium import Medium
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+
+class DepthsAround(NamedTuple):
+    """Of a wider grid its medium, its depths to the sun, and those of what delta scaling takes off, as its volume
+    counts them."""
+
+    medium: Medium
+    depths: SunDepth
+    volume: Volume
+    channels: Channels
+
+
+def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunDepth, local_sun: F64) -> None:
+    """Add to a grid's depths to the sun what sunbeams pass in a wider grid before they enter at its sides."""
+    columns, lookup = _Sides.of(medium, wider.medium, local_sun), wider.medium
+    inner, outer = [], []
+    channels, wider_channels = (np.moveaxis(inside(d.depth), 0, -1) for d in (depths, wider.depths))
+    wider_forward = np.moveaxis(wider.channels.forward_depth, 0, -1)
+    for own, theirs, first, second in (
+        (depths.lanes, wider.depths.lanes, channels, wider_channels),
+        (volume.forward_channel, wider.volume.forward_channel - 2 * PACK - wider.volume.species, volume.fields,
+         wider_forward),
+    ):  # fmt: skip
+        for channel in np.unique(own):
+            w = int(np.flatnonzero(own == channel)[0])
+            inner.append(first[..., channel])
+            outer.append(second[..., theirs[w]])
+    tables = [np.stack([np.moveaxis(bilinear(o, ix, iy), 0, -1) for o in outer]) for ix, iy in columns.places]
+    filled = np.flatnonzero(np.any([t.any(axis=(0, 2)) for t in tables], axis=0))
+    if not filled.size:
+        return
+    levels = lookup.levels_m
+    top = levels[min(int(filled[-1]) + 1, len(levels) - 1)]
+    mu = local_sun[..., 2]
+    rise, bend = mu * columns.way_m, (1 - mu**2) / (2 * medium.frame.radius_m) * columns.way_m**2
+    for k, z in enumerate(medium.levels_m):
+        height = z + rise + bend
+        for side, table in enumerate(tables):
+            here = np.nonzero((columns.side == side) & (height < top))
+            if here[0].size:
+                at = np.interp(height[here], levels, np.arange(len(levels)))
+                for values, extra in zip(inner, bilinear(table, columns.along[here], at).T, strict=True):
+                    values[k][here] += extra.astype(np.float32)
+
+
+class _Sides(NamedTuple):
+    """Where the sunbeams of a grid's columns come in: ``side`` (ny, nx), 0 to 3, how far ``along`` it in nodes, and the
+    ``way_m`` from there; fractional indices in the wider grid of the ``places`` along each side."""
+
+    side: NDArray[np.int64]
+    along: F64
+    way_m: F64
+    places: list[tuple[F64, F64]]
+
+    @classmethod
+    def of(cls, medium: Medium, wider: Medium, local_sun: F64) -> _Sides:
+        _, ny, nx = medium.shape
+        j, i = np.mgrid[0:ny, 0:nx].astype(float)
+        vx, vy = (local_sun[..., n] / medium.cell_m[n] for n in (0, 1))  # cells per metre
+        to_x = np.where(vx > 0, nx - 1 - i, i) / np.maximum(np.abs(vx), 1e-12)
+        to_y = np.where(vy > 0, ny - 1 - j, j) / np.maximum(np.abs(vy), 1e-12)
+        way = np.minimum(to_x, to_y)
+        side = np.where(to_x < to_y, np.where(vx > 0, 1, 0), np.where(vy > 0, 3, 2))
+        along = np.where(to_x < to_y, j + vy * way, i + vx * way)
+        p = medium.place
+        return cls(side, along, way, [wider.indices(edge) for edge in (p[:, 0], p[:, -1], p[0], p[-1])])

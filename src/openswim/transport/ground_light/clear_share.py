@@ -1,0 +1,60 @@
+"""How much of the clear sky's light comes past the clouds to the ground below each column.
+
+Along ordinates q, of weight w_q and clear radiance I_q, it is the mean of e^-tau_q, tau_q the delta-scaled depth of all
+cloud that the line of sight passes, by w_q q_z I_q: what the quadrature has of the clear sky.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.engine.ordinates import LEVEL, Ordinates
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.medium.medium import Medium
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+
+def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32, ends: bool) -> F32:
+    """Shares (nw, ny, nx) of the clear ``radiance`` (ordinates, nw) at the ground; ``scaled`` (ns,): delta-scaled
+    extinction of the species.
+
+    Lines are straight and go by whole columns, from the mean height of the ground. ``ends``: beyond the sides there is
+    nothing, else what is at them.
+    """
+    _, ny, nx = medium.shape
+    height, depth = _layers(medium, scaled)
+    down = np.flatnonzero(ordinates.direction[:, 2] > LEVEL)
+    way, weight = ordinates.direction[down], ordinates.weight[down, None] * radiance[down]
+    weight = weight * way[:, 2:]
+    weight = (weight / np.maximum(weight.sum(axis=0), 1e-30)).astype(np.float32)
+    depth = np.pad(depth, ((0, 0), (1, 1), (1, 1)), "constant" if ends else "edge")
+    out = np.zeros((len(down), ny, nx), np.float32)
+
+    def share(t: int, threads: int) -> None:
+        for n in range(t, len(down), threads):
+            x, y = (np.rint(height * way[n, axis] / way[n, 2] / medium.cell_m[axis]).astype(int) for axis in range(2))
+            for k, own in enumerate(depth):
+                rows, columns = _shifted(ny, y[k], medium.periodic), _shifted(nx, x[k], medium.periodic)
+                out[n] += own[rows[:, None], columns]
+            np.exp(out[n] / np.float32(-way[n, 2]), out=out[n])
+
+    in_threads(share)
+    return np.einsum("nw,nji->wji", weight, out, optimize=True)
+
+
+def _layers(medium: Medium, scaled: F32) -> tuple[F64, F32]:
+    """Heights (nk,) over the mean ground, m, and delta-scaled depths (nk, ny, nx) upward, of the levels with cloud."""
+    extinction, levels = medium.extinction_above_ground, medium.levels_m
+    cloudy = np.flatnonzero(extinction.any(axis=(0, 2, 3)))
+    thickness = np.gradient(levels) * np.where(np.isin(np.arange(len(levels)), (0, len(levels) - 1)), 0.5, 1.0)
+    depth = np.einsum("s,skji,k->kji", scaled, extinction[:, cloudy], thickness[cloudy].astype(np.float32))
+    return np.maximum(levels[cloudy] - float(medium.terrain_m.mean()), 0.0), depth
+
+
+def _shifted(count: int, by: int, periodic: bool) -> NDArray[np.int64]:
+    """Nodes so far on, in a row with one more before and after it."""
+    nodes = np.arange(count) + by
+    return 1 + (nodes % count if periodic else np.clip(nodes, -1, count))

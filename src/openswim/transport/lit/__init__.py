@@ -1,0 +1,1 @@
+"""Solved light: immutable, without an eye."""

@@ -1,0 +1,304 @@
+"""What an eye needs of solved light, made once: its sources toward it, the land around it, what water mirrors to it.
+
+A `Viewer` is not changed by being used: it hands out any rays from its eye, in any order, from any thread, and each is
+the same bit for bit whatever others it is asked for with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.progress import job
+from openswim.scene.rays import Rays
+from openswim.transport.air.shells import build_shells
+from openswim.transport.engine.pack import PACK
+from openswim.transport.ground_light.relief import Relief
+from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
+from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
+from openswim.transport.march.detail_step import widest_m
+from openswim.transport.march.forward_peak import blunted
+from openswim.transport.march.march import march_rays
+from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
+from openswim.transport.medium.medium import air_of
+from openswim.transport.swim import view as swim_view
+from openswim.transport.view import nested
+from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
+from openswim.transport.view.seen import Seen, View
+from openswim.transport.view.shading import shade
+from openswim.transport.view.toward_eye import aimed
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+_TILE_RAYS = 1_200_000
+_AUREOLE_DEG = 10.0  # as far as one facet of a wave is from the next, or a little farther
+_SAME_EYE_M, _SAME_WAY = 1e-3, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class AimedGrid:
+    """The light of a grid with its sources toward an eye, and of those around it; ``sky``: the shells that the eye's
+    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself."""
+
+    lit: LitGrid
+    volume: Volume
+    sky: Shells
+    table: F32
+    detail: Detail
+    relief: Relief | None
+    mirrored: Mirrored | None = None
+    wider: AimedGrid | None = None
+
+    @classmethod
+    def at(cls, lit: LitGrid, eye: F64, parallel: bool, relief: Relief | None, skies: list[Shells]) -> AimedGrid:
+        """Turned toward an eye (3,), or, where rays are ``parallel``, along their direction; a sky for each grid."""
+        wider = None if lit.wider is None else cls.at(lit.wider, eye, parallel, relief, skies[1:])
+        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, wider=wider)
+
+    @property
+    def levels(self) -> list[AimedGrid]:
+        """This grid and the wider ones around it."""
+        return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def seen_by(self, rays: Rays) -> AimedGrid:
+        """The same with the detail that clouds show to rays."""
+        wider = None if self.wider is None else self.wider.seen_by(rays)
+        return replace(self, detail=_detail_for(self.lit, rays), wider=wider)
+
+    def mirroring(self, mirrored: Mirrored | None) -> AimedGrid:
+        """The same with water that mirrors the sky."""
+        wider = None if self.wider is None else self.wider.mirroring(mirrored)
+        return replace(self, mirrored=mirrored, wider=wider)
+
+    def with_blunt_peaks(self) -> AimedGrid:
+        """The same without the narrow aureole that the delta-scaled beam has kept."""
+        table = self.lit.once("blunt table", lambda: blunted(self.lit.table, _AUREOLE_DEG))
+        wider = None if self.wider is None else self.wider.with_blunt_peaks()
+        return replace(self, table=table, wider=wider)
+
+    def march(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
+        """What rays (n, 3) see, but for the ground's own light; ``ends``, ``cone`` as `march_rays` has them."""
+        if self.wider is not None:
+            return nested.march(self, self.wider, origin, direction, ends, cone)
+        return self.march_alone(origin, direction, ends, cone)
+
+    def march_alone(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
+        """`march` in this grid and the air beside it."""
+        lit, level = self.lit, np.zeros(len(direction), np.int8)
+        if lit.options.name == "swim" and lit.medium is not None:
+            radiance, full, depth, distance, samples = swim_view.view(
+                lit, self.volume, origin, direction, self.sky, ends
+            )
+            return Seen(radiance, full, full, distance, depth, int(samples.sum()), level)
+        step = lit.options.step * (CLEAR_STEP if lit.medium is None else 1.0)
+        seen = march_rays(
+            origin, direction, lit.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
+            detail=self.detail,
+        )  # fmt: skip
+        radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
+        return Seen(
+            radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level
+        )
+
+    def seen(self, origin: F64, direction: F64, width_rad: F64 | None = None) -> Seen:
+        """What rays (n, 3) of a width (n,) see, the light of the ground included."""
+        ends = None if self.relief is None else self.relief.meet(origin, direction)
+        cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
+        found = self.march(origin, direction, ends, cone)
+        place = origin + direction * found.distance[:, None]
+        width_m = (0.01 if width_rad is None else width_rad) * found.distance
+        for number, level in enumerate(self.levels):  # as the grid has it in which rays end
+            hit = np.flatnonzero((found.distance >= 0) & (found.level == number))
+            if hit.size:
+                found.radiance[hit] += found.through[hit] * shade(level, place[hit], direction[hit], width_m[hit])
+        return found
+
+    def through_clouds(self, place: F64) -> F64:
+        """Delta-scaled transmission (n, nw) of the grid's species from the sun to places, by rays: ground beyond it.
+        A relief casts its own shadow; the grid's terrain, which ends there like a wall, casts none."""
+        lifted = place + np.array([0.0, 0.0, 1.0])
+        dark, ends, sun = np.zeros_like(self.table), np.full(len(place), FAR_M), self.lit.sun
+        met = march_rays(lifted, sun, sun, dark, self.lit.shells, self.volume, 1.0, ends=ends)
+        return np.asarray(np.exp(-met.species_depth[:, : self.volume.species].astype(float) @ self.volume.scaled))
+
+
+@dataclass(frozen=True, eq=False)
+class Viewer:
+    """An eye, or a direction from which parallel rays come, in solved light at up to PACK wavelengths."""
+
+    grid: AimedGrid
+    eye: F64
+    parallel: bool
+
+    @classmethod
+    def of(cls, lit: LitGrid, rays: Rays, relief: Relief | None, skies: list[Shells] | None = None) -> Viewer:
+        """The viewer of some rays, which share their origin or their direction, and of others from the same eye.
+
+        relief: the land's shape as they see it. What is made for all of them is the picture of the sky that water
+        mirrors where they end on some. ``skies``: the shells they go through, if these are known.
+        """
+        eye, parallel = _eye_of(rays)
+        skies = skies_for(lit, rays) if skies is None else skies
+        mirrored = None if parallel else _mirrored(lit, eye, relief, skies, rays)
+        grid = AimedGrid.at(lit, eye, parallel, relief, skies)
+        return cls(grid.seen_by(rays).mirroring(mirrored), eye, parallel)
+
+    @property
+    def lit(self) -> LitGrid:
+        return self.grid.lit
+
+    def of_others(self, rays: Rays, relief: Relief | None) -> Viewer:
+        """That of other rays from the same eye, not down to water; its sources are the same, and not made again."""
+        lit = self.lit
+        eye, parallel = _eye_of(rays)
+        if parallel != self.parallel or not np.array_equal(eye, self.eye) or _layered(lit):
+            return Viewer.of(lit, rays, relief)
+        grid = _with_land(self.grid, relief, skies_for(lit, rays))
+        return replace(self, grid=grid.seen_by(rays).mirroring(None))
+
+    def view(self, rays: Rays) -> View:
+        """What rays see; memory is bounded by tiling over them."""
+        n, lit = len(rays), self.lit
+        out = View(
+            np.zeros((n, PACK), np.float32), np.zeros((n, PACK), np.float32), np.zeros(n, bool),
+            np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(lit.volume.species, 1)), np.float32), 0,
+        )  # fmt: skip
+        with job("view", n) as meter:
+            for part, grid in self._tiles(rays):
+                tile = rays[part]
+                origin, direction = tile.origins(), tile.directions()
+                width_rad = np.array(np.broadcast_to(np.asarray(tile.width_rad, float), len(tile)))
+                seen = grid.seen(origin, direction, width_rad)
+                hit = seen.distance >= 0
+                position = np.full((len(tile), 3), np.nan)
+                position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
+                out.radiance[part], out.transmittance[part], out.distance_m[part] = (
+                    seen.radiance, seen.full, seen.distance
+                )  # fmt: skip
+                out.species_depth[part], out.hit[part], out.position[part] = seen.depth, hit, position
+                out.samples += seen.samples
+                meter.advance(len(tile))
+        return replace(out, radiance=out.radiance[:, : lit.count], transmittance=out.transmittance[:, : lit.count])
+
+    def _tiles(self, rays: Rays) -> Iterator[tuple[Any, AimedGrid]]:
+        """Parts of the rays to march together; in scenes without sides, where a node is everywhere, one a direction."""
+        if _layered(self.lit):
+            _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
+            order = np.argsort(which.ravel(), kind="stable")
+            for part in np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1):
+                yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky])
+        else:
+            for a in range(0, len(rays), _TILE_RAYS):
+                yield slice(a, min(len(rays), a + _TILE_RAYS)), self.grid
+
+
+def _layered(lit: LitGrid) -> bool:
+    return lit.light is not None and lit.light.layers is not None
+
+
+def _with_land(grid: AimedGrid, relief: Relief | None, skies: list[Shells]) -> AimedGrid:
+    wider = None if grid.wider is None else _with_land(grid.wider, relief, skies[1:])
+    return replace(grid, relief=relief, sky=skies[0], wider=wider)
+
+
+def _mirrored(lit: LitGrid, eye: F64, relief: Relief | None, skies: list[Shells], rays: Rays) -> Mirrored | None:
+    """What water mirrors to an eye, where any of its rays end on some."""
+    if lit.frame.latlon(eye)[2] >= HIGHEST_EYE_M or _layered(lit):
+        return None
+    wet = wet_rays(lit, relief, eye, rays)
+    if wet is None:
+        return None
+
+    return Mirrored.of(looking_from(lit, relief, skies), relief, lit.frame.radius_m, eye, wet)
+
+
+def looking_from(lit: LitGrid, relief: Relief | None, skies: list[Shells]) -> Look:
+    """How the image of an eye under water sees what is mirrored to it. Peaks are cut: they are in the beam, which
+    glitters by itself."""
+
+    def look(origin: F64, direction: F64, image: F64) -> tuple[F32, F64]:
+        seen = AimedGrid.at(lit, image, False, relief, skies).with_blunt_peaks().seen(origin, direction)
+        return seen.radiance, seen.distance
+
+    return look
+
+
+def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
+    """What clouds are like between the nodes, where any ray is narrow enough to see it."""
+    m, light, width_rad = lit.medium, lit.light, np.asarray(rays.width_rad, float)
+    if not (lit.options.detail and width_rad.any()) or m is None or light is None or m.periodic or min(m.shape) < 2:
+        return NO_DETAIL
+    up = np.array([0.0, 0.0, lit.frame.radius_m])
+    above_m = np.linalg.norm(rays.origins() + up, axis=-1) - lit.frame.radius_m - m.cloud_top_m
+    if (width_rad * np.maximum(above_m, 0.0)).min() >= widest_m(first_wavelength_m(m.drawn_cell_m)):
+        return NO_DETAIL
+
+    def make() -> Detail:
+        refined = [s.fine for s in m.species]
+        if not any(refined):
+            return NO_DETAIL
+        _, ny, nx = m.shape
+        return detail_of(
+            m.extinction[refined].sum(axis=0), np.array(refined, np.float32), m.drawn_cell_m,
+            light.local_sun[ny // 2, nx // 2],
+        )  # fmt: skip
+
+    return lit.once("detail", make)
+
+
+def skies_for(lit: LitGrid, rays: Rays) -> list[Shells]:
+    """Of every grid the shells solved for the suns over it; of the widest, where rays reach farther round the Earth,
+    those for every sun."""
+    *inner, widest = lit.levels
+    near = widest.air is None or _reach_deg(rays, widest.shells) < widest.reach_deg
+    return [*(level.shells for level in inner), widest.shells if near else wide_shells(widest)]
+
+
+def wide_shells(lit: LitGrid) -> Shells:
+    """The shells under every sun there is, on all sides of the Earth."""
+    s, air = lit.shells, lit.air
+
+    def make() -> Shells:
+        return build_shells(
+            air_of(air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, s.ground_albedo, DEGREE, s.top_m, scale=1.5
+        )
+
+    return lit.once("wide shells", make)
+
+
+def _reach_deg(rays: Rays, shells: Shells) -> float:
+    """Largest angle at the Earth's centre between the scene's origin and what rays pass of the atmosphere."""
+    some = rays[:: max(1, len(rays) // 2000)]
+    up = np.array([0.0, 0.0, shells.radius_m])
+    p, d = some.origins() + up, some.directions()
+    along = (p * d).sum(-1)
+    nearest = np.maximum((p * p).sum(-1) - along**2, 0.0)  # squared distance of the line from the centre
+    half = np.sqrt(np.maximum((shells.radius_m + shells.top_m) ** 2 - nearest, 0.0))
+    ground = (shells.radius_m + shells.ground_m) ** 2 - nearest
+    last = np.where((ground > 0) & (along < 0), -along - np.sqrt(np.maximum(ground, 0)), -along + half)
+    seen = (half > 0) & (last > 0)
+    if not seen.any():
+        return 0.0
+    ends = np.concatenate([p + np.maximum(-along - half, 0)[:, None] * d, p + last[:, None] * d])[np.tile(seen, 2)]
+    return float(np.degrees(np.arccos(np.clip(ends[:, 2] / np.linalg.norm(ends, axis=-1), -1, 1))).max())
+
+
+def _eye_of(rays: Rays) -> tuple[F64, bool]:
+    """Common point of the rays, or their common direction."""
+    if len(rays) == 1:
+        return rays.directions()[0], True
+    if rays.origin_m.ndim == 1:
+        return rays.origin_m, False
+    if rays.direction.ndim == 1:
+        return rays.direction, True
+    if np.allclose(rays.direction, rays.direction[:1], atol=_SAME_WAY):
+        return rays.direction[0], True
+    if np.allclose(rays.origin_m, rays.origin_m[:1], atol=_SAME_EYE_M):
+        return rays.origin_m[0], False
+    raise UserError("rays must share their origin or their direction: split them into groups that do")

@@ -1,8 +1,0 @@
-"""How far the model is from reference radiances, fluxes and positions: `openswim validate DIR`."""
-
-from openswim.validate.metrics import Score, image_score, score
-from openswim.validate.reference import Row
-from openswim.validate.report import as_table, write_json
-from openswim.validate.walk import reference_files, validate
-
-__all__ = ["Row", "Score", "as_table", "image_score", "reference_files", "score", "validate", "write_json"]

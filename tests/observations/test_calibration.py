@@ -1,0 +1,278 @@
+"""Cameras found again from their pictures, and refused where pictures do not give them."""
+
+import re
+
+import numpy as np
+import pytest
+from tests.observations.skies import EQUISOLID, LAT, LON, mounted, spot_frame, star_frame
+
+from openswim.cameras import Lens
+from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
+from openswim.cli.main import run
+from openswim.errors import UserError
+from openswim.observations.calibration import calibrate, check
+from openswim.observations.report import write_report
+from openswim.scene.frame import horizon_vector
+
+NIGHT = "2024-01-15T22:00"
+DAY = [np.datetime64("2024-06-10T06:00") + np.timedelta64(55 * i, "m") for i in range(11)]
+
+
+def worst_deg(camera, optics, lowest_deg=15.0):
+    """The largest angle between where two cameras look, over the sky above an altitude."""
+    azimuth, altitude = np.meshgrid(np.arange(0, 360, 15.0), np.arange(lowest_deg, 90, 10))
+    there = horizon_vector(azimuth, altitude)
+    row, column = optics.project(there)
+    found = horizon_vector(*camera.direction_of(row, column))
+    return float(np.degrees(np.linalg.norm(found - there, axis=-1)).max())
+
+
+@pytest.mark.parametrize(
+    ("lens", "options", "name"),
+    [
+        (EQUISOLID, {}, "equisolid"),
+        (Lens("stereographic", 225.0), {"mirrored": True, "rotation_deg": -140.0, "tilt_deg": 0.0}, "stereographic"),
+        (Lens("kannala-brandt", 230.0, (0.03, -0.015)), {"tilt_deg": 4.0}, "polynomial, 2 coefficients"),
+    ],
+)
+def test_a_known_camera_is_found_again(tmp_path, lens, options, name):
+    """To .02 degrees over the sky above 15, from nothing but place and time."""
+    optics = mounted(lens, **options)
+    found = calibrate(star_frame(tmp_path / "stars.png", optics, NIGHT), LAT, LON, time=NIGHT)
+    assert found.chosen.name == name
+    assert worst_deg(found.camera, optics) < 0.02
+    assert found.chosen.held_out_px < 0.15
+    assert found.chosen.matches > 3 * found.fit.next_matches
+
+
+def test_frames_of_two_nights_are_fitted_together_and_one_checks_the_other(tmp_path):
+    optics = mounted(EQUISOLID)
+    frames = [
+        star_frame(tmp_path / f"sky_{time.translate({45: None, 58: None})}00.png", optics, time, seed=seed)
+        for seed, time in enumerate((NIGHT, "2024-03-20T20:00"))
+    ]
+    settings = FrameSettings(utc_offset_h=0.0)
+    both = calibrate(frames, LAT, LON, settings=settings)
+    assert set(both.matched.frame.tolist()) == {0, 1}
+    one = calibrate(frames[:1], LAT, LON, settings=settings)
+    write_camera(one.content, tmp_path / "camera.toml")
+    matches, median = check(read_camera(tmp_path / "camera.toml"), frames[1])
+    assert matches > 60
+    assert median < 0.15
+
+
+@pytest.mark.parametrize(("minutes", "says"), [(-6, "6.0 minutes slow"), (5, "5.0 minutes fast")])
+def test_a_clock_that_is_off_looks_like_a_tilt_and_the_page_says_so(tmp_path, minutes, says):
+    """A vertical camera whose clock is some minutes off: the fit is as good, and the words give the minutes back."""
+    optics = mounted(EQUISOLID, tilt_deg=0.0)
+    frame = star_frame(tmp_path / "stars.png", optics, NIGHT)
+    told = np.datetime64(NIGHT) + np.timedelta64(minutes, "m")
+    found = calibrate(frame, LAT, LON, time=told)
+    assert found.chosen.held_out_px < 0.2
+    said, wanted = (re.search(r"([\d.]+) minutes (\w+)", text) for text in (found.cannot_tell[0], says))
+    assert float(said[1]) == pytest.approx(float(wanted[1]), abs=0.15)
+    assert said[2] == wanted[2]
+
+
+def test_points_anywhere_are_refused(tmp_path):
+    for peaks, says in ((120, "match"), (9, "bright points")):
+        frame = star_frame(tmp_path / "points.png", mounted(EQUISOLID), NIGHT, peaks=peaks)
+        with pytest.raises(UserError, match=says) as caught:
+            calibrate(frame, LAT, LON, time=NIGHT)
+        assert "\n" not in str(caught.value)
+
+
+def day_frames(tmp_path, optics, body="sun", times=DAY, **options):
+    names = [f"cam_{str(t).replace('-', '').replace(':', '').replace('T', '_')}00.png" for t in times]
+    return [spot_frame(tmp_path / name, optics, time, body, **options) for name, time in zip(names, times, strict=True)]
+
+
+SMALL = {"centre_row": 236.0, "centre_column": 254.0, "rotation_deg": -20.0, "tilt_deg": 0.0}
+UTC = FrameSettings(utc_offset_h=0.0)
+
+
+def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path):
+    optics = mounted(Lens("equidistant", 160.0), **SMALL)
+    frames = day_frames(tmp_path, optics)
+    grey = spot_frame(tmp_path / "cam_20240610_170000.png", optics, DAY[5], overcast=True)
+    found = calibrate([*frames, grey], LAT, LON, settings=UTC)
+    assert found.by == "sun"
+    assert found.chosen.held_out_px < 1.0
+    assert worst_deg(found.camera, optics, 20.0) < 0.4
+    assert any("tilt" in line for line in found.cannot_tell)
+    assert any("clock" in line for line in found.cannot_tell)
+    assert found.fit.left_out == ("cam_20240610_170000.png: no sun in this frame",)
+
+
+def test_suns_of_two_seasons_tell_the_tilt(tmp_path):
+    optics = mounted(Lens("equisolid", 160.0), **(SMALL | {"tilt_deg": 3.0}))
+    winter = [np.datetime64("2024-01-10T08:30") + np.timedelta64(50 * i, "m") for i in range(8)]
+    frames = day_frames(tmp_path, optics, times=[*DAY, *winter])
+    found = calibrate(frames, LAT, LON, settings=UTC)
+    assert found.fit.tilt_told
+    assert worst_deg(found.camera, optics, 20.0) < 0.4
+    assert not any("tilt" in line for line in found.cannot_tell)
+
+
+def test_a_night_of_moon_gives_a_camera(tmp_path):
+    optics = mounted(Lens("equidistant", 160.0), **SMALL)
+    night = [np.datetime64("2023-11-27T18:00") + np.timedelta64(70 * i, "m") for i in range(9)]
+    found = calibrate(day_frames(tmp_path, optics, "moon", night), LAT, LON, settings=UTC, by="moon")
+    assert found.by == "moon"
+    assert worst_deg(found.camera, optics, 25.0) < 0.5
+
+
+def test_what_gives_no_camera_is_refused(tmp_path):
+    optics = mounted(Lens("equidistant", 160.0), **SMALL)
+    frames = day_frames(tmp_path, optics)
+    with pytest.raises(UserError, match="one sun tells no camera"):
+        calibrate(frames[5], LAT, LON, settings=UTC)
+    grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, DAY[5], overcast=True)
+    with pytest.raises(UserError, match="no sun in this frame"):
+        calibrate(grey, LAT, LON, settings=UTC)
+    with pytest.raises(UserError, match="found in 3 of 4"):
+        calibrate([*frames[:3], grey], LAT, LON, settings=UTC)
+    with pytest.raises(UserError, match=r"spans|needs"):
+        calibrate(frames[4:6] * 4, LAT, LON, settings=UTC)
+    with pytest.raises(UserError, match="neither sun nor stars"):
+        calibrate(frames[0], LAT, LON, time="2024-06-10T19:45")
+    scrambled = day_frames(tmp_path, optics, times=DAY)
+    names = [path.rename(tmp_path / f"x{i}.png") for i, path in enumerate(scrambled)]
+    for i, k in enumerate(np.random.default_rng(3).permutation(len(names))):
+        names[k].rename(scrambled[i])
+    with pytest.raises(UserError, match=r"follow the sun's way|left out lie"):
+        calibrate(scrambled, LAT, LON, settings=UTC)
+
+
+def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    optics = mounted(EQUISOLID)
+    star_frame(tmp_path / "stars.png", optics, NIGHT)
+    place = ["--lat", str(LAT), "--lon", str(LON)]
+    assert run(["calibrate", "stars.png", *place, "--time", NIGHT, "-o", "roof.toml", "--name", "roof <1>"]) == 0
+    said = capsys.readouterr()
+    assert "lens equisolid" in said.out
+    assert "cannot tell the clock" in said.out
+    content = read_camera("roof.toml")
+    assert content.calibration["lens"] == "equisolid"
+    assert content.calibration["held_out_px"] < 0.15
+    assert worst_deg(load_camera("roof.toml"), optics) < 0.02
+    page = (tmp_path / "roof.html").read_text()
+    assert "roof &lt;1&gt;" in page
+    assert "src=\"data:image/jpeg" in page
+    assert not re.search(r"(?:src|href)\s*=\s*\"(?!data:)|url\(|@import|<script", page)
+    assert page.count("<svg") == 3
+    assert run(["calibrate", "stars.png", "--camera", "roof.toml", "--time", NIGHT]) == 0
+    assert re.search(r"\d\d stars match, median distance 0\.\d\d px", capsys.readouterr().out)
+    star_frame(tmp_path / "cloud.png", optics, NIGHT, peaks=60)
+    for wrong in (
+        ["cloud.png", *place, "--time", NIGHT, "-o", "no.toml"],
+        ["stars.png", *place, "-o", "no.toml"],
+        ["stars.png", "--time", NIGHT, "-o", "no.toml"],
+        ["stars.png", *place, "--time", NIGHT],
+        ["stars.png", *place, "--time", NIGHT, "-o", "stars.png"],
+        ["stars.png", *place, "--time", NIGHT, "-o", "no.html"],
+        ["nowhere.png", *place, "--time", NIGHT, "-o", "no.toml"],
+        ["stars.png", "--lat", "100", "--lon", "0", "--time", NIGHT, "-o", "no.toml"],
+    ):
+        assert run(["calibrate", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "no.toml").exists()
+
+
+def test_a_mask_keeps_lamps_out(tmp_path):
+    from PIL import Image
+
+    optics = mounted(EQUISOLID)
+    path = star_frame(tmp_path / "stars.png", optics, NIGHT)
+    counts = np.array(Image.open(path))
+    random = np.random.default_rng(5)
+    lamps = random.integers(20, 120, 160), random.integers(300, 700, 160)
+    counts[lamps] = 60000
+    Image.fromarray(counts).save(path)
+    mask = np.full(counts.shape, 255, np.uint8)
+    mask[:130, 290:] = 0
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    found = calibrate(path, LAT, LON, time=NIGHT, mask=tmp_path / "mask.png")
+    assert worst_deg(found.camera, optics) < 0.05
+    assert found.camera.mask.hidden.sum() == (mask == 0).sum()
+
+
+SKY = {
+    "svalbard": ("svalbard/LYR-Sony-111220_200933.jpg", 78.2, 15.7, FrameSettings("%d%m%y_%H%M%S", 0.0)),
+    "aurora": ("kho/LYR-Sony-211121_170751.jpg", 78.2, 15.7, FrameSettings("%d%m%y_%H%M%S", 0.0)),
+    "stars": ("happyjack/008.fits.bz2", 34.7444, -111.4221, None),
+    "moon and cloud": ("happyjack/006.fits.bz2", 34.7444, -111.4221, None),
+    "twilight": ("happyjack/002.fits.bz2", 34.7444, -111.4221, None),
+    "cloud before the moon": ("happyjack/012.fits.bz2", 34.7444, -111.4221, None),
+}
+
+
+def real(shared, name):
+    path, lat, lon, settings = SKY[name]
+    return calibrate(shared / "data/sky" / path, lat, lon, settings=settings)
+
+
+def test_the_camera_of_svalbard(shared):
+    """Asked for: equisolid, held out .10 degrees; measured .037.  A year later, in aurora and moonlight, the same."""
+    first, later = real(shared, "svalbard"), real(shared, "aurora")
+    for found in (first, later):
+        assert found.chosen.name == "equisolid"
+        assert found.content.calibration["held_out_deg"] < 0.048
+    assert worst_deg(later.camera, first.camera.optics, 15.0) < 0.15
+    assert first.camera.optics.lens.focal_px == pytest.approx(later.camera.optics.lens.focal_px, rel=3e-4)
+
+
+def test_the_camera_of_happy_jack(shared, tmp_path):
+    """Asked for: 1.5 px median, and 2 in moonlight; measured .32 and .28, and .30 by the other night's file."""
+    first, other = real(shared, "stars"), real(shared, "moon and cloud")
+    assert first.chosen.held_out_px < 0.47
+    assert other.chosen.held_out_px < 0.40
+    write_camera(first.content, tmp_path / "camera.toml")
+    matches, median = check(read_camera(tmp_path / "camera.toml"), shared / "data/sky/happyjack/006.fits.bz2")
+    assert matches > 45
+    assert median < 0.39
+    write_report(first, tmp_path / "page.html")
+
+
+@pytest.mark.parametrize("name", ["twilight", "cloud before the moon"])
+def test_hopeless_frames_are_refused(shared, name):
+    with pytest.raises(UserError, match=r"match|bright points"):
+        real(shared, name)
+
+
+def test_the_camera_of_hungriger_wolf(shared):
+    """Asked for: held-out suns within 4 px; measured 3.4, and 2.8 from where people put the sun."""
+    wolf = shared / "data/sky/wolf"
+    found = calibrate(sorted(wolf.glob("Wolf*.jpg")), 53.99777, 9.56673)
+    assert found.chosen.held_out_px < 4.0
+    by_hand = np.array([re.search(r"sunrow(\d+)_suncol(\d+)", f.path.name).groups() for f in found.frames], float)
+    fitted = np.stack(found.camera.optics.project(found.matched.direction), axis=-1)
+    assert np.median(np.linalg.norm(fitted - by_hand[found.matched.frame], axis=-1)) < 3.7
+    assert any(line.startswith("the lens") for line in found.cannot_tell)
+    assert any(line.startswith("the tilt") for line in found.cannot_tell)
+    for name in ("Image_20160527_144000_UTCp1_3.jpg", "Image_20160527_144000_UTCp1_4.jpg"):
+        with pytest.raises(UserError, match="no sun in this frame"):
+            calibrate(wolf / name, 53.99777, 9.56673)
+
+
+def test_the_sun_of_bretigny(shared, tmp_path):
+    """Asked for: 1.0 degree, by the makers' own map; measured .87, of which most is upward: trees cut the spot."""
+    from openswim.lights import sun_position
+    from openswim.observations import read_frame
+    from openswim.observations.sun_spot import find_spot
+
+    folder = shared / "data/sky/bretigny"
+    maps = {"azimuth": "0.005625", "zenith": "0.00140625"}
+    (tmp_path / "camera.toml").write_text(
+        'openswim_camera = 1\n[place]\nlat = 48.6005\nlon = 2.3468\n[frame]\nutc_offset_h = 0\n[view]\nkind = "map"\n'
+        + "".join(f'{n} = "{folder}/{n}_visible.jp2"\n{n}_deg_per_count = {s}\n' for n, s in maps.items())
+        + "outside_count = 65535\n"
+    )
+    content = read_camera(tmp_path / "camera.toml")
+    frame = read_frame(folder / "image_20250215080830.jp2", settings=content.frames)
+    spot = find_spot(frame)
+    sun = sun_position(frame.time, 48.6005, 2.3468)
+    seen = horizon_vector(*content.camera.direction_of(spot.row, spot.column))
+    true = horizon_vector(sun.azimuth_deg, sun.refracted_altitude_deg)
+    assert np.degrees(np.linalg.norm(seen - true)) < 1.0

@@ -1,0 +1,105 @@
+"""When a frame was taken, as its name, its EXIF or its FITS header has it."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+from tests.cameras.test_picture_files import COLOUR, DEEP, fits
+
+from openswim.cameras.files import FrameSettings
+from openswim.errors import UserError
+from openswim.observations import read_frame
+
+
+def frame(tmp_path, name, exif=None, **settings):
+    path = tmp_path / name
+    options = {} if exif is None else {"exif": exif}
+    Image.fromarray(COLOUR).save(path, **options)
+    return read_frame(path, settings=FrameSettings(**settings))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "utc"),
+    [
+        ("image_20250215080830.png", {"utc_offset_h": 0.0}, "2025-02-15T08:08:30"),
+        ("FE3_Image_20160901_100000_UTCp1.png", {}, "2016-09-01T09:00:00"),
+        ("Wolf_20160530_094400_UTCp1_sunrow1338_suncol616.png", {}, "2016-05-30T08:44:00"),
+        ("cam_2021-07-01T12-30-05_GMT-3.png", {}, "2021-07-01T15:30:05"),
+        ("W8446B18_2020-12-11_20-09-36.png", {"utc_offset_h": -7.5}, "2020-12-12T03:39:36"),
+        ("sky_202401311205.png", {"utc_offset_h": 1.0}, "2024-01-31T11:05"),
+        ("LYR-Sony-111220_200933.png", {"time_pattern": "%d%m%y_%H%M%S", "utc_offset_h": 0.0}, "2020-12-11T20:09:33"),
+        ("roof-2024-061-1200.png", {"time_pattern": "%Y-%j-%H%M", "utc_offset_h": 0.0}, "2024-03-01T12:00"),
+        ("a_20240230_120000_20240301_120000+0100.png", {"time_pattern": "%Y%m%d_%H%M%S%z"}, "2024-03-01T11:00"),
+    ],
+)
+def test_names_tell_the_time(tmp_path, name, settings, utc):
+    found = frame(tmp_path, name, **settings)
+    assert found.time == np.datetime64(utc)
+    assert found.time_source == "name"
+    assert found.shape == (6, 5)
+
+
+def test_the_zone_is_asked_for_and_never_the_machines(tmp_path, monkeypatch):
+    for zone in ("America/Los_Angeles", "UTC"):
+        monkeypatch.setitem(os.environ, "TZ", zone)
+        time.tzset()
+        with pytest.raises(UserError, match="--utc-offset"):
+            frame(tmp_path, "image_20250215080830.png")
+        told = frame(tmp_path, "image_20250215080830.png", utc_offset_h=1.0)
+        assert told.time == np.datetime64("2025-02-15T07:08:30")
+    monkeypatch.undo()
+    time.tzset()
+
+
+def test_exif_has_a_zone_or_needs_one(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: "2021:11:21 17:07:51", 0x829A: 20.0})
+    with pytest.raises(UserError, match="--utc-offset"):
+        frame(tmp_path, "sky.jpg", exif)
+    assert frame(tmp_path, "sky.jpg", exif, utc_offset_h=2.0).time == np.datetime64("2021-11-21T15:08:01")
+    exif.get_ifd(0x8769)[0x9011] = "+01:00"
+    found = frame(tmp_path, "sky.jpg", exif)
+    assert found.time == np.datetime64("2021-11-21T16:08:01")
+    assert "EXIF" in found.time_source
+
+
+def test_fits_has_the_start_of_the_exposure(tmp_path):
+    path = tmp_path / "008.fits"
+    cards = {"DATE-OBS": "'2018-09-14T11:53:22.844'", "EXPTIME": 60.0}
+    path.write_bytes(fits((DEEP.astype(np.int32) - 32768).astype(">i2"), 16, BZERO=32768, **cards))
+    assert read_frame(path).time == np.datetime64("2018-09-14T11:53:52.844")
+    path.write_bytes(fits(DEEP.astype(">f4"), -32, **{"DATE-OBS": "'2018-09-14'", "UTSTART": "'11:53:22.844'"}))
+    assert read_frame(path).time == np.datetime64("2018-09-14T11:53:22.844")
+    assert read_frame(path, time="2020-01-01T00:00+01:00").time == np.datetime64("2019-12-31T23:00")
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "says"),
+    [
+        ("sky.png", {}, "--time"),
+        ("sky_20241399_251000.png", {"utc_offset_h": 0.0}, "--time"),
+        ("sky_20240230_120000.png", {"utc_offset_h": 0.0}, "--time"),
+        ("x_20160901_100000_UTCp1.png", {"utc_offset_h": 2.0}, "leave one"),
+        ("x_20160901.png", {"time_pattern": "%d%m%y_%H%M"}, "pattern"),
+        ("x_20160901.png", {"time_pattern": "%H%M"}, "a year"),
+        ("x_20160901.png", {"time_pattern": "%Y %Q"}, "takes"),
+    ],
+)
+def test_what_tells_no_time_is_refused_in_one_line(tmp_path, name, settings, says):
+    with pytest.raises(UserError, match=says) as caught:
+        frame(tmp_path, name, **settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_frames_of_real_cameras(shared):
+    sky = shared / "data/sky"
+    for name, settings, utc, shape in (
+        ("bretigny/image_20250215080830.jp2", {"utc_offset_h": 0.0}, "2025-02-15T08:08:30", (2056, 2464, 3)),
+        ("wolf/Wolf_20160530_094400_UTCp1_sunrow1338_suncol616.jpg", {}, "2016-05-30T08:44", (1920, 1920, 3)),
+        ("happyjack/008.fits.bz2", {}, "2018-09-14T11:53:52.844", (1040, 1392)),
+    ):
+        found = read_frame(sky / name, settings=FrameSettings(**settings))
+        assert found.time == np.datetime64(utc)
+        assert found.counts.shape == shape

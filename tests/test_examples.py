@@ -1,0 +1,58 @@
+"""Python blocks of the README and of docs/light.md run as pasted, on a small file in place of the user's own."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.readers.conftest import WRFSpec, write_wrf
+
+import openswim
+
+ROOT = Path(__file__).parents[1]
+SMALL = {1440: 24, 800: 16}  # pixels of a picture whose size is not said
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where examples run: it has the weather file that they name, around 24.5 N, 90 W; cameras make small pictures."""
+    around = {"TRUELAT1": 24.5, "TRUELAT2": 24.5, "STAND_LON": -89.72, "MOAD_CEN_LAT": 24.31}  # cells of 3 km
+    write_wrf(tmp_path / "wrfout_d01_...", WRFSpec(times=("2005-08-28_18:00:00",), attributes=around))
+    monkeypatch.chdir(tmp_path)
+    for name in ("panorama", "allsky"):
+        made = getattr(openswim.Camera, name).__func__
+        monkeypatch.setattr(made, "__defaults__", tuple(SMALL.get(value, value) for value in made.__defaults__))
+    return tmp_path
+
+
+def run(page: str) -> dict[str, Any]:
+    """What is defined after all Python blocks of a page, one after the other."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    assert blocks
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(compile(block, page, "exec"), names)
+    return names
+
+
+def test_the_readme_shows_a_sky(folder: Path) -> None:
+    image = run("README.md")["image"]
+    assert image.radiance.dims == ("y", "x", "wavelength")
+    assert image.attrs["time"] == "2005-08-28T18:00:00Z"
+    assert (image.attrs["latitude"], image.attrs["longitude"]) == (24.5, -90)
+    assert np.isfinite(image.radiance).all()
+    assert image.radiance.min() > 0  # at noon nothing is black
+
+
+def test_one_solve_serves_many_cameras(folder: Path) -> None:
+    found = run("docs/light.md")
+    image = found["image"]
+    assert found["corner"].radiance.equals(image.radiance[:8, :12])
+    assert found["whole"].radiance.equals(image.radiance)
+    assert found["sky"].shape == (4, 3)
+    assert found["evening"].viewpoint(found["camera"]).sun == pytest.approx((280, 5), abs=0.2)
+    for lit in (found["lit"], found["again"]):
+        assert openswim.render(lit, found["viewpoint"].camera).radiance.equals(image.radiance)

@@ -1,0 +1,109 @@
+"""Light on the ground under clouds: the clear sky's share of it, and all of it by Monte Carlo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.transport.scenes import grid_scene, toward
+from tests.transport.scenes import medium_of as drawn
+
+from openswim.scene import Scene
+from openswim.solver import Solver
+from openswim.transport import ReferenceField
+from openswim.transport.engine.ordinates import Ordinates, lebedev
+from openswim.transport.ground_light.clear_share import clear_share
+from openswim.transport.medium.medium import Medium
+
+WAVELENGTHS_NM = [615.0, 546.0, 450.0]
+MARK = 0.01
+
+
+def overcast(columns: int, depth: float, periodic: bool = False) -> Scene:
+    """A deck from 275 to 825 m over black ground, in cells for which the sweeps take Lebedev's ordinates."""
+    shape = (21, columns, columns)
+    field = np.zeros(shape, np.float32)
+    field[6:17] = depth / 550.0
+    return grid_scene(field, shape, (200.0, 200.0, 50.0), air=True, periodic=periodic)
+
+
+def broken() -> Scene:
+    """Forty cumuli that cover a third of the sky."""
+    shape, rng = (21, 48, 48), np.random.default_rng(3)
+    field = np.zeros(shape, np.float32)
+    y, x = np.mgrid[:48, :48]
+    for _ in range(40):
+        place, radius = rng.uniform(0, 48, 2), rng.uniform(1.5, 4)
+        inside = np.hypot(y - place[0], x - place[1]) < radius
+        field[8 : int(rng.uniform(11, 16)), inside] = 0.02
+    return grid_scene(field, shape, (200.0, 200.0, 100.0), curved=True, air=True)
+
+
+def medium_of(scene: Scene) -> Medium:
+    return drawn(scene, np.full(4, 546.0), 1.0, refine=False)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_through_an_even_deck_it_fades_by_the_cosine(periodic: bool) -> None:
+    medium, ordinates = medium_of(overcast(9, 2.0, periodic)), lebedev(50)
+    share = clear_share(medium, np.ones(1, np.float32), ordinates, np.ones((50, 2), np.float32), False)
+    mu = ordinates.direction[:, 2]
+    weight, down = ordinates.weight * mu, mu > 0
+    expected = (weight[down] * np.exp(-2.0 / mu[down])).sum() / weight[down].sum()
+    assert share.shape == (2, *medium.shape[1:])
+    np.testing.assert_allclose(share, expected, rtol=0.01)  # levels have a little more than the deck
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_cloud_hides_the_sky_where_its_shadow_falls(ends: bool) -> None:
+    """Along one direction, east at 45 degrees: a wall 1000 m up hides it 1000 m to the west, beyond a side none."""
+    shape = (13, 5, 21)
+    field = np.zeros(shape, np.float32)
+    field[10, :, 12] = field[10, :, 20] = 1.0
+    medium = medium_of(grid_scene(field, shape, (100.0, 100.0, 100.0)))
+    east = Ordinates(np.array([[0.5**0.5, 0.0, 0.5**0.5]]), np.ones(1))
+    share = clear_share(medium, np.ones(1, np.float32), east, np.ones((1, 1), np.float32), ends)[0]
+    hidden = np.zeros(21, bool)
+    hidden[[2, 10]] = True
+    if not ends:  # what is at the side goes on
+        hidden[11:] = True
+    np.testing.assert_array_equal(share[2] < 1e-6, hidden)
+    np.testing.assert_array_equal(share[2][~hidden], 1.0)
+
+
+def flux_in_the_middle(field: ReferenceField, part: slice) -> tuple[np.ndarray, np.ndarray]:
+    """Flux down to the ground (nw,) of some rows and columns, and its standard error."""
+    assert field.medium is not None
+    axes, place = (own[part, part].reshape(-1, *own.shape[2:]) for own in (field.medium.axes, field.medium.place))
+    up = axes[:, 2].astype(float)
+    diffuse, beam = field._half_space(place + 0.02 * up, up, 1)
+    return (diffuse[0] + beam[0]).mean(axis=0), np.sqrt((diffuse[1] ** 2).sum(axis=0)) / len(place)
+
+
+@pytest.mark.parametrize("altitude_deg", [25.0, 60.0])
+def test_ground_under_an_overcast_by_monte_carlo(altitude_deg: float) -> None:
+    """In the middle of an open domain, away from the lit sides: it was 3 to 7 % too bright, most in red."""
+    scene, sun, part = overcast(32, 5.0), toward(70.0, altitude_deg), slice(10, 22)
+    expected, sigma = flux_in_the_middle(Solver("reference", paths=2500).solve(scene, sun, WAVELENGTHS_NM), part)
+    lighting = Solver().solve(scene, sun, WAVELENGTHS_NM).packs[0].lighting
+    seen = [(lighting.direct_horizontal(w) + lighting.diffuse[w])[part, part].mean() for w in range(3)]
+    assert (sigma < 0.0045 * expected).all()
+    assert (np.abs(seen - expected) < MARK * expected + 2 * sigma).all()
+
+
+@pytest.mark.parametrize("altitude_deg", [25.0, 60.0])
+def test_ground_under_an_endless_overcast_by_monte_carlo(altitude_deg: float) -> None:
+    scene, sun = overcast(6, 5.0, periodic=True), toward(70.0, altitude_deg)
+    _compare(scene, sun, 200)
+
+
+def test_ground_under_broken_clouds_by_monte_carlo() -> None:
+    """Of the mean diffuse light 5 % were too much in red."""
+    _compare(broken(), toward(70.0, 25.0), 120)
+
+
+def _compare(scene: Scene, sun: np.ndarray, paths: int) -> None:
+    """Mean diffuse flux of a domain."""
+    reference = Solver("reference", paths=paths).solve(scene, sun, WAVELENGTHS_NM)
+    expected, sigma = reference.fluxes()["down_bottom"], reference.flux_errors()["down_bottom"]
+    seen = Solver().solve(scene, sun, WAVELENGTHS_NM).fluxes()["down_bottom"]
+    assert (np.abs(seen - expected) < MARK * expected + 2 * sigma).all(), (seen / expected, sigma / expected)

@@ -1,0 +1,112 @@
+"""Plan and values: with the plan given nothing is decided anew, and light is a smooth function of what clouds hold."""
+
+import numpy as np
+import pytest
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene
+
+from openswim.cameras import Camera
+from openswim.errors import UserError
+from openswim.scene import Scene
+from openswim.solver import Solver
+from openswim.transport import Field
+from openswim.transport.engine.decisions import Decisions
+
+SHAPE, CELL_M = (14, 28, 28), 60.0
+SUN = np.array([0.6, 0.2, 0.775])
+SUN /= np.linalg.norm(SUN)
+
+
+def cumuli(share: float = 1.0) -> Scene:
+    """Flat-based clouds of up to a fifth of a gram of water per cubic metre, times a share, in air over the Earth."""
+    nz, ny, nx = SHAPE
+    z, y, x = CELL_M * np.mgrid[0:nz, 0:ny, 0:nx]
+    rng, water = np.random.default_rng(5), np.zeros(SHAPE)
+    for _ in range(9):
+        (cx, cy), r = rng.uniform(300, 1300, 2), rng.uniform(100, 300)
+        wide = np.clip(1 - ((x - cx) ** 2 + (y - cy) ** 2) / r**2, 0, 1)
+        water += 1.65e-4 * wide * np.clip((z - 200) / 400, 0, 1) * (z < 300 + 1.5 * r)
+    fields = {"liquid_content": (share * water).astype(np.float32)}
+    return grid_scene({}, SHAPE, (CELL_M,) * 3, curved=True, air=True, surface_albedo=0.2, fields=fields)
+
+
+def seen(field: Field) -> list[np.ndarray]:
+    """L' of some hundred pixels, from the ground, from aloft and from space."""
+    cameras = (
+        Camera.panorama(LAT, LON, size=(24, 12)),
+        Camera.perspective(LAT, LON, 3000.0, 0.0, -60.0, 50.0, size=(12, 9)),
+        Camera.satellite(LAT, LON, 3e5, 0.5, 10),
+    )
+    return [field.view(c.rays(field.frame)).radiance.ravel().astype(float) for c in cameras]
+
+
+def solved(scene: Scene, **more: object) -> Field:
+    found = Solver().solve(scene, SUN, (615.0, 546.0, 450.0), **more)  # type: ignore[arg-type]
+    assert isinstance(found, Field)
+    return found
+
+
+def test_light_by_its_own_plan_is_the_same_bit_for_bit() -> None:
+    first = solved(cumuli())
+    again = solved(cumuli(), plan=first.plan)
+    for ours, theirs in zip(seen(again), seen(first), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    for name, flux in first.fluxes().items():
+        np.testing.assert_array_equal(again.fluxes()[name], flux)
+
+
+def test_nothing_is_decided_anew() -> None:
+    """Half the water would have fewer levels and sweeps."""
+    first = solved(cumuli())
+    assert first.plan is not None
+    seen(first)
+    count = {name: len(made) for name, made in first.plan.decided.items()}
+    thin = solved(cumuli(0.3), plan=first.plan)
+    seen(thin)
+    assert {name: len(made) for name, made in first.plan.decided.items()} == count
+    assert thin.lit[0].sweeps == first.lit[0].sweeps
+    assert thin.medium is not None
+    assert first.medium is not None
+    assert thin.medium.shape == first.medium.shape
+    free = solved(cumuli(0.3))
+    assert free.lit[0].sweeps != first.lit[0].sweeps
+
+
+def test_plans_of_something_else_are_refused() -> None:
+    scene = grid_scene(box((6, 8, 8), (slice(2, 4), slice(2, 6), slice(2, 6)), 0.02), (6, 8, 8))
+    plan = Solver("swim").solve(scene, SUN, [WAVELENGTH_NM]).plan  # type: ignore[union-attr]
+    other = grid_scene(np.zeros((6, 8, 9), np.float32), (6, 8, 9))
+    with pytest.raises(UserError, match="the plan is of a grid of"):
+        Solver("swim").solve(other, SUN, [WAVELENGTH_NM], plan)
+    with pytest.raises(UserError, match="name = swim"):
+        Solver().solve(scene, SUN, [WAVELENGTH_NM], plan)
+    nothing = grid_scene(np.zeros((6, 8, 8), np.float32), (6, 8, 8))
+    with pytest.raises(UserError, match="the plan is of cloud, the scene has none"):
+        Solver("swim").solve(nothing, SUN, [WAVELENGTH_NM], plan)
+
+
+def test_decisions_are_made_once() -> None:
+    made: dict = {}
+    first = Decisions(made)
+    assert [first("level", lambda n=n: n) for n in range(3)] == [0, 1, 2]
+    assert [first.within("part")("level", lambda n=n: n) for n in (7, 8)] == [7, 8]
+    again = Decisions(made)
+    assert [again("level", lambda: -1) for _ in range(4)] == [0, 1, 2, -1]
+    assert [again.within("part")("level", lambda: -1) for _ in range(2)] == [7, 8]
+
+
+def test_light_is_smooth_by_a_plan() -> None:
+    """What a cubic leaves of L', water changed by up to 5 %: without the plan levels and halvings change on the way.
+
+    From the ground the aureole, up to 70 times as bright as the mean, is read from a table of peaks in float32.
+    """
+    change = np.linspace(-0.05, 0.05, 21)
+    plan = solved(cumuli()).plan
+    powers = np.vander(change / 0.05, 4)
+    views = [seen(solved(cumuli(1 + x), plan=plan)) for x in change]
+    for values, bound in zip(map(np.array, zip(*views, strict=True)), (4.8e-5, 1e-5, 1e-5), strict=True):
+        left = np.abs(values - powers @ np.linalg.lstsq(powers, values, rcond=None)[0]).max(axis=0)
+        light = np.maximum(values.mean(axis=0), values.mean()) if bound > 1e-5 else values.mean()
+        assert (left / light).max() < bound
+    ends = [seen(solved(cumuli(1 + x)))[1] for x in change[[0, -1]]]
+    steps = [np.abs(free - planned[1]).max() for free, planned in zip(ends, (views[0], views[-1]), strict=True)]
+    assert max(steps) > 1e-3 * views[10][1].mean()
