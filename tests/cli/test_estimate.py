@@ -10,7 +10,7 @@ from pyproj import CRS
 
 import openswim
 from openswim.cameras import Camera
-from openswim.cli.estimate import estimate, swept
+from openswim.cli.estimate import estimate
 from openswim.scene import Scene
 
 CLEAR = SimpleNamespace(grid=None, wider=None)
@@ -29,9 +29,6 @@ def test_wide_cells_are_divided() -> None:
     small = Camera.allsky(47, 11, size=100)
     own, narrow = (estimate(_scene(45, 48, 48, cell_m), small).seconds for cell_m in (9000.0, 1000.0))
     assert narrow + 1 < own < 8
-    assert swept(_scene(45, 48, 48, 1000.0))
-    assert not swept(_scene(45, 48, 48, 9000.0))
-    assert not swept(CLEAR)
 
 
 @pytest.mark.parametrize(

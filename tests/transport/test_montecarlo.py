@@ -111,32 +111,6 @@ def test_sparse_cloud_as_fast_sees_it() -> None:
     np.testing.assert_allclose(mine.species_depth[:, 0], theirs.species_depth[:, 0], atol=0.01)
 
 
-@pytest.mark.parametrize(("periodic", "wavelengths"), [(False, (546.0,)), (True, (450.0, 615.0))])
-def test_cell_by_cell_and_block_by_block_agree(periodic: bool, wavelengths: tuple[float, ...]) -> None:
-    """Ragged absorbing cloud between uneven levels over bright ground: what two ways of tracking see, to 4 sigma."""
-    rng = np.random.default_rng(5)
-    field = np.where(rng.random((10, 12, 14)) < 0.15, 0.03 * rng.random((10, 12, 14)), 0).astype(np.float32)
-    levels = np.concatenate([[0.0], np.cumsum(rng.uniform(50.0, 150.0, 9))])
-    scene = Scene.from_arrays(
-        field, 100.0 * np.arange(14), 80.0 * np.arange(12), levels, single_scattering_albedo=0.95,
-        phase=HenyeyGreenstein(0.8), periodic=periodic, surface_albedo=0.4,
-    )  # fmt: skip
-    light = solve(scene, paths=8000, wavelengths=wavelengths)
-    assert light.world.kind.ndim == (3 if len(wavelengths) == 1 else 2)
-    blocks = light.world._replace(kind=np.zeros(1, np.float32))
-    other = replace(light, world=blocks, solver=replace(light.solver, seed=1))
-    down = down_on(*np.meshgrid(np.linspace(-500, 500, 5), np.linspace(-400, 400, 5)), 3000.0)
-    up = Rays(np.array([30.0, -60.0, 0.1]), sky_directions([15.0, 40.0, 65.0], [10.0, 100.0, 200.0, 290.0]))
-    for rays in (down, up):
-        mine, theirs = light.view(rays), other.view(rays)
-        sigma = np.hypot(mine.sigma, theirs.sigma).astype(float)
-        apart = (mine.radiance - theirs.radiance) / np.maximum(sigma, 1e-6)
-        assert (np.abs(apart) < 4.5).all()
-        whole = np.sqrt((sigma**2).sum(axis=0)) / len(sigma)
-        assert (np.abs(mine.radiance.mean(axis=0) - theirs.radiance.mean(axis=0)) < 3 * whole).all()
-        assert (whole < 0.02 * mine.radiance.mean(axis=0)).all()
-
-
 @pytest.mark.parametrize("dz", [0.0, -0.0])
 def test_level_rays_see_what_rays_beside_them_see(dz: float) -> None:
     light = solve(cloud_scene(), paths=4000)

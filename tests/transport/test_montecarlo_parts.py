@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numba import njit
@@ -13,8 +15,7 @@ from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction, Rayleigh
-from openswim.transport.montecarlo.cells import cell_majorants, free_cells
-from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflectance, seen_ground
+from openswim.transport.montecarlo.ground import mirrored, mirrored_density, reflected, seen_ground
 from openswim.transport.montecarlo.phase import (
     drawn_q,
     exponential,
@@ -26,7 +27,7 @@ from openswim.transport.montecarlo.phase import (
     unit_circle,
 )
 from openswim.transport.montecarlo.track import air_beam
-from openswim.transport.montecarlo.world import BLOCK, block_majorants, build_world
+from openswim.transport.montecarlo.world import BLOCK, block_majorants, build_world, empty_blocks
 
 PHASES = [HenyeyGreenstein(0.85), HenyeyGreenstein(-0.3), Rayleigh(), mie.phase_function("liquid", 546.0)]
 
@@ -128,55 +129,45 @@ def test_turns_keep_the_angle_and_go_round(axis: tuple[float, float, float]) -> 
     assert np.linalg.norm(across.mean(axis=0)) < 4 / np.sqrt(4000)
 
 
+@pytest.mark.parametrize("beyond", [0, 1])
 @pytest.mark.parametrize("periodic", [True, False])
-def test_majorants_hold_a_cell_beyond_their_blocks(periodic: bool) -> None:
+def test_majorants_hold_the_cells_of_their_blocks(periodic: bool, beyond: int) -> None:
+    """And those beyond their faces that are asked for; no more than these, but for rounding."""
     field = np.random.default_rng(1).random((11, 10, 9)).astype(np.float32) ** 8
-    bound = block_majorants(field, periodic)
-    for k, j, i in np.ndindex(field.shape):
-        for dk, dj, di in np.ndindex(3, 3, 3):
-            place = np.array([k + dk - 1, j + dj - 1, i + di - 1])
-            cells = np.array(field.shape) - 1 + np.array([0, periodic, periodic])
-            if periodic:
-                place[1:] %= cells[1:]
-            if (place < 0).any() or (place >= cells).any():
-                continue
-            assert bound[tuple(place // BLOCK)] >= field[k, j, i]
-
-
-@pytest.mark.parametrize("periodic", [True, False])
-def test_cells_hold_their_nodes(periodic: bool) -> None:
-    field = np.random.default_rng(1).random((6, 5, 4)).astype(np.float32)
-    cells = cell_majorants(field, periodic)
-    assert cells.shape == (5 - (not periodic), 4 - (not periodic), 5)
-    for j, i, k in np.ndindex(cells.shape):
-        corners = field[k : k + 2].take([j, j + 1], 1, mode="wrap").take([i, i + 1], 2, mode="wrap")
-        assert cells[j, i, k] == pytest.approx(corners.max(), rel=2e-6)
-        assert cells[j, i, k] >= corners.max()
+    bound = block_majorants(field, periodic, beyond)
+    truth = np.zeros_like(bound)
+    cells = np.array(field.shape) - 1 + np.array([0, periodic, periodic])
+    for block in np.ndindex(bound.shape):
+        first = np.array(block) * BLOCK
+        ranges = [range(a - beyond, min(a + BLOCK, n) + 1 + beyond) for a, n in zip(first, cells, strict=True)]
+        for place in itertools.product(*ranges):
+            k, j, i = (p % n if periodic and axis else p for axis, (p, n) in enumerate(zip(place, cells, strict=True)))
+            if 0 <= k < field.shape[0] and 0 <= j < field.shape[1] and 0 <= i < field.shape[2]:
+                truth[block] = max(truth[block], field[k, j, i])
+    assert (bound >= truth).all()
+    np.testing.assert_allclose(bound, truth, rtol=2e-5)
 
 
 @pytest.mark.parametrize("periodic", [True, False])
 def test_jumps_end_before_cloud(periodic: bool) -> None:
-    """No cell of the cubes ahead has cloud; open ones could not be larger."""
-    rng = np.random.default_rng(2)
-    cells = np.where(rng.random((9, 8, 7)) < 0.01, 1, 0).astype(np.float32)
-    free = free_cells(cells, periodic, (9, 8))
-    assert (free > 1).mean() > 0.5
+    """No block of the cubes around has cloud; larger ones have."""
+    full = np.random.default_rng(2).random((9, 8, 7)) < 0.01
+    free = empty_blocks(full.astype(np.float32), periodic)
+    assert (free > 1).mean() > 0.2
 
-    def ahead(place: np.ndarray, sign: np.ndarray, n: int) -> bool:
-        """Whether there is cloud in a cube of n cells' edge."""
-        index = [p + s * np.arange(n) for p, s in zip(place, sign, strict=True)]
-        for axis, size in enumerate(cells.shape):
+    def cloud(place: tuple[int, ...], n: int) -> bool:
+        index = [p + np.arange(-n, n + 1) for p in place]
+        for axis, size in enumerate(full.shape):
             keep = (index[axis] >= 0) & (index[axis] < size)
-            index[axis] = index[axis] % size if periodic and axis < 2 else index[axis][keep]
-        return bool((cells[np.ix_(*index)] > 0).any())
+            index[axis] = index[axis] % size if periodic and axis > 0 else index[axis][keep]
+        return bool(full[np.ix_(*index)].any())
 
-    for octant in range(8):
-        sign = np.array([2 * (octant >> 1 & 1) - 1, 2 * (octant & 1) - 1, 2 * (octant >> 2) - 1])
-        for place in np.ndindex(cells.shape):
-            n = int(free[octant][place])
-            assert (n == 0) == (cells[place] > 0)
-            assert not ahead(np.array(place), sign, n)
-            assert periodic or n == 255 or ahead(np.array(place), sign, n + 1)
+    for place in np.ndindex(full.shape):
+        if not full[place]:
+            assert not cloud(place, int(free[place]))
+            assert cloud(place, int(free[place]) + 1)
+    assert (free[full] == 0).all()
+    assert (empty_blocks(np.zeros_like(free), periodic) > 9).all()
 
 
 def _ground(n: int) -> SurfaceSample:
@@ -195,7 +186,7 @@ def test_ground_reflects_as_everywhere_else() -> None:
     cos_angle = mu * mu0 + np.sqrt((1 - mu**2) * (1 - mu0**2)) * np.cos(azimuth)
     seen, out = seen_ground(sample, wavelengths), np.zeros((n, 2))
     for i in range(n):
-        reflectance(mu0[i], mu[i], cos_angle[i], i, seen, out[i])
+        reflected(mu0[i], mu[i], cos_angle[i], i, seen, out[i])
     np.testing.assert_allclose(out, truth, rtol=2e-3, atol=1e-6)
 
 

@@ -33,9 +33,7 @@ def run(folder: Path) -> None:
     from openswim.cli.render import irradiance_line, write
     from openswim.lighting import light
     from openswim.scene.procedural import demo_scene
-    from openswim.transport import warm_up as compiling
 
-    compiling.begin()
     scene = demo_scene()
     click.echo(f"scene: {scene.source}, {time.perf_counter() - start:.1f} s")
     began = time.perf_counter()

@@ -95,12 +95,6 @@ def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
     return plan_of(options, matter, surface, np.array([0.0, 0.0, 1.0])).medium
 
 
-def swept(scene: "Scene") -> bool:
-    """Whether `fast` lights a scene by sweeps: clear skies need none, nor do columns that are solved each by itself."""
-    plan = None if _large(scene) else _plan(scene, "fast", "standard")
-    return plan is not None and not plan.stands_alone
-
-
 def _large(scene: "Scene") -> bool:
     return scene.grid is not None and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
 

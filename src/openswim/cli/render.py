@@ -76,10 +76,9 @@ def run(request: RenderRequest) -> None:
     import numpy as np
 
     import openswim
-    from openswim.cli.estimate import announce, swept
+    from openswim.cli.estimate import announce
     from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
-    from openswim.transport import warm_up as compiling
 
     solver = solver_of(request)
     given = request.albedo_maps or request.height_maps
@@ -88,8 +87,6 @@ def run(request: RenderRequest) -> None:
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
     )
     scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
-    if solver.name == "fast" and any(swept(level) for level in scene.levels):
-        compiling.begin()
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     whole = request.fov_deg is not None or request.camera_file is not None

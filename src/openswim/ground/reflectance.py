@@ -1,13 +1,15 @@
 """How the ground reflects: sun and sky in, radiance toward the viewer out.
 
 The relative azimuth is the angle between the horizontal directions from the surface to the viewer and to the
-sun: 0 with the viewer on the sun's side (hot spot), pi opposite (glint).
+sun: 0 with the viewer on the sun's side (hot spot), pi opposite (glint). `land_shape`, `snow_shape` and
+`cos_phase_angle` are of arrays here and compiled for one photon in `transport.montecarlo.ground`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +20,7 @@ from openswim.ground.sample import SurfaceSample
 FloatArray = NDArray[np.float64]
 SkyRadiance = Callable[[NDArray[np.int64], FloatArray, FloatArray], FloatArray]
 
-_LEAST_MU = 0.05  # the models diverge at grazing sun and view
+LEAST_MU = 0.05  # the models diverge at grazing sun and view
 
 
 def bidirectional_reflectance(
@@ -111,7 +113,7 @@ def land_factor(mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: Arr
     """Anisotropic reflectance factor of land: about 1.5 at the hot spot, .8 against a low sun, bright at grazing view.
 
     The shape of Rahman, Pinty & Verstraete (1993) with k = .78 and Theta = -.1, mid-range of what they fitted to soil,
-    grass and forest in the visible; mu and mu0 not below .05. Scaled as `_balance` tells.
+    grass and forest in the visible; mu and mu0 not below .05. Scaled as `balance` tells.
     """
     return _factor("land", mu_sun, mu_view, relative_azimuth_rad)
 
@@ -120,41 +122,45 @@ def snow_factor(mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: Arr
     """Anisotropic reflectance factor of snow: near 1 for a high sun, several at low sun and forward scattering.
 
     The reflectance of a semi-infinite non-absorbing snow pack (Kokhanovsky & Breon 2012); mu and mu0 not below .05.
-    Scaled as `_balance` tells.
+    Scaled as `balance` tells.
     """
     return _factor("snow", mu_sun, mu_view, relative_azimuth_rad)
 
 
 def _factor(surface: str, mu_sun: ArrayLike, mu_view: ArrayLike, azimuth: ArrayLike) -> FloatArray:
-    mu0, mu = (np.maximum(np.asarray(v, float), _LEAST_MU) for v in (mu_sun, mu_view))
-    node, balance = _balance(surface)
-    return _SHAPES[surface](mu0, mu, np.asarray(azimuth, float)) / (
-        np.interp(mu0, node, balance) * np.interp(mu, node, balance)
-    )
+    mu0, mu = (np.maximum(np.asarray(v, float), LEAST_MU) for v in (mu_sun, mu_view))
+    node, g = balance(surface)
+    shape = _SHAPES[surface](mu0, mu, cos_phase_angle(mu0, mu, np.cos(azimuth)))
+    return np.asarray(shape / (np.interp(mu0, node, g) * np.interp(mu, node, g)))
 
 
-def _land_shape(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
-    k, theta = 0.78, -0.1
-    cos_xi = _cos_phase_angle(mu0, mu, azimuth)
-    bowl = (mu0 * mu * (mu0 + mu)) ** (k - 1)
-    # xi is 0 at the hot spot; a negative Theta scatters back
-    scattering = (1 - theta**2) / (1 + 2 * theta * cos_xi + theta**2) ** 1.5
+def land_shape(mu0: Any, mu: Any, cos_xi: Any) -> Any:
+    """``cos_xi``: of the angle between the directions to sun and eye, 1 at the hot spot."""
+    bowl = (mu0 * mu * (mu0 + mu)) ** (0.78 - 1)
+    # Theta = -.1 scatters back
+    scattering = (1 - 0.1**2) / (1 - 2 * 0.1 * cos_xi + 0.1**2) ** 1.5
     tan0, tan = np.sqrt(np.maximum(1 - mu0**2, 0)) / mu0, np.sqrt(np.maximum(1 - mu**2, 0)) / mu
-    apart = np.sqrt(np.maximum(tan0**2 + tan**2 - 2 * tan0 * tan * np.cos(azimuth), 0.0))
+    # tan0 tan cos(azimuth) = cos_xi / (mu0 mu) - 1
+    apart = np.sqrt(np.maximum(tan0**2 + tan**2 - 2 * (cos_xi / (mu0 * mu) - 1), 0.0))
     return bowl * scattering * (1 + 0.9 / (1 + apart))
 
 
-def _snow_shape(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
-    scattering_deg = 180 - np.degrees(np.arccos(_cos_phase_angle(mu0, mu, azimuth)))
+def snow_shape(mu0: Any, mu: Any, cos_xi: Any) -> Any:
+    scattering_deg = 180 - np.degrees(np.arccos(cos_xi))
     single = 11.1 * np.exp(-0.087 * scattering_deg) + 1.1 * np.exp(-0.014 * scattering_deg)
     return (1.247 + 1.186 * (mu + mu0) + 5.157 * mu * mu0 + single) / (4 * (mu + mu0))
 
 
-_SHAPES = {"land": _land_shape, "snow": _snow_shape}
+def cos_phase_angle(mu0: Any, mu: Any, cos_azimuth: Any) -> Any:
+    sines = np.sqrt(np.maximum(1 - mu0**2, 0.0) * np.maximum(1 - mu**2, 0.0))
+    return np.minimum(np.maximum(mu * mu0 + sines * cos_azimuth, -1.0), 1.0)
+
+
+_SHAPES = {"land": land_shape, "snow": snow_shape}
 
 
 @cache
-def _balance(surface: str) -> tuple[FloatArray, FloatArray]:
+def balance(surface: str) -> tuple[FloatArray, FloatArray]:
     """Nodes of mu and the g(mu) for which shape / (g(mu0) g(mu)) reflects all light, whatever the sun's height.
 
     (2/pi) int shape / (g g) mu dmu dphi = 1 for every mu0 (Sinkhorn's iteration, symmetric): albedo times the factor
@@ -164,17 +170,13 @@ def _balance(surface: str) -> tuple[FloatArray, FloatArray]:
     node, weight = np.polynomial.legendre.leggauss(64)
     mu, mu_weight = 0.5 * (node + 1), 0.5 * weight
     azimuth, azimuth_weight = 0.5 * np.pi * (node + 1), 0.5 * np.pi * weight
-    bounded = np.maximum(mu, _LEAST_MU)
-    kernel = 2 / np.pi * _SHAPES[surface](bounded[:, None, None], bounded[:, None], azimuth) @ azimuth_weight
+    bounded = np.maximum(mu, LEAST_MU)
+    mu0, mu1 = bounded[:, None, None], bounded[:, None]
+    kernel = 2 / np.pi * _SHAPES[surface](mu0, mu1, cos_phase_angle(mu0, mu1, np.cos(azimuth))) @ azimuth_weight
     g = np.ones(mu.size)
     for _ in range(60):
         g = np.sqrt(g * (kernel @ (mu * mu_weight / g)))
     return mu, g
-
-
-def _cos_phase_angle(mu0: FloatArray, mu: FloatArray, azimuth: FloatArray) -> FloatArray:
-    sines = np.sqrt(np.maximum(1 - mu0**2, 0.0) * np.maximum(1 - mu**2, 0.0))
-    return np.clip(mu * mu0 + sines * np.cos(azimuth), -1.0, 1.0)
 
 
 def _water_body(sample: SurfaceSample, foam: FloatArray, wavelengths_nm: ArrayLike) -> FloatArray:

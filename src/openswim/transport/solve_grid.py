@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.errors import UserError
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job
-from openswim.transport import warm_up as compiling
 from openswim.transport.air.shells import build_shells, clear_radiance
 from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.beam.wider_shadow import DepthsAround, shade_from
@@ -49,7 +50,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _WITHIN_ZONE = 4  # directions in which a level ordinate looks out of the grid
-_NARROW = 0.5  # of its height, a period's width in which level light goes round too often
+_NARROWEST = 0.5  # of its height, a period's width without air: in less level light goes round too often
 
 
 class Solved(NamedTuple):
@@ -190,13 +191,17 @@ def _with_moments(
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
-    compiling.wait()
     medium = light.medium
     nz, ny, nx = medium.shape
     setting = options.setting
     width_m, height_m = min(ny * medium.cell_m[1], nx * medium.cell_m[0]), float(np.ptp(medium.levels_m))
-    endless = medium.periodic and (medium.air is not None or width_m < _NARROW * height_m)
-    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, endless)
+    airy = medium.air is not None
+    if medium.periodic and not airy and width_m < _NARROWEST * height_m:
+        raise UserError(
+            f"a period of {width_m:.0f} m without air is narrow for its height of {height_m:.0f} m: repeat it until it "
+            f"is {math.ceil(_NARROWEST * height_m)} m wide, or use solver 'reference'"
+        )
+    ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, medium.periodic and airy)
     inflow = _inflow(medium, shells, sun, ordinates)
     traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}

@@ -55,8 +55,7 @@ def ordinates_for(
     """Lebedev's rule of ``count`` ordinates in cells about as high as wide; flat ones: exact for fluxes.
 
     Lebedev's level ordinates stand for a seventh of all directions. In a layer without sides they see an endless path,
-    and a thin layer then looks too bright at grazing angles; so does the air of a period, and all of a narrow one
-    (``endless``).
+    and a thin layer then looks too bright at grazing angles; so does the air of a period (``endless``).
     """
     flat = min(cell_m) / float(np.median(np.diff(levels_m)))
     if flat > 1e3:

@@ -1,4 +1,4 @@
-"""Reflection off the ground, for one photon: the scalar twin of `ground.reflectance`."""
+"""Reflection off the ground, for one photon: the laws of `ground.reflectance` and `ground.water`, compiled."""
 
 from __future__ import annotations
 
@@ -9,15 +9,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.ground import spectra, water
-from openswim.ground.reflectance import _LEAST_MU, _balance
+from openswim.ground import reflectance, spectra, water
+from openswim.ground.reflectance import LEAST_MU, balance
 from openswim.ground.sample import SurfaceSample
 from openswim.transport.montecarlo.phase import turned, uniform, unit_circle
 
 F64 = NDArray[np.float64]
 
 _MIRRORED = 0.75  # of the ways on from water, by its waves
-_INDEX, _FOAM_ALBEDO = water.REFRACTIVE_INDEX, water.FOAM_ALBEDO
+_FOAM_ALBEDO, _LEAST_WET_MU = water.FOAM_ALBEDO, water.LEAST_MU
+
+_compiled = njit(cache=True, error_model="numpy", _nrt=False)
+_land_shape, _snow_shape = _compiled(reflectance.land_shape), _compiled(reflectance.snow_shape)
+_cos_phase_angle = _compiled(reflectance.cos_phase_angle)
+_fresnel, _facing = _compiled(water.fresnel_reflectance), _compiled(water.facing)
+_glint, _shadowing = _compiled(water.glint), _compiled(water.shadowing)
 
 
 class Seen(NamedTuple):
@@ -30,71 +36,32 @@ class Seen(NamedTuple):
     foam: F64  # (n,)
     water_leaving: F64  # (n, nw)
     lambertian: bool
-    land_norm: F64  # `reflectance._balance` at even cosines from _LEAST_MU to 1
+    land_norm: F64  # `reflectance.balance` at even cosines from LEAST_MU to 1
     snow_norm: F64
 
 
 def seen_ground(sample: SurfaceSample, wavelengths_nm: F64) -> Seen:
     """Tables for the kernel."""
-    mu = np.linspace(_LEAST_MU, 1.0, 256)
+    mu = np.linspace(LEAST_MU, 1.0, 256)
     return Seen(
         np.ascontiguousarray(sample.albedo, float), np.asarray(sample.water, float), np.asarray(sample.snow, float),
         np.asarray(water.mean_square_slope(sample.wind_speed), float),
         np.asarray(water.foam_fraction(sample.wind_speed), float),
         np.ascontiguousarray(spectra.water_leaving(wavelengths_nm, sample.chlorophyll)), sample.lambertian,
-        np.interp(mu, *_balance("land")), np.interp(mu, *_balance("snow")),
+        np.interp(mu, *balance("land")), np.interp(mu, *balance("snow")),
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
 def _norm(mu, table):
-    x = (mu - _LEAST_MU) / (1.0 - _LEAST_MU) * (table.shape[0] - 1)
+    x = (mu - LEAST_MU) / (1.0 - LEAST_MU) * (table.shape[0] - 1)
     x = min(max(x, 0.0), table.shape[0] - 1.000001)
     i = int(x)
     return table[i] + (x - i) * (table[i + 1] - table[i])
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def _shadowing(mu, variance):
-    """Smith's function of the waves, as `water._shadowing`."""
-    a = mu / max(math.sqrt(variance * max(1.0 - mu * mu, 0.0)), 1e-9 * mu)
-    if a >= 1.6:
-        return 0.0
-    return (1.0 + a * (2.276 + 2.577 * a)) / (a * (3.535 + 2.181 * a)) - 1.0
-
-
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _fresnel(c):
-    n = _INDEX
-    refracted = math.sqrt(n * n - 1.0 + c * c)
-    perpendicular = (c - refracted) / (c + refracted)
-    parallel = (n * n * c - refracted) / (n * n * c + refracted)
-    return 0.5 * (perpendicular * perpendicular + parallel * parallel)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _glint(mu0, mu, cos_two_omega, variance):
-    mu0, mu = max(mu0, 0.01), max(mu, 0.01)
-    cos_omega = math.sqrt(max(0.5 * (1.0 + cos_two_omega), 0.0))
-    cos_beta = min((mu + mu0) / max(2.0 * cos_omega, 1e-9), 1.0)
-    density = math.exp(-(1.0 / (cos_beta * cos_beta) - 1.0) / variance) / (math.pi * variance)
-    visible = 1.0 / (1.0 + _shadowing(mu, variance) + _shadowing(mu0, variance))
-    return math.pi * _fresnel(cos_omega) * density * visible / (4.0 * mu * mu0 * cos_beta**4)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False)
-def _land_shape(mu0, mu, cos_angle):
-    """As `reflectance._land_shape`."""
-    bowl = (mu0 * mu * (mu0 + mu)) ** -0.22
-    scattering = 0.99 / (1.0 - 0.2 * cos_angle + 0.01) ** 1.5
-    tan0, tan = math.sqrt(max(1.0 - mu0 * mu0, 0.0)) / mu0, math.sqrt(max(1.0 - mu * mu, 0.0)) / mu
-    # tan0 tan cos(azimuth) = cos_angle / (mu0 mu) - 1
-    apart = math.sqrt(max(tan0 * tan0 + tan * tan - 2.0 * (cos_angle / (mu0 * mu) - 1.0), 0.0))
-    return bowl * scattering * (1.0 + 0.9 / (1.0 + apart))
-
-
-@njit(cache=True, error_model="numpy", _nrt=False)
-def reflectance(mu_in, mu_out, cos_angle, ray, seen, out):
+def reflected(mu_in, mu_out, cos_angle, ray, seen, out):
     """Reflectance factor pi L / E (nw,) into ``out`` for light from ``mu_in`` to ``mu_out``.
 
     ``cos_angle``: cosine of the angle between the directions from the ground to the light and to the eye.
@@ -106,22 +73,22 @@ def reflectance(mu_in, mu_out, cos_angle, ray, seen, out):
         return
     mu0, mu = min(max(mu_in, 0.0), 1.0), min(max(mu_out, 0.0), 1.0)
     c = min(max(cos_angle, -1.0), 1.0)
-    wet, snow = seen.water[ray], seen.snow[ray]
-    a0, a = max(mu0, _LEAST_MU), max(mu, _LEAST_MU)
-    c_bounded = c
-    if mu0 < _LEAST_MU or mu < _LEAST_MU:  # the models keep the azimuth, and see the angle of what is bounded
+    wet, snow, variance = seen.water[ray], seen.snow[ray], seen.variance[ray]
+    a0, a = max(mu0, LEAST_MU), max(mu, LEAST_MU)
+    cos_xi = c
+    if mu0 < LEAST_MU or mu < LEAST_MU:  # the models keep the azimuth, and see the angle of what is bounded
         sines = math.sqrt(max((1.0 - mu0 * mu0) * (1.0 - mu * mu), 1e-12))
-        cos_azimuth = min(max((c - mu0 * mu) / sines, -1.0), 1.0)
-        c_bounded = a0 * a + math.sqrt((1.0 - a0 * a0) * (1.0 - a * a)) * cos_azimuth
-    factor = _land_shape(a0, a, c_bounded) / (_norm(a0, seen.land_norm) * _norm(a, seen.land_norm))
+        cos_xi = _cos_phase_angle(a0, a, min(max((c - mu0 * mu) / sines, -1.0), 1.0))
+    factor = _land_shape(a0, a, cos_xi) / (_norm(a0, seen.land_norm) * _norm(a, seen.land_norm))
     if snow > 0.0:
-        deg = 180.0 - math.degrees(math.acos(min(max(c_bounded, -1.0), 1.0)))
-        single = 11.1 * math.exp(-0.087 * deg) + 1.1 * math.exp(-0.014 * deg)
-        shape = (1.247 + 1.186 * (a + a0) + 5.157 * a * a0 + single) / (4.0 * (a + a0))
-        factor += snow * (shape / (_norm(a0, seen.snow_norm) * _norm(a, seen.snow_norm)) - factor)
+        white = _snow_shape(a0, a, cos_xi) / (_norm(a0, seen.snow_norm) * _norm(a, seen.snow_norm))
+        factor += snow * (white - factor)
     glint = 0.0
     if wet > 0.0:
-        glint = (1.0 - seen.foam[ray]) * _glint(mu0, mu, c, seen.variance[ray])
+        mu0, mu = max(mu0, _LEAST_WET_MU), max(mu, _LEAST_WET_MU)
+        cos_omega, cos_beta = _facing(mu0, mu, c)
+        hidden = _shadowing(mu, variance) + _shadowing(mu0, variance)
+        glint = (1.0 - seen.foam[ray]) * _glint(mu0, mu, cos_beta, _fresnel(cos_omega), hidden, variance)
     for w in range(nw):
         body = seen.foam[ray] * _FOAM_ALBEDO + (1.0 - seen.foam[ray]) * seen.water_leaving[ray, w]
         out[w] = (1.0 - wet) * factor * seen.albedo[ray, w] + wet * (glint + body)

@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.engine.scalar import flat
-from openswim.transport.montecarlo.first_cloud import clear_m
 from openswim.transport.montecarlo.path import STACK, black, trace
 from openswim.transport.montecarlo.phase import start_stream, turned, uniform, unit_circle
 from openswim.transport.montecarlo.place import (
@@ -23,6 +21,7 @@ from openswim.transport.montecarlo.place import (
     species_at,
 )
 from openswim.transport.montecarlo.track import (
+    FARTHEST_M,
     NUDGE_M,
     air_beam,
     block_step,
@@ -31,6 +30,7 @@ from openswim.transport.montecarlo.track import (
     sunlight,
     terrain_step,
 )
+from openswim.transport.montecarlo.world import BLOCK
 
 _FLAGS = {"contract", "nsz", "arcp"}
 _RAYS = 8  # handed to a thread at a time
@@ -39,6 +39,7 @@ _AIR_RISE_M = 400.0
 _WANTED_DEPTH = 1.2  # of the air along a straight way that ends in space, after stretching
 _WANTED_BEFORE = 0.6  # where there is ground or cloud to be seen as well
 _GAUSS = 0.21132486540518708
+_WIDEST = 8  # blocks; of pixels, whose rays are moved on together
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -50,22 +51,22 @@ def entry_m(ox, oy, oz, dx, dy, dz, world):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def scout(ox, oy, oz, dx, dy, dz, world, depth, species_depth, beam, nodes, wanted, boost):
+def scout(ox, oy, oz, dx, dy, dz, margin, world, depth, species_depth, beam, nodes, wanted, boost):
     """Follow a ray straight on: optical depths (nw,) and (ns,), and how much to stretch the air's collisions (layers,).
 
     Gauss-Legendre with two points a step. Returns where it first may meet cloud (-1: nowhere), and the ground (-1).
+    ``margin``: blocks aside, within which cloud ends it; -1: no cloud does.
     """
     nw, ns = depth.shape[0], world.extinction.shape[3]
     depth[:] = 0.0
     species_depth[:] = 0.0
     wanted[:] = 0.0
     boost[:] = 1.0
-    s = entry_m(ox, oy, oz, dx, dy, dz, world)
+    s = start_m = entry_m(ox, oy, oz, dx, dy, dz, world)
     if s >= FAR:
         return -1.0, -1.0
     square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
     hilly = world.low_m < world.high_m
-    grid_top = flat(world.levels_m, world.levels_m.shape[0] - 1)
     cloud_m, ground_m = -1.0, -1.0
     seen = 0.0  # light of the air, as single scattering
     while True:
@@ -76,18 +77,21 @@ def scout(ox, oy, oz, dx, dy, dz, world, depth, species_depth, beam, nodes, want
         step, cloud, layer, ix, iy = FAR, 0.0, 0, -1e9, -1e9
         if world.gridded:
             step, cloud, ix, iy = block_step(
-                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise,
+                max(margin, 0), world,
             )  # fmt: skip
+            if cloud > 0.0 and margin >= 0:
+                return s, -1.0
         if world.airy:
             edge, layer = layer_step(h, here, b, per_rise, world)
             step = min(step, edge, _AIR_RISE_M / max(abs(mu), 0.02))
         hills, base = hilly, world.low_m
         if hilly and not in_domain(ix, iy, world):
             hills = False
-            if h <= grid_top:
+            if h <= world.cloud_high_m:
                 base = world.ground_m
         ground = max(fall_m(b, here, base, per_rise, world), 0.0)
-        if step >= FAR and ground >= FAR:
+        if (step >= FAR and ground >= FAR) or s > start_m + FARTHEST_M:
             break
         step = min(step, ground + 1.0)
         if hills:
@@ -153,8 +157,26 @@ def scout_kernel(t, threads, origin, direction, world, depth, species_depth, gro
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
             _, ground_m[ray] = scout(
-                o[0], o[1], o[2], d[0], d[1], d[2], world, depth[ray], species_depth[ray], beam, nodes, wanted, boost
+                o[0], o[1], o[2], d[0], d[1], d[2], -1, world, depth[ray], species_depth[ray], beam, nodes, wanted,
+                boost,
             )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def pixel_width(dx, dy, dz, across, along, world):
+    """How far aside of a pixel's middle ray the others are, in blocks, and how far before it they may start (m).
+
+    -1: the rays have to be followed one by one.
+    """
+    half_z = 0.5 * (abs(across[2]) + abs(along[2]))
+    if world.low_m < world.high_m or world.curved or (half_z > 0.0 and dz >= 0.0):
+        return -1, 0.0
+    ahead = 1.0 / dz if half_z > 0.0 else 0.0
+    x0, y0 = across[0] - dx * across[2] * ahead, across[1] - dy * across[2] * ahead
+    x1, y1 = along[0] - dx * along[2] * ahead, along[1] - dy * along[2] * ahead
+    cells = 0.5 * max((abs(x0) + abs(x1)) * abs(world.index_per_x), (abs(y0) + abs(y1)) * abs(world.index_per_y))
+    blocks = math.ceil(cells / BLOCK)
+    return blocks if blocks <= _WIDEST else -1, half_z * abs(ahead)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -173,27 +195,25 @@ def path_kernel(
     for k in range(3):
         spread = spread or across[k] != 0.0 or along[k] != 0.0
     scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-    stack, out = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw)
+    stack, out = np.zeros((STACK + 1, 7 + max(nw, ns))), np.zeros(nw)
     wanted, boost, species_depth = np.zeros(layers), np.zeros(layers), np.zeros(ns)
     rng = np.zeros(1, np.uint64)
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
-            if world.kind.ndim > 1:
-                begin, clear = clear_m(o[0], o[1], o[2], d[0], d[1], d[2], across, along, world)
-                if clear and (begin >= FAR or black(0.0, 0.0, True, ray, seen, world, out)):
-                    continue
-                begin = max(begin - NUDGE_M, 0.0)
-            elif world.airy or not spread:
-                begin = entry_m(o[0], o[1], o[2], d[0], d[1], d[2], world)
+            begin = -1.0
+            margin, ahead_m = 0, 0.0
+            if spread:
+                margin, ahead_m = pixel_width(d[0], d[1], d[2], across, along, world)
+            if world.airy or margin >= 0:
                 cloud_m, ground_m = scout(
-                    o[0], o[1], o[2], d[0], d[1], d[2], world, scratch[0], species_depth, scratch[1], nodes, wanted,
-                    boost,
+                    o[0], o[1], o[2], d[0], d[1], d[2], -1 if world.airy else margin, world, scratch[0], species_depth,
+                    scratch[1], nodes, wanted, boost,
                 )  # fmt: skip
-                if not spread and not world.airy:  # straight to the first cloud
-                    if cloud_m < 0.0 and ground_m < 0.0:
+                if not world.airy:  # straight to the first cloud
+                    if cloud_m < 0.0 and (ground_m < 0.0 or black(0.0, 0.0, True, ray, seen, world, out)):
                         continue
-                    begin = cloud_m if cloud_m >= 0.0 else max(begin, ground_m - 1.0)
+                    begin = max(max(cloud_m, ground_m) - ahead_m - 1.0, 0.0)
             for path in range(first, first + count):
                 start_stream(rng, seed, numbers[ray], path)
                 x, y, z = o[0], o[1], o[2]
@@ -202,14 +222,13 @@ def path_kernel(
                     x += a * across[0] + b * along[0]
                     y += a * across[1] + b * along[1]
                     z += a * across[2] + b * along[2]
-                    if world.kind.ndim == 1:
-                        begin = entry_m(x, y, z, d[0], d[1], d[2], world)
-                if begin >= FAR:
+                start_m = begin if begin >= 0.0 else entry_m(x, y, z, d[0], d[1], d[2], world)
+                if start_m >= FAR:
                     continue
                 out[:] = 0.0
                 trace(
-                    x + begin * d[0], y + begin * d[1], z + begin * d[2], d[0], d[1], d[2], ray, True, seen, world.airy,
-                    boost, aiming, world, phases, scratch, shares, nodes, stack, rng, out,
+                    x + start_m * d[0], y + start_m * d[1], z + start_m * d[2], d[0], d[1], d[2], ray, True, seen,
+                    world.airy, boost, aiming, world, phases, scratch, shares, nodes, stack, rng, out,
                 )  # fmt: skip
                 for w in range(nw):
                     sums[ray, w] += out[w]
@@ -223,7 +242,7 @@ def flux_kernel(t, threads, place_m, up, seed, first, count, seen, aiming, world
     n, nw = sums.shape[:2]
     ns, layers = world.extinction.shape[3], world.layer_majorant.shape[0]
     scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-    stack, out, beam = np.zeros((STACK + 2, 7 + max(nw, ns))), np.zeros(nw), np.zeros(nw)
+    stack, out, beam = np.zeros((STACK + 1, 7 + max(nw, ns))), np.zeros(nw), np.zeros(nw)
     boost = np.ones(layers)
     rng = np.zeros(1, np.uint64)
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):

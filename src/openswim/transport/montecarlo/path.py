@@ -12,17 +12,15 @@ import math
 
 from numba import njit
 
-from openswim.transport.montecarlo.cell_track import fly_flat
 from openswim.transport.montecarlo.ground import (
     mirrored,
     mirrored_density,
     mirrored_light,
     mirrored_share,
-    reflectance,
+    reflected,
 )
 from openswim.transport.montecarlo.phase import drawn_q, phase_place, turned, uniform, unit_circle
-from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet, sizes
-from openswim.transport.montecarlo.sun_guess import add_sunlight
+from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet
 from openswim.transport.montecarlo.track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
 _FLAGS = {"contract", "nsz", "arcp"}
@@ -37,10 +35,7 @@ LEAST_SOURCE = 0.1  # of a local estimate, likewise
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def scatterers(event, h, world, shares, scattered, nodes):
     """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
-    nw, ns = sizes(world, scattered)
-    if world.kind.ndim == 3:
-        shares[0, 0] = 1.0
-        return 0, 1
+    nw, ns = scattered.shape[0], nodes.shape[0]
     if event == CLOUD:
         for w in range(nw):
             inverse = 1.0 / scattered[w] if scattered[w] > 0.0 else 0.0
@@ -70,7 +65,7 @@ def mixed_phase(q, w, first, last, nw, shares, phases):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def black(ix, iy, straight, ray, seen, world, out):
     """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
-    nw, _ = sizes(world, out)
+    nw = out.shape[0]
     if straight and not seen.lambertian:
         return False
     if not straight:
@@ -97,19 +92,26 @@ def aimed(q, phases):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out):
-    """As `montecarlo_shade.add_sunlight`, in any world: where it is small, chance decides whether it is looked at."""
-    nw, _ = sizes(world, beam)
+    """Add the sun's light at a place, times ``weight`` and ``factor`` (nw,), to ``out``. Returns how much arrives.
+
+    ``whole``: sum of weights at the path's first collision; where the light is small beside it, chance decides whether
+    it is looked at. ``beam``, ``before`` (nw,), ``nodes`` (ns,): work space.
+    """
+    nw = beam.shape[0]
     worth = 0.0
     for w in range(nw):
         worth = max(worth, weight[w] * factor[w])
     chance = min(1.0, worth * nw / (LEAST_SOURCE * whole))
     if worth <= 0.0 or (chance < 1.0 and uniform(rng) >= chance):
-        return
+        return 0.0
     for w in range(nw):
         before[w] = weight[w] * factor[w] / chance
+    most = 0.0
     if sunlight(x, y, z, h, world, beam, nodes, rng):
         for w in range(nw):
             out[w] += before[w] * beam[w]
+            most = max(most, beam[w])
+    return most
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -120,9 +122,9 @@ def trace(
     """Add one path's radiance to ``out`` (nw,). ``aiming``: chance to split a path toward the sun at a scattering.
 
     ``eye``: the ground that the path meets first is seen as ``seen`` says, else as by scattered light.
-    ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK, 7 + nw): work space.
+    ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK + 1, 7 + nw): work space.
     """
-    nw, _ = sizes(world, out)
+    nw = out.shape[0]
     weight, scattered, taken, beam, factor, before = (
         scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5],
     )  # fmt: skip
@@ -133,12 +135,9 @@ def trace(
         weight[w] = 1.0
     waiting = 0
     while True:
-        if world.kind.ndim > 1:
-            event, s, h, ix, iy = fly_flat(x, y, z, dx, dy, dz, weight, scattered, taken, nodes, world, rng)
-        else:
-            event, s, h, ix, iy = fly(
-                x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
-            )  # fmt: skip
+        event, s, h, ix, iy = fly(
+            x, y, z, dx, dy, dz, 0.0, boosted and straight, boost, weight, scattered, taken, nodes, world, rng
+        )  # fmt: skip
         alive = event != ESCAPED and not (event == GROUND and black(ix, iy, straight, ray, seen, world, factor))
         if alive:
             x, y, z = x + s * dx, y + s * dy, z + s * dz
@@ -157,7 +156,7 @@ def trace(
                 toward_eye = -(nx * dx + ny * dy + nz * dz)
                 cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
                 if straight:
-                    reflectance(toward_sun, toward_eye, cos_angle, ray, seen, factor)
+                    reflected(toward_sun, toward_eye, cos_angle, ray, seen, factor)
                     by_waves = mirrored_share(ray, seen)
                     if by_waves > 0.0:
                         bright = total * mirrored_light(toward_eye, ray, seen)
@@ -171,14 +170,7 @@ def trace(
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
-            lit = 0.0
-            if world.kind.ndim > 1:
-                lit = add_sunlight(
-                    x, y, z, event == GROUND, weight, factor, whole, world, beam, stack[STACK], stack[STACK + 1], rng,
-                    out,
-                )  # fmt: skip
-            else:
-                _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, stack[STACK], rng, out)
+            lit = _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out)
             if event == GROUND:
                 chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)
                 alive = uniform(rng) < chance
@@ -228,7 +220,7 @@ def trace(
                     own = 4.0 * max(toward, 0.0)
                     if straight:
                         cos_angle = -(dx * ax + dy * ay + dz * az)
-                        reflectance(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
+                        reflected(toward, -(nx * ax + ny * ay + nz * az), cos_angle, ray, seen, factor)
                     else:
                         diffuse_albedo(ix, iy, world, factor)
                     for w in range(nw):
@@ -266,7 +258,7 @@ def trace(
                     alive = weight[0] >= 0.0
                     if split:
                         # kept while the second way is tried
-                        keep = stack[STACK + 1]
+                        keep = stack[STACK]
                         keep[0], keep[1], keep[2] = dx, dy, dz
                         for w in range(nw):
                             keep[7 + w] = weight[w]
@@ -277,7 +269,7 @@ def trace(
                         entry[7 + w] = weight[w]
                     waiting += 1
             if split:
-                keep = stack[STACK + 1]
+                keep = stack[STACK]
                 dx, dy, dz = keep[0], keep[1], keep[2]
                 for w in range(nw):
                     weight[w] = keep[7 + w]

@@ -14,21 +14,6 @@ FAR = 1e30
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def sizes(world, spectrum):
-    """Wavelengths and species: known to the compiler where there is one of each."""
-    if world.kind.ndim == 3:
-        return 1, 1
-    return spectrum.shape[0], world.extinction.shape[3]
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def cell_counts(world):
-    """Cells along y and x, of a flat world."""
-    ny, nx = world.terrain_m.shape
-    return ny - (ny > 1 and not world.periodic), nx - (nx > 1 and not world.periodic)
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def chart_place(x, y, z, dx, dy, dz, world):
     """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
     depth = world.radius_m + z
@@ -124,10 +109,17 @@ def wrapped(ix, iy, world):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def in_cell(i, j, k, a, b, g, f, world, nodes):
-    """As `species_at`, of any field f, at the shares (a, b, g) of a cell's edges along x, y and z."""
+def species_at(ix, iy, h, world, nodes):
+    """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
     ny, nx = world.terrain_m.shape
-    _, ns = sizes(world, nodes)
+    ns = nodes.shape[0]
+    k = level_below(h, world)
+    low = flat(world.levels_m, k)
+    g = min(max((h - low) / (flat(world.levels_m, k + 1) - low), 0.0), 1.0)
+    ix, iy = wrapped(ix, iy, world)
+    i = min(max(int(ix), 0), nx - 1)
+    j = min(max(int(iy), 0), ny - 1)
+    a, b = ix - i, iy - j
     right, up = ns, nx * ns
     if i + 1 >= nx:
         right = -i * ns if world.periodic else 0
@@ -135,6 +127,7 @@ def in_cell(i, j, k, a, b, g, f, world, nodes):
         up = -j * nx * ns if world.periodic else 0
     here = ((k * ny + j) * nx + i) * ns
     above = here + ny * nx * ns
+    f = world.extinction
     total = 0.0
     for s in range(ns):
         n, m = here + s, above + s
@@ -147,19 +140,6 @@ def in_cell(i, j, k, a, b, g, f, world, nodes):
         nodes[s] = value
         total += value
     return total
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def species_at(ix, iy, h, world, nodes):
-    """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
-    ny, nx = world.terrain_m.shape
-    k = level_below(h, world)
-    low = flat(world.levels_m, k)
-    g = min(max((h - low) / (flat(world.levels_m, k + 1) - low), 0.0), 1.0)
-    ix, iy = wrapped(ix, iy, world)
-    i = min(max(int(ix), 0), nx - 1)
-    j = min(max(int(iy), 0), ny - 1)
-    return in_cell(i, j, k, ix - i, iy - j, g, world.extinction, world, nodes)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -206,9 +186,9 @@ def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def facet(ix, iy, x, y, z, h, world):
     """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
-    if world.kind.ndim > 1:
-        return 0.0, 0.0, 1.0
     if world.periodic or not world.gridded or not in_domain(ix, iy, world):
+        if not world.curved:
+            return 0.0, 0.0, 1.0
         r = world.radius_m + h
         return x / r, y / r, (world.radius_m + z) / r
     ny, nx = world.terrain_m.shape
@@ -227,7 +207,7 @@ def facet(ix, iy, x, y, z, h, world):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def diffuse_albedo(ix, iy, world, out):
     """Albedo (nw,) of the ground met by light that has been scattered: the grid's, or the domain's mean outside."""
-    nw, _ = sizes(world, out)
+    nw = out.shape[0]
     ny, nx = world.terrain_m.shape
     if not world.gridded or not in_domain(ix, iy, world):
         for w in range(nw):

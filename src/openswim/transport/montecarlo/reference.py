@@ -24,7 +24,6 @@ from openswim.transport.montecarlo.ground import Seen, seen_ground
 from openswim.transport.montecarlo.kernels import flux_kernel, path_kernel, scout_kernel
 from openswim.transport.montecarlo.phase import Phases
 from openswim.transport.montecarlo.sums import Sums
-from openswim.transport.montecarlo.sun_guess import shaded
 from openswim.transport.montecarlo.world import World, build_world
 from openswim.transport.view.seen import View
 
@@ -61,7 +60,7 @@ def solve_reference(
     started = time.perf_counter()
     world, phases, medium, lighting = build_world(plan, matter, surface, sun)
     return ReferenceField(
-        options, surface, matter.frame, sun, matter.wavelengths_nm, shaded(world), phases, medium, lighting,
+        options, surface, matter.frame, sun, matter.wavelengths_nm, world, phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},
     )  # fmt: skip
 

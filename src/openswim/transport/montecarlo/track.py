@@ -8,7 +8,7 @@ from numba import njit
 
 from openswim.transport.engine.scalar import flat, shadow_fraction
 from openswim.transport.march.volume import SUN_RADIUS_RAD
-from openswim.transport.montecarlo.phase import uniform
+from openswim.transport.montecarlo.phase import exponential, uniform
 from openswim.transport.montecarlo.place import (
     FAR,
     air_place,
@@ -20,7 +20,6 @@ from openswim.transport.montecarlo.place import (
     on_ray,
     place,
     ray_constants,
-    sizes,
     species_at,
     wrapped,
 )
@@ -30,6 +29,7 @@ _FLAGS = {"contract", "nsz", "arcp"}
 NUDGE_M = 0.01  # past a face, so that no step ends on it; blocks reach a cell beyond their faces
 LEAST_BEAM = 0.25  # of a beam through cloud: below it chance decides whether it goes on
 ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
+FARTHEST_M = 1e8  # level rays in periodic scenes end somewhere
 _STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
 
 
@@ -89,13 +89,18 @@ def _face_m(x, per, block, free, cells):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world):
-    """At a point of a ray: (way on within what is alike, majorant, ix, iy); see `ray_constants`, `on_ray`."""
+def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, margin, world):
+    """At a point of a ray: (way on within what is alike, majorant, ix, iy); see `ray_constants`, `on_ray`.
+
+    ``margin``: blocks aside within which there is to be no cloud; where there may be some, the majorant is not 0.
+    """
     ny, nx = world.terrain_m.shape
     nz = world.levels_m.shape[0]
-    top = flat(world.levels_m, nz - 1)
+    top = world.cloud_high_m
     if h > top or (h > top - 1e-6 and b >= 0.0):
         return fall_m(b, here, top, per_rise, world), 0.0, -1e9, -1e9
+    if h < world.cloud_low_m:
+        return climb_m(b, here, world.cloud_low_m, per_rise, world), 0.0, -1e9, -1e9
     if world.curved:
         ix, iy, ux, uy = chart_place(x, y, z, dx, dy, dz, world)
         per_x = 1.0 / ux if ux != 0.0 else FAR
@@ -103,7 +108,7 @@ def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world):
     else:
         ix, iy = place(x, y, z, world)
     if not in_domain(ix, iy, world):
-        return _beside_m(ix, iy, per_x, per_y, world), 0.0, ix, iy
+        return _beside_m(ix, iy, per_x, per_y, world), 1.0 * margin, ix, iy
     px, py = wrapped(ix, iy, world)
     kb = level_below(h, world) // BLOCK
     jb = min(int(py) // BLOCK, world.majorant.shape[1] - 1)
@@ -111,8 +116,11 @@ def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world):
     n = (kb * world.majorant.shape[1] + jb) * world.majorant.shape[2] + ib
     majorant = flat(world.majorant, n)
     free = 0
-    if majorant == 0.0:
-        free = int(flat(world.skip, n))
+    if majorant <= 0.0:
+        free = int(-majorant) - margin
+        majorant = 0.0
+        if free < 0:
+            majorant, free = 1.0, 0
     step = FAR
     if nx > 1:
         step = _face_m(px, per_x, ib, free, nx if world.periodic else nx - 1)
@@ -164,22 +172,12 @@ def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def collided_alone(majorant, weight, scattered, taken, rng):
-    """As `collided`, of a single wavelength: it weighs less only where light is absorbed."""
-    if uniform(rng) * majorant < scattered:
-        return True
-    if taken > scattered:
-        weight[0] *= max(majorant - taken, 0.0) / (majorant - scattered)
-    return False
-
-
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def dimmed(beam, left, majorant, nodes, world, rng):
     """A beam keeps the share of its light that the majorant takes in excess: how much is ``left`` of it, times that.
 
     Below `LEAST_BEAM` chance decides whether it goes on as strong as at first; 0 where it does not.
     """
-    nw, ns = sizes(world, beam)
+    nw, ns = beam.shape[0], nodes.shape[0]
     most = 0.0
     for w in range(nw):
         extinct = 0.0
@@ -208,8 +206,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
     ns = world.extinction.shape[3]
     square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
     hilly = world.low_m < world.high_m
-    grid_top = flat(world.levels_m, world.levels_m.shape[0] - 1)
-    depth = -math.log(1.0 - uniform(rng))
+    depth = exponential(rng)
     while True:
         h, here, b = on_ray(s, square, rise, world)
         if h >= world.top_m - 1e-6 and b >= 0.0:
@@ -217,7 +214,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
         step, cloud, air, ix, iy = FAR, 0.0, 0.0, -1e9, -1e9
         if world.gridded:
             step, cloud, ix, iy = block_step(
-                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, 0, world
             )  # fmt: skip
         if world.airy:
             edge, layer = layer_step(h, here, b, per_rise, world)
@@ -228,10 +225,10 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
         hills, base = hilly, world.low_m
         if hilly and not in_domain(ix, iy, world):
             hills = False
-            if h <= grid_top:
+            if h <= world.cloud_high_m:
                 base = world.ground_m
         ground = max(fall_m(b, here, base, per_rise, world), 0.0)
-        if step >= FAR and ground >= FAR:
+        if (step >= FAR and ground >= FAR) or s > FARTHEST_M:
             return ESCAPED, s, h, ix, iy
         step = min(step, ground + 1.0)
         if hills:
@@ -242,7 +239,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
         tentative = met >= depth
         if tentative:
             step = depth / majorant
-            depth = -math.log(1.0 - uniform(rng))
+            depth = exponential(rng)
         else:
             depth -= met
         landed = step >= ground
@@ -345,16 +342,16 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
     dx, dy, dz = world.sun[0], world.sun[1], world.sun[2]
     square, rise, per_x, per_y, per_rise = ray_constants(x, y, z, dx, dy, dz, world)
     hilly = world.low_m < world.high_m
-    top = flat(world.levels_m, world.levels_m.shape[0] - 1)
+    top = world.cloud_high_m
     s = 0.0
     left = 1.0  # of the beam, by cloud
-    depth = -math.log(1.0 - uniform(rng))
+    depth = exponential(rng)
     while True:
         h, here, b = on_ray(s, square, rise, world)
-        if b >= 0.0 and h >= top - 1e-6:
+        if (b >= 0.0 and h >= top - 1e-6) or s > FARTHEST_M:
             return True
         step, majorant, ix, iy = block_step(
-            x + s * dx, y + s * dy, z + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, world
+            x + s * dx, y + s * dy, z + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, 0, world
         )  # fmt: skip
         if hilly and h < world.high_m and s > 0.0 and h < ground_height_m(ix, iy, world) - 0.05:
             return False
@@ -372,7 +369,7 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
             continue
         # tentative collision: keep the share of the light that the majorant takes in excess
         s += depth / majorant
-        depth = -math.log(1.0 - uniform(rng))
+        depth = exponential(rng)
         h, _, _ = on_ray(s, square, rise, world)
         ix, iy = place(x + s * dx, y + s * dy, z + s * dz, world)
         if species_at(ix, iy, h, world, nodes) <= 0.0:

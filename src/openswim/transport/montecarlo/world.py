@@ -18,16 +18,15 @@ from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
-from openswim.transport.montecarlo.cells import Cells, Shade, cell_majorants, cells_of, free_cells, no_cells, no_shade
 from openswim.transport.montecarlo.phase import Phases, phases_of
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-BLOCK = 4  # cells of a block along each axis: its extinction is nowhere above the block's majorant
+BLOCK = 2  # cells of a block along each axis: its extinction is nowhere above the block's majorant
 AIR_STEP_M = 100.0  # of the air's table, linear in between
 AIR_NODES = 1001
-_MOST_SKIP = 20
+_MOST_SKIP = 40
 _LAYER_EDGES_M = np.concatenate(
     [np.arange(0, 2000, 200), np.arange(2000, 6000, 500), np.arange(6000, 30000, 2000), np.arange(30000, 100001, 5000)]
 )
@@ -47,7 +46,6 @@ class World(NamedTuple):
     gridded: bool
     airy: bool
     curved: bool
-    kind: F32  # its rank tells the compiler. 1: anything; 2: flat, and cloud alone; 3: one species, one wavelength too
     index_x0: float  # flat scenes: ix = index_x0 + x index_per_x
     index_y0: float
     index_per_x: float
@@ -64,13 +62,9 @@ class World(NamedTuple):
     extinction: F32  # (nz, ny, nx, ns) at the reference wavelength
     relative: F64  # (ns, nw) extinction,
     scattering: F64  # (ns, nw) scattering over the reference extinction
-    least: F64  # (ns,) least relative extinction of all wavelengths
-    majorant: F32  # (blocks z, y, x)
-    skip: NDArray[np.uint8]  # (blocks z, y, x) empty blocks around an empty one, in all directions
-    cells: Cells  # from rank 2 on
-    cloud_low_m: float  # there is cloud between these heights only
+    majorant: F32  # (blocks z, y, x), of empty ones minus how many blocks around are empty, too, in all directions
+    cloud_low_m: float  # there is cloud between these heights only, and hills are not above
     cloud_high_m: float
-    shade: Shade
     terrain_m: F32  # (ny, nx)
     normal: F64  # (ny, nx, 3)
     albedo: F64  # (ny, nx, nw)
@@ -127,8 +121,8 @@ def _no_grid(ground_m: float, nw: int) -> dict:
         "chart_per_m": 1.0, "chart": np.full((2, 2, 2), -1e9), "level_origin_m": 0.0, "level_per_m": 1.0,
         "level_table": np.zeros(2, np.int16), "levels_m": np.array([-1e9, -1e9 + 1]), "cell_m": np.full(2, 1e9),
         "periodic": False, "extinction": np.zeros((1, 1, 1, 1), f32), "relative": np.zeros((1, nw)),
-        "scattering": np.zeros((1, nw)), "least": np.zeros(1), "majorant": np.zeros((1, 1, 1), f32),
-        "skip": np.zeros((1, 1, 1), np.uint8), **_cells(None, np.zeros(2), (), (1, 1), False),
+        "scattering": np.zeros((1, nw)), "majorant": np.zeros((1, 1, 1), f32),
+        "cloud_low_m": ground_m, "cloud_high_m": ground_m,
         "terrain_m": np.zeros((1, 1), f32), "normal": np.zeros((1, 1, 3)), "albedo": np.zeros((1, 1, nw)),
     }  # fmt: skip
 
@@ -141,7 +135,7 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
     if ns == 0:
         extinction, relative, omega = np.zeros((*medium.shape, 1), np.float32), np.zeros((1, nw)), np.zeros((1, nw))
     most = np.max([extinction @ row.astype(np.float32) for row in relative.T], axis=0)
-    majorant = block_majorants(most, medium.periodic)
+    majorant = block_majorants(most, medium.periodic, 1 if medium.frame.curved else 0)
     levels = np.asarray(medium.levels_m, float)
     origin, per_m, table = _level_table(levels)
     top = float(levels[-1])
@@ -152,8 +146,6 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         ground = ground[:1]  # periodic scenes stand on sea level, as in the march
     elif flat and not medium.frame.curved:
         ground = ground[1:]
-    plain = not (airy or medium.frame.curved or min(ground) < max(ground) or max(ground) > levels[0])
-    plain = plain and not _one_wide(medium)
     normal = lighting.normal
     assert normal is not None
     x0, y0, per_x, per_y = 0.0, 0.0, 0.0, 0.0
@@ -168,31 +160,21 @@ def _grid(medium: Medium, lighting: Lighting, airy: bool) -> dict:
         "level_origin_m": origin, "level_per_m": per_m, "level_table": table,
         "levels_m": levels, "cell_m": _least_cells(medium), "periodic": medium.periodic,
         "extinction": extinction, "relative": relative, "scattering": relative * omega,
-        "least": relative.min(axis=1), "majorant": majorant,
-        "skip": _empty_blocks(majorant, medium.periodic),
-        **_cells(most if plain else None, levels, (ns, nw), terrain.shape, medium.periodic),
+        "majorant": majorant - empty_blocks(majorant, medium.periodic),
+        **_cloud_between(most, levels, min(ground), max(ground)),
         "terrain_m": np.ascontiguousarray(terrain),
         "normal": np.ascontiguousarray(normal, float),
         "albedo": np.ascontiguousarray(np.moveaxis(lighting.albedo, 0, -1), float),
     }  # fmt: skip
 
 
-def _one_wide(medium: Medium) -> bool:
-    """Whether an open grid has columns along one axis only: it ends there at once."""
-    return not medium.periodic and min(medium.shape[1:]) == 1 < max(medium.shape[1:])
-
-
-def _cells(most: F32 | None, levels_m: F64, sizes: tuple[int, ...], columns: tuple[int, ...], periodic: bool) -> dict:
-    """What rays need that go from cell to cell, from the nodes' greatest extinction; None: they do not."""
-    none = {"cells": no_cells(), "cloud_low_m": 0.0, "cloud_high_m": 0.0, "shade": no_shade()}
-    if most is None:
-        return {"kind": np.zeros(1, np.float32), **none}
-    majorant = cell_majorants(most, periodic)
-    cells = cells_of(majorant, free_cells(majorant, periodic, (columns[0], columns[1])))
-    kind = np.zeros((1,) * (3 if sizes == (1, 1) else 2), np.float32)
-    full = np.flatnonzero(majorant.any(axis=(0, 1)))
-    low, high = (levels_m[full[0]], levels_m[full[-1] + 1]) if full.size else (levels_m[0], levels_m[0])
-    return none | {"kind": kind, "cells": cells, "cloud_low_m": float(low), "cloud_high_m": float(high)}
+def _cloud_between(most: F32, levels_m: F64, low_m: float, high_m: float) -> dict[str, float]:
+    """Heights that have all cloud between them, and all hills: these are looked for only there."""
+    full = np.flatnonzero(most.any(axis=(1, 2)))
+    if not full.size:
+        return {"cloud_low_m": low_m, "cloud_high_m": high_m}
+    low, high = float(levels_m[max(full[0] - 1, 0)]), float(levels_m[min(full[-1] + 1, len(levels_m) - 1)])
+    return {"cloud_low_m": min(low, low_m) if low_m < high_m else low, "cloud_high_m": max(high, high_m)}
 
 
 def _level_table(levels_m: F64) -> tuple[float, float, NDArray[np.int16]]:
@@ -213,8 +195,8 @@ def _least_cells(medium: Medium) -> F64:
     return np.array([across, along])
 
 
-def block_majorants(extinction: F32, periodic: bool) -> F32:
-    """Greatest extinction (blocks z, y, x) of nodes (nz, ny, nx) in blocks of cells and one cell beyond each face."""
+def block_majorants(extinction: F32, periodic: bool, beyond: int) -> F32:
+    """Greatest extinction (blocks z, y, x) of nodes (nz, ny, nx) in blocks of cells and some cells beyond each face."""
     out = extinction
     for axis in range(3):
         wrap = periodic and axis > 0 and out.shape[axis] > 1
@@ -223,35 +205,25 @@ def block_majorants(extinction: F32, periodic: bool) -> F32:
         first = np.arange(0, cells, BLOCK)
         parts = []
         for a in first:
-            index = np.arange(a - 1, min(a + BLOCK, cells) + 2)
+            index = np.arange(a - beyond, min(a + BLOCK, cells) + 1 + beyond)
             index = index % n if wrap else np.clip(index, 0, n - 1)
             parts.append(out.take(index, axis).max(axis, keepdims=True))
         out = np.concatenate(parts, axis)
     return np.ascontiguousarray(out * np.float32(1.00001), np.float32)
 
 
-def _empty_blocks(majorant: F32, periodic: bool) -> NDArray[np.uint8]:
+def empty_blocks(majorant: F32, periodic: bool) -> F32:
     """How many blocks around each empty one are empty too, in the largest-axis metric."""
-    full = majorant > 0
-    skip = np.zeros(full.shape, np.uint8)
-    for _ in range(_MOST_SKIP):
-        for axis in range(3):
-            wrap = periodic and axis > 0
-            padded = np.concatenate([full.take([-1], axis), full, full.take([0], axis)], axis)
-            if not wrap:
-                edge = [slice(None)] * 3
-                for end in (0, -1):
-                    edge[axis] = end
-                    padded[tuple(edge)] = False
-            n = full.shape[axis]
-            full = (
-                padded.take(np.arange(n), axis) | padded.take(np.arange(1, n + 1), axis)
-                | padded.take(np.arange(2, n + 2), axis)
-            )  # fmt: skip
-        if full.all():
-            break
-        skip += ~full
-    return skip
+    from scipy.ndimage import distance_transform_cdt
+
+    empty = majorant == 0
+    if empty.all():
+        return np.full(empty.shape, _MOST_SKIP, np.float32)
+    around = _MOST_SKIP if periodic else 0
+    padded = np.pad(empty, [(0, 0), (around, around), (around, around)], mode="wrap")
+    ny, nx = empty.shape[1:]
+    away = distance_transform_cdt(padded, "chessboard")[:, around : around + ny, around : around + nx]
+    return np.clip(away - 1, 0, _MOST_SKIP).astype(np.float32)
 
 
 def _air_table(matter: Matter, ground_m: float):
