@@ -30,16 +30,18 @@ def drop_stale(package: str) -> None:
         _drop(folder, {name.rpartition(".")[2]: digests.of(name) for name in modules})
 
 
-def _cache_folders(package: str) -> dict[Path, list[str]]:
-    """Where Numba keeps kernels, and the modules whose kernels it keeps there."""
-    out: dict[Path, list[str]] = {}
+def _cache_folders(package: str) -> dict[Path, set[str]]:
+    """Where Numba keeps the kernels that a package's modules hold, and the modules of the distribution whose own they
+    are: what is compiled here may be written in another room."""
+    out: dict[Path, set[str]] = {}
+    root = package.partition(".")[0]
     for name, module in list(sys.modules.items()):
         if name == package or name.startswith(f"{package}."):
             for kernel in list(vars(module).values()):
                 path = getattr(getattr(kernel, "stats", None), "cache_path", None)
-                if path is not None and getattr(kernel, "__module__", None) == name:
-                    out.setdefault(Path(path), []).append(name)
-                    break
+                own = str(getattr(kernel, "__module__", ""))
+                if path is not None and own.partition(".")[0] == root:
+                    out.setdefault(Path(path), set()).add(own)
     return out
 
 
