@@ -86,8 +86,9 @@ def light_of_grid(
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
     volume, depths = sunlit_volume(
-        medium, coefficients, local_sun, plan.of_all_packs(), None if fast else swim.backscatter_weights(medium)
-    )
+        medium, coefficients, local_sun, plan.of_all_packs(), plan.decisions(pack),
+        None if fast else swim.backscatter_weights(medium),
+    )  # fmt: skip
     if around is not None:
         shade_from(around.depths, medium, volume, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
@@ -119,7 +120,7 @@ def light_of_grid(
         float(reach), landscape, wider, None if wider is None else Core.of(medium), ends, sweeps, timings,
         decide=plan.decisions(pack).within("view"),
     )  # fmt: skip
-    return Solved(lit, DepthsAround(medium, depths, volume, channels))
+    return Solved(lit, DepthsAround(medium, depths))
 
 
 def _swept(wider: LitGrid | None) -> SweptAround | None:

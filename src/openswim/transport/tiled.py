@@ -87,7 +87,7 @@ class LitDomain:
         timings = {"air": time.perf_counter() - started}
         started = time.perf_counter()
         backscatter = None if fast else swim.backscatter_weights(medium)
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), backscatter)
+        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), Decisions(), backscatter)
         beams = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started

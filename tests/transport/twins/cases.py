@@ -99,20 +99,19 @@ def beam_pairs() -> Pairs:
     sun[0, 0] = [1.0, 0.0, -0.001]  # setting
     terrain = _uniform(rng, 0, 150, NY, NX)
     shadow, distance = rng.uniform(-100, 300, (NY, NX)), rng.uniform(0, 3e4, (NY, NX))
-    lanes = np.array([0, 1, 1, 0])
+    factors = np.array([[1, 0, 0.3, 1.1], [0, 1, 0.8, 0]], FLOAT)
     beams, surface = np.empty((PACK, *SHAPE), FLOAT), np.empty((PACK, NY, NX), FLOAT)
     in_threads(
-        direct_beam, depth, lanes, sun, LEVELS_M, terrain, shadow, distance, PACK, air, beams, surface,
+        direct_beam, depth, factors, sun, LEVELS_M, terrain, shadow, distance, PACK, air, beams, surface,
         blank_fields(SHAPE, 2 * PACK),
     )  # fmt: skip
     at = (sun, LEVELS_M, shadow, distance, air)
-    tau = inside(depth).astype(float)
-    nodes = np.stack([twin_sun.beam(tau[n], *at, w) for w, n in enumerate(lanes)])
+    tau = np.einsum("nw,nkji->wkji", factors.astype(float), inside(depth))
+    nodes = np.stack([twin_sun.beam(own, *at, w) for w, own in enumerate(tau)])
     return {
         "depth at nodes": (-np.log(beams), -np.log(nodes)),
         "at the ground": (surface, np.stack([
-            twin_sun.beam_at_ground(tau[n], sun, LEVELS_M, terrain, shadow, distance, air, w)
-            for w, n in enumerate(lanes)
+            twin_sun.beam_at_ground(own, sun, LEVELS_M, terrain, shadow, distance, air, w) for w, own in enumerate(tau)
         ])),
     }  # fmt: skip
 
@@ -205,22 +204,24 @@ def source_pairs() -> Pairs:
 
 def volume(rng: np.random.Generator) -> Volume:
     """A square of cloud with a hole, its sources per extinction, and the beam bent within its cells."""
-    fields = blank_fields(SHAPE, 2 * PACK + 4)
+    fields = blank_fields(SHAPE, 2 * PACK + 5)
     fields[..., :PACK] = rng.uniform(0.3, 0.9, (*SHAPE, PACK))
     fields[..., PACK : 2 * PACK] = rng.uniform(0.1, 1, (*SHAPE, PACK))
     fields[..., 2 * PACK : 2 * PACK + 2] = rng.uniform(1e-3, 8e-3, (*SHAPE, 2))
     fields[:, :3, 2:4, 2 * PACK : 2 * PACK + 2] = 0
     fields[..., 2 * PACK + 2] = rng.uniform(0, 2, SHAPE)
-    fields[..., 2 * PACK + 3] = fields[..., 2 * PACK : 2 * PACK + 2].sum(axis=-1)
+    fields[..., 2 * PACK + 3] = fields[::-1, ..., 2 * PACK + 2]
+    fields[..., 2 * PACK + 4] = fields[..., 2 * PACK : 2 * PACK + 2].sum(axis=-1)
     bend = _uniform(rng, -0.3, 0.5, *SHAPE, PACK)
     bend[:, :2, 2] = 0
+    told = _uniform(rng, 0.8, 1, PACK)
     corner = np.array([[[0.0, 0.0], [NX - 1.0, 0.0]], [[0.0, NY - 1.0], [NX - 1.0, NY - 1.0]]])
     levels = np.append(LEVELS_M, 550.0)
     return tidy(Volume(
         -250.0, 1 / 500.0, corner, np.array([-250.0, 250.0, -250.0, 250.0]), *_lookup(), 400.0, CELL_M.astype(FLOAT),
-        levels.astype(FLOAT), False, True, *PEAK_COSINES, 2, 2 * PACK + 3, np.zeros(SHAPE, np.uint32), fields,
+        levels.astype(FLOAT), False, True, *PEAK_COSINES, 2, 2 * PACK + 4, np.zeros(SHAPE, np.uint32), fields,
         _uniform(rng, 0.5, 0.9, 2, PACK), _uniform(rng, 0.1, 0.4, 2, PACK), _uniform(rng, 0.1, 0.3, 2, DEGREE, PACK),
-        np.full(PACK, 2 * PACK + 2), bend, _uniform(rng, 0.8, 1, PACK), True,
+        0.5 * np.stack([told, told[::-1]]), bend, True,
         np.zeros((0, DEGREE**2, PACK), FLOAT), np.zeros((1, 1, 1), np.int32), _uniform(rng, 1e-6, 1e-4, NZ, 4 * PACK),
         _uniform(rng, 0.1, 0.3, NZ, PACK), np.full(NZ, 700.0, FLOAT), np.zeros((NY, NX), FLOAT),
         np.zeros((NY, NX), FLOAT),

@@ -48,9 +48,11 @@ def in_grid(ix, iy, level, ray, ahead, half_step, volume):
     nz, ny, nx = volume.free.shape
     cell = np.minimum(place.astype(int), [nx - 1, ny - 1, nz - 2])
     h = place - cell
-    bent = (volume.bend[cell[2], cell[1], cell[0], :3] * h * (1 - h)).sum() * volume.bend_share
-    beam = np.minimum(nodes[:PACK] ** 2 * transmission(bent), 1.0)  # F5
-    met = nodes[volume.forward_channel] + between(volume.haze_depth, level) + ahead + half_step * forward
+    bent = (volume.bend[cell[2], cell[1], cell[0], :3] * h * (1 - h)).sum()
+    own = species @ volume.scaled
+    beam = np.minimum(nodes[:PACK] ** 2 * transmission(bent * own / max(own[0], 1e-20)), 1.0)  # F5
+    told = nodes[2 * PACK + volume.species : volume.cloud_channel] @ volume.forward_factors
+    met = told + between(volume.haze_depth, level) + ahead + half_step * forward
     single = molecules * ray.molecules + aerosol * ray.aerosol + ray.share * aerosol * ray.peak(-1, met)
     for s, x in enumerate(species):
         single = single + x * (ray.species[s] + ray.share * ray.peak(s, met))

@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from openswim.transport.beam.sun_sweep import BEYOND
-from openswim.transport.engine.pack import PACK, choose_above, flat, pack_of, read, write
+from openswim.transport.engine.pack import PACK, choose_above, flat, read, write
 from openswim.transport.engine.scalar import shadow_fraction, table_index, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.sample import sun_table_coordinate
@@ -91,9 +91,9 @@ def shell_transmission(height_m, mu_sun, w, shells):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields):
+def _beam_row(k, j, depth, factors, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields):
     """The nodes of a row: see `direct_beam`."""
-    _, nz, ny, width = depth.shape
+    mixtures, nz, ny, width = depth.shape
     above = max(levels_m[k] - shells.ground_m, 0.0)
     level = table_index(above, 0.0, SHELL_TABLE_PER_M, shells.level_table)
     row = min(int(level), shells.rows.shape[0] - 2)
@@ -120,10 +120,8 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
         total = choose_above(total, _MOST_AIR, _MOST_AIR, total)
         at = (k * ny + j) * width + BEYOND + i
         level = nz * ny * width
-        total += pack_of(
-            flat(depth, lanes[0] * level + at), flat(depth, lanes[1] * level + at), flat(depth, lanes[2] * level + at),
-            flat(depth, lanes[3] * level + at),
-        )  # fmt: skip
+        for n in range(mixtures):
+            total += flat(depth, n * level + at) * read(factors, n * PACK)
         total = choose_above(total, _MOST, _MOST, total)
         place = ((k * ny + j) * sun.shape[1] + i) * fields.shape[3]
         write(fields, place, transmission(_HALF * total))
@@ -133,7 +131,7 @@ def _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, sh
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface):
+def _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface):
     """The ground under a row: see `direct_beam`."""
     nz = depth.shape[1]
     for i in range(sun.shape[1]):
@@ -149,13 +147,14 @@ def _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m,
                 span = levels_m[k] - levels_m[before]
                 c = (levels_m[k] - ground) / span if span > 0.0 else 0.0
                 at = BEYOND + i
-                total = depth[lanes[w], k, j, at] * (1 - c) + depth[lanes[w], before, j, at] * c
+                for n in range(depth.shape[0]):
+                    total += factors[n, w] * FLOAT(depth[n, k, j, at] * (1 - c) + depth[n, before, j, at] * c)
             surface[w, j, i] = lit * shell_transmission(ground, sun[j, i, 2], w, shells) * math.exp(-total)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def direct_beam(
-    t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
+    t, threads, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
 ):  # fmt: skip
     """Direct transmission at the first ``count`` wavelengths at every node, ``beams`` (count, nz, ny, nx), and at the
     ground, ``surface`` (count, ny, nx); its root at every node into fields[..., :PACK].
@@ -163,22 +162,22 @@ def direct_beam(
     Between nodes the beam lies between a straight line and the exponential of one, since extinction changes there too;
     so does the square of its root.
 
-    ``depth``: see `sun_sweep`; ``lanes`` (PACK,): which of its fields a wavelength reads.
+    ``depth``: see `sun_sweep`; ``factors`` (fields, PACK): by which its fields are summed at a wavelength.
     """
     nz, ny = depth.shape[1:3]
     for j in range(t, ny, threads):
         for k in range(nz):
-            _beam_row(k, j, depth, lanes, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields)
-        _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
+            _beam_row(k, j, depth, factors, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields)
+        _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
 def ground_beam(
-    t, threads, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
+    t, threads, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
 ):  # fmt: skip
     """Direct transmission ``surface`` at the ground alone: see `direct_beam`."""
     for j in range(t, depth.shape[2], threads):
-        _ground_row(j, depth, lanes, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
+        _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.beam.depth_basis import factors_of, mixtures
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
 from openswim.transport.beam.within_cells import bend_cells
@@ -20,6 +21,7 @@ from openswim.transport.march.empty_space import beside, free_cubes, occupied, s
 from openswim.transport.march.forward_peak import forward_share
 from openswim.transport.march.volume import (
     DEGREE,
+    LINE,
     PEAK_COSINES,
     SHELL_TABLE_PER_M,
     Shells,
@@ -42,7 +44,7 @@ class Channels(NamedTuple):
     """What `Volume.fields` hold of a grid but its species and its sources toward an eye, on the nodes (nz, ny, nx).
 
     beam (..., PACK): root of the delta-scaled beam, air included; forward_depth (n, ...): depths to the sun, as
-    `Volume.forward_channel` counts them; source (..., PACK): where it is alike to all eyes, as with "swim".
+    `Volume.forward_factors` sums them; source (..., PACK): where it is alike to all eyes, as with "swim".
     """
 
     beam: F32
@@ -89,10 +91,24 @@ def _fill_level(out: F32, medium: Medium, k: int, ns: int, cloud_channel: int, f
 
 
 class SunDepth(NamedTuple):
-    """Optical depths to the sun, see `sun_sweep`, and which of them each wavelength reads (PACK,)."""
+    """Optical depths to the sun of few mixtures of the species, of which those at all wavelengths are sums.
 
-    depth: F32
-    lanes: NDArray[np.int64]
+    The latter are delta-scaled ones, then those of `Volume.forward`; the first mixture is that of the first of them.
+    """
+
+    depth: F32  # of the mixtures, see `sun_sweep`
+    factors: F32  # (mixtures, 2 PACK)
+    stands_for: NDArray[np.int64]  # which of the depths each mixture has
+    told: NDArray[np.int64]  # wavelengths of which `Volume` knows the forward depth
+
+    @property
+    def scaled(self) -> F32:
+        """``factors`` (mixtures, PACK) of the delta-scaled depths."""
+        return np.ascontiguousarray(self.factors[:, :PACK])
+
+    def forward(self, k: int) -> F32:
+        """The forward depths (n, ny, nx) that a volume is to know on level ``k``."""
+        return np.einsum("mn,mji->nji", self.factors[:, PACK + self.told], inside(self.depth[:, k]))
 
 
 class Beams(NamedTuple):
@@ -124,10 +140,14 @@ def _forward(medium: Medium, nw: int) -> F32:
 
 
 def sunlit_volume(
-    medium: Medium, coefficients: list[Coefficients], local_sun: F64, decide: Decisions, backscatter: F32 | None = None
-) -> tuple[Volume, SunDepth]:
+    medium: Medium, coefficients: list[Coefficients], local_sun: F64, decide: Decisions, decide_for_pack: Decisions,
+    backscatter: F32 | None = None,
+) -> tuple[Volume, SunDepth]:  # fmt: skip
     """Sun sweep, and the volume with all but its sources filled in; of what delta scaling leaves in the beam, or, where
-    ``backscatter`` (ns, nw) is given, of that per reference extinction in its place."""
+    ``backscatter`` (ns, nw) is given, of that per reference extinction in its place.
+
+    ``decide`` what no wavelength changes, ``decide_for_pack`` the rest.
+    """
     fast = backscatter is None
     ns, nw = len(medium.species), PACK
     scaled = np.stack([c.scaled for c in coefficients], axis=-1).reshape(ns, nw)
@@ -135,28 +155,23 @@ def sunlit_volume(
     second = forward if backscatter is None else backscatter
     nz, ny, nx = medium.shape
     origin, per_m, lookup = medium.level_lookup
-    # coefficients that agree within 2 % share a depth
-    rows: list[F32] = []
-    index: dict[str, list[int]] = {"scaled": [], "second": []}
-    for name, matrix in (("scaled", scaled), ("second", second)):
-        for w in range(PACK):
-            same = [n for n, r in enumerate(rows) if np.allclose(r, matrix[:, w], rtol=0.02, atol=1e-6)]
-            if not same:
-                rows.append(matrix[:, w])
-            index[name].append(same[0] if same else len(rows) - 1)
-    kept = sorted(set(index["second"]))
-    forward_channel = {n: 2 * PACK + ns + i for i, n in enumerate(kept)}
-    cloud_channel = 2 * PACK + ns + len(kept)
+    extinction = np.concatenate([scaled, second], axis=1)
+    mixed = decide_for_pack("mixtures", lambda: mixtures(extinction))
+    most = 1 + -(2 * PACK + ns + 2) % LINE  # as many as have room beside the rest
+    told = decide_for_pack("forward depths", lambda: mixtures(second, most))
+    cloud_channel = 2 * PACK + ns + len(told)
     fields = blank_fields((nz, ny, nx), cloud_channel + 1)
     free = decide("free", lambda: free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic))
     levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
     exact = np.unpackbits(decide("exact", lambda: np.packbits(_exact(medium, levels))), count=nz * ny * nx)
-    depth = depths_to_sun(medium, np.array(rows), exact.view(bool).reshape(nz, ny, nx), local_sun)
+    weights = np.ascontiguousarray(extinction[:, mixed].T)
+    depth = depths_to_sun(medium, weights, exact.view(bool).reshape(nz, ny, nx), local_sun)
+    depths = SunDepth(depth, factors_of(extinction, mixed), mixed, told)
     del exact
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
-            _fill_level(fields[k], medium, k, ns, cloud_channel, np.stack([inside(depth[n, k]) for n in kept]))
+            _fill_level(fields[k], medium, k, ns, cloud_channel, depths.forward(k))
 
     in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
@@ -165,14 +180,13 @@ def sunlit_volume(
         float(medium.levels_m[-1]), np.array(medium.cell_m, FLOAT), (levels - levels[0]).astype(FLOAT),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
         free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), FLOAT),
-        np.array([forward_channel[n] for n in index["second"]]),
-        np.zeros((nz if fast and ns else 0, ny, nx, PACK), FLOAT), _relative(scaled), False,
+        factors_of(second, told), np.zeros((nz if fast and ns else 0, ny, nx, PACK), FLOAT), False,
         np.zeros((0, DEGREE * DEGREE, PACK), FLOAT), np.zeros((1, 1, 1), np.int32),
         np.zeros((nz, 4 * PACK), FLOAT),
         np.zeros((nz, PACK), FLOAT), reach(air_extinction).astype(FLOAT), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
-    return tidy(volume), SunDepth(depth, np.array(index["scaled"]))
+    return tidy(volume), depths
 
 
 def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
@@ -181,12 +195,6 @@ def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
     full = occupied(medium.extinction, medium.levels_m, medium.terrain_m)
     above_ground = levels_m[:-1, None, None] > medium.terrain_m - 2 * np.diff(levels_m)[:, None, None]
     return np.asarray(beside(full, medium.periodic) & above_ground)
-
-
-def _relative(scaled: F32) -> F32:
-    """Delta-scaled extinction of the species (ns, PACK) relative to the first wavelength's."""
-    mean = scaled.mean(axis=0) if scaled.size and scaled[:, 0].any() else np.ones(PACK)
-    return np.asarray(mean / mean[0], FLOAT)
 
 
 def _peak_cosines(medium: Medium) -> tuple[float, float]:
@@ -219,19 +227,19 @@ def beams_and_shadows(
     beams = np.empty((count, nz, ny, nx), FLOAT)
     surface = np.empty((count, ny, nx), FLOAT)
     in_threads(
-        direct_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count, shells, beams,
-        surface, volume.fields,
+        direct_beam, depths.depth, depths.scaled, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count,
+        shells, beams, surface, volume.fields,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     if volume.bend.size:
         in_threads(
-            bend_cells, depths.depth, int(depths.lanes[0]), coefficients[0].scaled, local_sun, medium.levels_m,
+            bend_cells, depths.depth, coefficients[0].scaled, local_sun, medium.levels_m,
             np.array(medium.cell_m, float), volume,
         )  # fmt: skip
     if relief:
         in_threads(
-            ground_beam, *depths, local_sun, medium.levels_m, medium.terrain_m, np.full((ny, nx), -1e9), ridge, count,
-            shells, surface,
+            ground_beam, depths.depth, depths.scaled, local_sun, medium.levels_m, medium.terrain_m,
+            np.full((ny, nx), -1e9), ridge, count, shells, surface,
         )  # fmt: skip
         lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
     _fill_air(volume, shells, medium, float(sun[2]))
@@ -258,7 +266,8 @@ def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volum
     node = medium.ground_node[None]
     air = forward_depth(shells, lighting.mu_sun)
     out = np.zeros((PACK, *medium.shape[1:]), FLOAT)
+    first, last = 2 * PACK + volume.species, volume.cloud_channel
+    cloud = np.take_along_axis(volume.fields[..., first:last], node[..., None], 0)[0] @ volume.forward_factors
     for w in range(PACK):
-        cloud = np.take_along_axis(volume.fields[..., volume.forward_channel[w]], node, 0)[0]
-        out[w] = air[..., w] + (cloud if volume.forward.any() else 0.0)
+        out[w] = air[..., w] + (cloud[..., w] if volume.forward.any() else 0.0)
     return out

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.beam.lit_volume import Channels, SunDepth
+from openswim.transport.beam.lit_volume import SunDepth
 from openswim.transport.beam.sun_sweep import inside
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
@@ -20,31 +20,22 @@ F64 = NDArray[np.float64]
 
 
 class DepthsAround(NamedTuple):
-    """Of a wider grid its medium, its depths to the sun, and those of what delta scaling takes off, as its volume
-    counts them."""
+    """Of a wider grid its medium and its depths to the sun."""
 
     medium: Medium
     depths: SunDepth
-    volume: Volume
-    channels: Channels
 
 
 def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunDepth, local_sun: F64) -> None:
     """Add to a grid's depths to the sun what sunbeams pass in a wider grid before they enter at its sides."""
     columns, lookup = _Sides.of(medium, wider.medium, local_sun), wider.medium
-    inner, outer = [], []
-    channels, wider_channels = (np.moveaxis(inside(d.depth), 0, -1) for d in (depths, wider.depths))
-    wider_forward = np.moveaxis(wider.channels.forward_depth, 0, -1)
-    for own, theirs, first, second in (
-        (depths.lanes, wider.depths.lanes, channels, wider_channels),
-        (volume.forward_channel, wider.volume.forward_channel - 2 * PACK - wider.volume.species, volume.fields,
-         wider_forward),
-    ):  # fmt: skip
-        for channel in np.unique(own):
-            w = int(np.flatnonzero(own == channel)[0])
-            inner.append(first[..., channel])
-            outer.append(second[..., theirs[w]])
-    tables = [np.stack([np.moveaxis(bilinear(o, ix, iy), 0, -1) for o in outer]) for ix, iy in columns.places]
+    inner, outer = inside(depths.depth), inside(wider.depths.depth)
+    # what the wider grid has at the wavelengths that our mixtures stand for
+    factors = wider.depths.factors[:, depths.stands_for].T
+    tables = [
+        np.tensordot(factors, np.stack([np.moveaxis(bilinear(o, ix, iy), 0, -1) for o in outer]), 1)
+        for ix, iy in columns.places
+    ]
     filled = np.flatnonzero(np.any([t.any(axis=(0, 2)) for t in tables], axis=0))
     if not filled.size:
         return
@@ -60,6 +51,8 @@ def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunD
                 at = np.interp(height[here], levels, np.arange(len(levels)))
                 for values, extra in zip(inner, bilinear(table, columns.along[here], at).T, strict=True):
                     values[k][here] += extra.astype(FLOAT)
+        first, last = 2 * PACK + volume.species, volume.cloud_channel
+        volume.fields[k, ..., first:last] = np.moveaxis(depths.forward(k), 0, -1)
 
 
 class _Sides(NamedTuple):

@@ -63,10 +63,10 @@ def _cell(t, e, v, bend, at):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def bend_cells(t, threads, depth, lane, weights, sun, levels_m, cell_m, volume):
+def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, volume):
     """`Volume.bend` of thread t's levels: of the cells with cloud at a corner, the others stay zero.
 
-    depth: to the sun, see `sun_sweep`, of which field ``lane`` is meant, with ``weights`` (species,) of the species'
+    depth: to the sun, see `sun_sweep`, of which the first field is meant, with ``weights`` (species,) of the species'
     extinctions; sun (ny, nx, 3): toward it, in each column's axes.
     """
     nz, ny, nx, nc = volume.fields.shape
@@ -82,7 +82,7 @@ def bend_cells(t, threads, depth, lane, weights, sun, levels_m, cell_m, volume):
                 for n in range(8):
                     x, y, z = (i + (n & 1)) % nx, (j + (n >> 1 & 1)) % ny, k + (n >> 2)
                     corner = (z * ny + y) * nx + x
-                    taus[n] = flat(depth, ((lane * nz + z) * ny + y) * width + BEYOND + x)
+                    taus[n] = flat(depth, (z * ny + y) * width + BEYOND + x)
                     betas[n] = 0.0
                     for s in range(weights.shape[0]):
                         betas[n] += weights[s] * flat(volume.fields, corner * nc + 2 * PACK + s)

@@ -159,7 +159,7 @@ def clear_beam(levels_m: F64, sun: F64, shells: Shells, count: int, fields: F32)
     nz, n = len(levels_m), sun.shape[1]
     beams, surface = np.empty((count, nz, 1, n), FLOAT), np.empty((count, 1, n), FLOAT)
     in_threads(
-        direct_beam, beyond_sides(1, (nz, 1, n)), np.zeros(PACK, np.int64), sun, levels_m,
+        direct_beam, beyond_sides(1, (nz, 1, n)), np.zeros((1, PACK), FLOAT), sun, levels_m,
         np.full((1, n), shells.ground_m, FLOAT), np.full((1, n), -1e9), np.zeros((1, n)), count, shells, beams,
         surface, fields,
     )  # fmt: skip

@@ -217,15 +217,13 @@ def _check(lit: LitGrid) -> None:
         and _indices(volume.level_table, nz) and volume.fields.size <= 64 and volume.turning.size == 0,
         "a volume of the grid's shape",
     )  # fmt: skip
-    first = 2 * PACK + ns
-    kept = volume.cloud_channel - first
+    kept = volume.cloud_channel - 2 * PACK - ns
     channels = lit.channels
     _require(
         channels is not None and channels.beam.shape == (nz, ny, nx, PACK) and 0 < kept <= PACK
         and channels.forward_depth.shape == (kept, nz, ny, nx)
         and (channels.source is None or channels.source.shape == (nz, ny, nx, PACK))
-        and volume.forward_channel.shape == (PACK,)
-        and bool(((volume.forward_channel >= first) & (volume.forward_channel < first + kept)).all()),
+        and volume.forward_factors.shape == (kept, PACK),
         "the beam on all nodes",
     )  # fmt: skip
     _require(light is not None, "light on the grid")

@@ -17,7 +17,6 @@ from openswim.transport.engine.pack import (
     flat,
     high,
     low,
-    pack_of,
     read,
     read_double,
     read_lanes,
@@ -33,6 +32,7 @@ from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIU
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
+_LEAST = FLOAT(1e-20)  # extinction by which to divide, 1/m
 
 # directions of `Shells.source`: cosines of the zenith angle, then of the azimuth from the sun's, each from -1 to 1
 SOURCE_ZENITHS, SOURCE_AZIMUTHS = 33, 9
@@ -199,20 +199,21 @@ def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
     resolved, single = spread(_ZERO), spread(_ZERO)
     root_of_beam = low(low(node))
     beam = root_of_beam * root_of_beam
-    extinction = air
+    extinction, own = air, spread(_ZERO)
     cloud = flat(nodes, volume.cloud_channel)
     if cloud > _ZERO or volume.shining:
         for s in range(volume.species if cloud > _ZERO else 0):
             x = flat(nodes, 2 * PACK + s)
-            extinction += x * read(volume.scaled, s * PACK)
+            own += x * read(volume.scaled, s * PACK)
             forward += x * read(volume.forward, s * PACK)
+        extinction = air + own
         q, part = spread(_ZERO), spread(_ZERO)
         depths = ray.peak.shape[1]
         if ray.share > _ZERO:
-            c = volume.forward_channel
-            depth = pack_of(
-                flat(nodes, flat(c, 0)), flat(nodes, flat(c, 1)), flat(nodes, flat(c, 2)), flat(nodes, flat(c, 3))
-            )
+            depth = spread(_ZERO)
+            for n in range(volume.forward_factors.shape[0]):
+                told = flat(nodes, 2 * PACK + volume.species + n)
+                depth += told * read(volume.forward_factors, n * PACK)
             haze = _lerp(read(volume.haze_depth, k * PACK), read(volume.haze_depth, (k + 1) * PACK), g)
             q, part = _peak_place(depth + haze + ahead + half_step_m * forward, depths)
         # the forward peaks: read out near the sun with their broadening, elsewhere as single scattering (TMS)
@@ -227,7 +228,10 @@ def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
                 at = ((k * ny + j) * nx + i) * PACK
                 bend = a * (_ONE - a) * flat(volume.bend, at) + b * (_ONE - b) * flat(volume.bend, at + 1)
                 bend += g * (_ONE - g) * flat(volume.bend, at + 2)
-                beam *= transmission(bend * read(volume.bend_share, 0))
+                first = _ZERO  # of cloud's ``own`` extinctions, in proportion to which depths bend
+                for s in range(volume.species):
+                    first += flat(nodes, 2 * PACK + s) * flat(volume.scaled, s * PACK)
+                beam *= transmission((bend / max(first, _LEAST)) * own)
                 beam = choose_above(beam, _ONE, spread(_ONE), beam)
             for s in range(volume.species):
                 x = flat(nodes, 2 * PACK + s)

@@ -24,7 +24,7 @@ PEAK_COSINES = (0.75**0.5, 0.0)  # forward peaks: read out within 30 degrees of 
 FAR_M = 1e30  # a distance that no ray meets
 STEP_DEPTH = 0.25  # optical depth of air that a step may pass
 _OUTSIDE = -1e9
-_LINE = 64 // BYTES  # numbers in a cache line
+LINE = 64 // BYTES  # numbers in a cache line
 
 
 class Shells(NamedTuple):
@@ -101,10 +101,9 @@ class Volume(NamedTuple):
     forward: F32  # (species, PACK) omega f times relative extinction
     single: F32  # (species, M, PACK) Legendre moments of smooth scattering per reference extinction, of the beam's
     # light at the ray's own place; zero where the sources at the nodes hold it
-    forward_channel: NDArray[np.int64]  # (PACK,) channel of the forward depth to the sun
+    forward_factors: F32  # (n, PACK) by which the channels of forward depths are summed at every wavelength
     bend: F32  # (nz, ny, nx, PACK) of the cell beyond each node: c along x, y, z of the depth to the sun, `bend.py`,
-    # less that of the square of `fields`' roots; of no size where there is nothing to know
-    bend_share: F32  # (PACK,) of it at every wavelength
+    # less that of the square of `fields`' roots, at the first wavelength; of no size where there is nothing to know
     per_extinction: bool  # whether the smooth source is to be multiplied by the delta-scaled extinction, air's included
     turning: F32  # (rows, M^2, PACK) harmonics of the smooth source, by which rays read it in their own direction, in
     # place of the channels' for one eye; the first row is nothing, and where there are none the channels hold
@@ -118,10 +117,10 @@ class Volume(NamedTuple):
 
 def blank_fields(shape: tuple[int, int, int], channels: int) -> F32:
     """Zeros (nz, ny, nx, channels or more), each node in cache lines of its own."""
-    whole = -(-channels // _LINE) * _LINE
+    whole = -(-channels // LINE) * LINE
     size = int(np.prod(shape)) * whole
-    store = np.zeros(size + _LINE, FLOAT)
-    first = -(store.ctypes.data // BYTES) % _LINE
+    store = np.zeros(size + LINE, FLOAT)
+    first = -(store.ctypes.data // BYTES) % LINE
     return store[first : first + size].reshape(*shape, whole)
 
 

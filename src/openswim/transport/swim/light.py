@@ -50,16 +50,17 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     airs = np.empty((light.count, *medium.shape), FLOAT)
     clears = np.empty((light.count, *shape), FLOAT)
     in_threads(
-        direct_beam, beyond_sides(1, medium.shape), np.zeros(PACK, np.int64), local_sun, medium.levels_m,
+        direct_beam, beyond_sides(1, medium.shape), np.zeros((1, PACK), FLOAT), local_sun, medium.levels_m,
         medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
     )  # fmt: skip
+    told = volume.fields[..., 2 * PACK + volume.species : volume.cloud_channel]
     for w in range(len(medium.wavelengths_nm)):
         if w >= light.count:  # padding
             volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
             lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
             continue
         air, clear = airs[w], clears[w]
-        backscatter_depth = volume.fields[..., volume.forward_channel[w]]
+        backscatter_depth = told @ np.ascontiguousarray(volume.forward_factors[:, w])
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
         path = _sun_path(medium, local_sun, w)
