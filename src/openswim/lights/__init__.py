@@ -1,6 +1,6 @@
 """The sources of light: where sun, moon, planets and stars stand, the sun's disc and its spectrum."""
 
-from openswim.lights.disc import disc_coverage, disc_profile
+from openswim.lights.disc import disc_coverage, disc_points, disc_profile
 from openswim.lights.moon import Moon, moon_position
 from openswim.lights.planets import PLANETS, Planet, planet_position
 from openswim.lights.refraction import refracted_altitude_deg, refraction_deg
@@ -16,6 +16,7 @@ __all__ = [
     "Stars",
     "Sun",
     "disc_coverage",
+    "disc_points",
     "disc_profile",
     "moon_position",
     "planet_position",
