@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
-FOUNDATION = ("errors", "arguments", "progress", "tables")  # which any room may use; their arrows are not drawn
+# which any room may use; their arrows are not drawn
+FOUNDATION = ("errors", "machine", "workshops", "inputs", "arguments", "progress", "tables")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 
