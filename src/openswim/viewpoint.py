@@ -24,6 +24,7 @@ from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
 from openswim.observer import SPACE_M, check_observer, ground_below, place_of
+from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
@@ -240,7 +241,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
         "view": camera.name,
         "source": lit.scene.source,
-        "assumptions": "\n".join(lit.scene.notes),
+        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm)]),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),
