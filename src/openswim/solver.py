@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from openswim.errors import UserError
-from openswim.ground.surface import surface_of
+from openswim.ground.surface import settled, surface_of
 from openswim.optics.matter import matter_of
 from openswim.options import Options
 from openswim.scene.scene import Scene
@@ -32,6 +32,7 @@ class Solver(Options):
         wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
         if wavelengths.size == 0 or not ((wavelengths >= 280) & (wavelengths <= 2500)).all():
             raise UserError("wavelengths must lie between 280 and 2500 nm")
+        scene = settled(scene)
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
         matter = matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
         return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)
