@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.ground.surface import settled
 from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
@@ -85,6 +86,7 @@ def light(
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = _checked_wavelengths(wavelengths_nm)
+    scene = settled(scene)
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)
     field = solver_of(solver).solve(scene, day.direction, wavelengths)
@@ -98,4 +100,4 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
     another scene than is given.
     """
-    return LitScene(*read_light(path, scene))
+    return LitScene(*read_light(path, None if scene is None else settled(scene)))

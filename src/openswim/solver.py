@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from openswim.ground.surface import surface_of
+from openswim.ground.surface import settled, surface_of
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.matter import matter_of
 from openswim.options import Options
@@ -31,6 +31,7 @@ class Solver(Options):
         """
         wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
         check_wavelengths(wavelengths)
+        scene = settled(scene)
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
         matter = matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
         return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)

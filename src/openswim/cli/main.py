@@ -128,6 +128,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")

@@ -19,7 +19,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.bounds import PLAUSIBLE_ELEMENTS, check_size
 from openswim.readers.common.clock import undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import no_species
+from openswim.readers.fields.absent import DEFAULT_AEROSOL, no_species
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
 
@@ -79,7 +79,7 @@ class LESTextReader:
                 fields["surface_albedo"] = (("y", "x"), np.full((ny, nx), _ALBEDO, np.float32))  # type: ignore[assignment]
                 notes.append(f"no ground in the file: sea level, albedo {_ALBEDO}")
             valid = undated(time, None if around is None else around.lon, notes)
-            notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+            notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
             from openswim.scene.atmosphere import Atmosphere
 
             grid = Grid(x, y, head.levels_m, crs)
