@@ -64,7 +64,7 @@ class OpticalSpecies:
 
 @dataclass
 class Background:
-    """Spherically symmetric air at heights `height_m` (nz,); coefficients (nwl, nz) in 1/m."""
+    """Spherically symmetric air at heights `height_m` (nz,); coefficients (nwl, nz) in 1/m. starlit: see `Air`."""
 
     height_m: FloatArray
     rayleigh_per_m: FloatArray
@@ -73,6 +73,7 @@ class Background:
     aerosol_albedo: FloatArray
     aerosol_phase: list[PhaseFunction]
     rayleigh_phase: PhaseFunction
+    starlit: bool = False
 
 
 def for_wavelengths(scene: Scene, wavelengths_nm: FloatArray) -> Scene:
