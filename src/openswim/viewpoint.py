@@ -27,6 +27,7 @@ from openswim.observer import SPACE_M, check_observer, ground_below, place_of
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
+from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
 from openswim.transport.lit.lit_grid import Once
@@ -95,8 +96,13 @@ class Viewpoint:
         relative, view = self._seen(_part(self.pixels, around), self._number[around], own[around])
         pixels = _part(self.pixels, np.s_[top:bottom, left:right])
         field, day = self.lit.field, self.lit.daylight
-        distance_deg = pixels.angle_to_deg(*self.sun)[pixels.inside]
-        _add_disc(relative, view, self.lit, distance_deg, pixels)
+        if self.camera.view == "rays":
+            _add_disc(relative, view, pixels, self._disc)
+        else:
+            row, column, radiance = self.once("disc", self._drawn_disc)
+            here = (row >= top) & (row < bottom) & (column >= left) & (column < right)
+            number = (np.cumsum(pixels.inside) - 1).reshape(pixels.inside.shape)
+            relative[number[row[here] - top, column[here] - left]] += radiance[here].astype(np.float32)
         image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, self.attrs)
         if isinstance(view, ReferenceView):
             add_errors(image, pixels, view, field.solver.seed)
@@ -114,6 +120,21 @@ class Viewpoint:
         """Azimuth and altitude (degrees) of the sun at the camera."""
         east, north, up = self._axes @ self.lit.daylight.direction
         return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+
+    @property
+    def _disc(self) -> Disc:
+        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm)
+
+    def _drawn_disc(self) -> tuple[NDArray, NDArray, F64]:
+        return drawn(self.camera, self.pixels, self._disc, self._through)
+
+    def _through(self, local: F64, width_rad: float) -> tuple[NDArray, NDArray[np.bool_]]:
+        """What rays toward directions (n, 3) in the horizon frame go through: see `openswim.sun_disc.Through`."""
+        eye, rays = self._eye, Rays(self.rays.origin_m, local @ self._axes, width_rad)
+        if isinstance(eye, ReferenceField):
+            return eye.through(rays)[:2]
+        view = eye.of_others(rays).view(rays)
+        return view.transmittance, view.hit
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -152,18 +173,16 @@ class Viewpoint:
 
     def _irradiance(self) -> dict[str, Any]:
         """Spectral and broadband irradiance on the horizontal at the observer."""
-        field, day, (azimuth, altitude) = self.lit.field, self.lit.daylight, self.sun
-        quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
-        local = horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg)
-        rays = Rays(self.rays.origin_m, np.concatenate([local @ self._axes, day.direction[None]]))
-        eye = self._eye
+        field, day, eye = self.lit.field, self.lit.daylight, self._eye
+        quadrature = quadrature_directions(_QUADRATURE, *self.sun)
+        rays = Rays(self.rays.origin_m, horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg) @ self._axes)
         view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
-        direct = view.transmittance[-1] * (not view.hit[-1])
-        wl = field.wavelengths_nm
-        spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, day.distance_au)
+        beam = beam_of(self._disc, self._through)
+        wl, altitude = field.wavelengths_nm, beam.altitude_deg
+        spectral = spectral_irradiance(view.radiance, quadrature, beam.direct, altitude, wl, day.distance_au)
         gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
         diffuse = spectral["relative_diffuse_horizontal"].values
-        wide = broadband(direct, diffuse, wl, altitude, day.distance_au, **gases)
+        wide = broadband(beam.open, diffuse, wl, altitude, day.distance_au, visible=beam.visible, **gases)
         out: dict[str, Any] = {
             "global_horizontal_irradiance_w_m2": wide.global_horizontal,
             "direct_normal_irradiance_w_m2": wide.direct_normal,
@@ -192,15 +211,13 @@ class Viewpoint:
         return relative[wanted], dataclasses.replace(view, **rows)
 
 
-def _add_disc(relative: NDArray, view: Any, lit: LitScene, distance_deg: F64, pixels: Any) -> None:
-    """The sun's disc, limb-darkened and anti-aliased, dimmed by the full optical depth in front of it."""
-    inside = np.asarray(pixels.inside).ravel()
-    distance = distance_deg[inside] if distance_deg.size == inside.size else distance_deg
-    half = np.broadcast_to(np.asarray(pixels.half_width_deg), pixels.inside.shape).ravel()[inside]
-    radius = lit.daylight.angular_radius_deg
-    open_to = np.flatnonzero(~view.hit)
-    disc = disc_coverage(distance[open_to], half[open_to], radius, lit.field.wavelengths_nm)
-    relative[open_to] += (disc * view.transmittance[open_to]).astype(np.float32)
+def _add_disc(relative: NDArray, view: Any, pixels: Pixels, disc: Disc) -> None:
+    """The sun's disc in single rays, whose footprints are round and soft, dimmed by what each goes through."""
+    inside, open_to = pixels.inside, np.flatnonzero(~view.hit)
+    distance = pixels.angle_to_deg(disc.azimuth_deg, disc.altitude_deg)[inside]
+    half = np.broadcast_to(pixels.half_width_deg, inside.shape)[inside]
+    radiance = disc_coverage(distance[open_to], half[open_to], disc.radius_deg, disc.wavelengths_nm)
+    relative[open_to] += (radiance * view.transmittance[open_to]).astype(np.float32)
 
 
 def _for_sums(field: ReferenceField) -> ReferenceField:

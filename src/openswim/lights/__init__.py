@@ -1,6 +1,6 @@
 """The sources of light: where sun, moon, planets and stars stand, how bright they and the night sky are, eclipses."""
 
-from openswim.lights.disc import disc_coverage, disc_profile
+from openswim.lights.disc import disc_coverage, disc_points, disc_profile
 from openswim.lights.moon import Moon, moon_position
 from openswim.lights.moonlight import moon_irradiance
 from openswim.lights.night_sky import NightSky
@@ -19,6 +19,7 @@ __all__ = [
     "Stars",
     "Sun",
     "disc_coverage",
+    "disc_points",
     "disc_profile",
     "moon_irradiance",
     "moon_position",
