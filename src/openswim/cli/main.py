@@ -16,6 +16,8 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
+from openswim.interrupts import INTERRUPTED, watched
+from openswim.progress import spoken
 
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,7 +26,7 @@ SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
 
-DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
 
 
 def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -249,7 +251,8 @@ def aerosol_fit(**options: Any) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code; errors are one line on stderr."""
-    code = run(arguments)
+    with watched():
+        code = run(arguments)
     gc.freeze()  # looking for garbage among all that was imported would take a third of a second
     sys.exit(code)
 
@@ -258,7 +261,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     state: dict[str, bool] = {}
     try:
-        cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
+        with spoken():
+            cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
         return _fail(str(error), USERS_MISTAKE, state)
     except click.exceptions.NoArgsIsHelpError as error:
