@@ -12,9 +12,10 @@ SOURCE = Path(__file__).parents[1] / "src"
 
 # A file may import from rooms to the left of its own.
 ORDER = (
-    "errors", "arguments", "progress", "tables", "scene", "optics", "lights", "ground", "readers", "options",
-    "transport", "solver", "cameras", "colour", "fluxes", "outlines", "sun_disc", "images", "observer", "heavens",
-    "kept_light", "viewpoint", "lighting", "rendering", "observations", "validation", "cli", "__main__",
+    "errors", "machine", "workshops", "inputs", "arguments", "progress", "tables", "scene", "optics", "lights",
+    "ground", "readers", "options", "transport", "solver", "cameras", "colour", "fluxes", "outlines", "sun_disc",
+    "images", "observer", "heavens", "kept_light", "viewpoint", "lighting", "rendering", "observations", "validation",
+    "cli", "__main__",
 )  # fmt: skip
 MOST_MODULES = 20  # in a folder
 # And within transport, whose files beside these rooms conduct them all.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.ground.surface import settled
 from openswim.heavens.eyes import LitBy
 from openswim.heavens.lamps import Lamps, lamps_of
 from openswim.kept_light import read_light
@@ -88,6 +89,7 @@ def light(
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = _checked_wavelengths(wavelengths_nm)
+    scene = settled(scene)
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)
     chosen = solver_of(solver)
@@ -123,6 +125,6 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
     another scene than is given.
     """
-    scene, field, day, when = read_light(path, scene)
+    scene, field, day, when = read_light(path, None if scene is None else settled(scene))
     lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).unsolved()
     return LitScene(scene, field, day, when, lamps=lamps)

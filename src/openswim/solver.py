@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.ground.surface import surface_of
+from openswim.ground.surface import settled, surface_of
+from openswim.optics.limits import check_wavelengths
 from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
 from openswim.scene.scene import Scene
@@ -34,6 +35,7 @@ class Solver(Options):
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew.
         """
         wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
         matter = self._matter(scene, wavelengths, plan)
         return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)
 
@@ -42,6 +44,7 @@ class Solver(Options):
         if self.name == "reference":
             raise UserError("solver reference follows no light from the night's sky: take fast")
         wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
         matter = self._matter(scene, wavelengths, None).starlit()
         return solve(self, matter, surface_of(scene, wavelengths), NADIR)
 
@@ -52,6 +55,5 @@ class Solver(Options):
 
 def _checked(wavelengths_nm: ArrayLike) -> F64:
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    if wavelengths.size == 0 or not ((wavelengths >= 280) & (wavelengths <= 2500)).all():
-        raise UserError("wavelengths must lie between 280 and 2500 nm")
+    check_wavelengths(wavelengths)
     return wavelengths

@@ -27,7 +27,9 @@ from openswim.images import add_errors, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
-from openswim.observer import SPACE_M, check_observer, ground_below, place_of
+from openswim.observer import SPACE_M, check_observer, grid_place, ground_below, place_of
+from openswim.optics.aerosol_depth import aerosol_depth
+from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
@@ -197,7 +199,18 @@ class Viewpoint:
             if place not in kept:
                 kept[place] = self._irradiance()
             out |= kept[place]
+        if self._near and self.lit.scene.atmosphere is not None:
+            out["aerosol_optical_depth_550nm"] = round(self._aerosol_depth(), 5)
         return out
+
+    def _aerosol_depth(self) -> float:
+        """Vertical optical depth of all aerosol above the ground at the observer."""
+        scene = self.lit.scene
+        levels = scene.levels[:1] if isinstance(self.lit.field, ReferenceField) else scene.levels
+        found = None if scene.grid is None else grid_place(levels, *place_of(self.camera))
+        if found is None:
+            return aerosol_depth(levels[-1], self.ground_m)
+        return aerosol_depth(levels[found[0]], self.ground_m, found[1:])
 
     @property
     def _eye(self) -> Eye | Eyes | ReferenceField:
@@ -303,7 +316,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
         "view": camera.name,
         "source": lit.scene.source,
-        "assumptions": "\n".join(lit.scene.notes),
+        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm)]),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

@@ -42,6 +42,10 @@ _debug = click.option(
 )
 
 
+_allow_references = click.option(
+    "--allow-references", is_flag=True,
+    help="Follow what a file says lies in other files, out of its folder and in the network too.",
+)  # fmt: skip
 _quality = click.option(
     "--quality", type=click.Choice(QUALITIES),
     help="Of --solver fast: how finely light is solved for.  [default: standard]",
@@ -78,12 +82,13 @@ def demo(folder: Path) -> None:
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
 @click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
+@_allow_references
 @_debug
-def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_references: bool) -> None:
     """Say what FILES hold, and what will be assumed where they lack something."""
     from openswim.cli.info import run
 
-    run(files, picture, time)
+    run(files, picture, time, allow_references)
 
 
 @cli.command()
@@ -123,6 +128,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -130,6 +144,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
+@_allow_references
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,

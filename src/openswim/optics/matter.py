@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.cover import cloud_cover
+from openswim.optics.layers import ground_of_place_m
 from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
@@ -112,13 +113,14 @@ def matter_of(
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
-    out = None
+    out, ground_m = None, ground_of_place_m(scene)
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
         species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
+        air = None if level.atmosphere is None else Air(level.atmosphere.above_ground(ground_m), wavelengths)
         out = Matter(
-            frame, level.grid, wavelengths, list(species) if keep else species, cover,
-            None if level.atmosphere is None else Air(level.atmosphere, wavelengths), _highest_m(level), level.cut, out,
+            frame, level.grid, wavelengths, list(species) if keep else species, cover, air, _highest_m(level),
+            level.cut, out,
         )  # fmt: skip
     assert out is not None
     return out

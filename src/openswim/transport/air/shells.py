@@ -171,15 +171,15 @@ def build_shells(
         ))  # fmt: skip
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
-    omega = np.asarray(background.aerosol_albedo, float)
+    scattered = background.aerosol_scattering_per_m.T
     chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
     chi_r = np.zeros(_DIFFUSE_DEGREE)
     chi_r[:3] = background.rayleigh_phase.moments(3)
     f = forward_share(chi, degree)
     rayleigh = background.rayleigh_per_m.T
-    forward = aerosol * omega * f
+    forward = scattered * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
-    rows = np.concatenate([extinction, rayleigh, aerosol * omega, forward], axis=1)
+    rows = np.concatenate([extinction, rayleigh, scattered, forward], axis=1)
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
     phase = np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
