@@ -46,6 +46,7 @@ HOUSE = {
     "observer": Place(4.75, 5.8, 1.35, "where one stands"),
     "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
     "sun_disc": Place(6.1, 2.35, 1.35, "the sun in pixels"),
+    "heavens": Place(3.7, 3.3, 1.5, "moon, stars, night"),
     "solver": Place(4.75, 8.9, 1.35, "asks transport"),
     "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
@@ -98,7 +99,7 @@ INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
 USERS = {"cli", "observations",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
-         "images", CONDUCTORS}  # fmt: skip
+         "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
 BOX = 46  # px, height of a room

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.rayleigh import BOLTZMANN_J_PER_K, STANDARD_NUMBER_PER_M3, refractivity
+from openswim.optics.species import background
 from openswim.scene.atmosphere import TOP_M, Atmosphere
 
 F64 = NDArray[np.float64]
@@ -35,16 +36,17 @@ class BentRays:
 
 def bent_rays(
     air: Atmosphere, apparent_altitude_deg: ArrayLike, height_m: float = 0.0, wavelength_nm: float = 550.0,
-    radius_m: float = EARTH_RADIUS_M,
+    radius_m: float = EARTH_RADIUS_M, straight: bool = False,
 ) -> BentRays:  # fmt: skip
     """Rays that arrive at a height (m above sea level) from apparent altitudes (n,), over a ground at sea level.
 
     Steps of the ray equations in polar coordinates; n - 1 goes with the air's density. Within .001 degrees of finer
-    steps at the horizon.
+    steps at the horizon. straight: as if the air bent nothing.
     """
     pressure, temperature, _ = air.at(_LEVELS_M)
     number = pressure / (BOLTZMANN_J_PER_K * temperature)
-    excess = float(refractivity(wavelength_nm)) * number / STANDARD_NUMBER_PER_M3
+    strength = 0.0 if straight else float(refractivity(wavelength_nm))
+    excess = strength * number / STANDARD_NUMBER_PER_M3
     slope = np.gradient(excess, _LEVELS_M)
     altitude = np.atleast_1d(np.asarray(apparent_altitude_deg, float))
     zenith = np.radians(90.0 - altitude)
@@ -109,3 +111,26 @@ class Refraction:
         true = np.asarray(true_deg, float)
         lowest = np.minimum(true - self.true_deg[0], 0.0)
         return np.asarray(np.interp(true, self.true_deg, self.apparent_deg) + lowest)
+
+
+@dataclass(frozen=True, eq=False)
+class LongerWay:
+    """What the way of a bent ray through clear air has more than that of a straight one that arrives likewise."""
+
+    altitude_deg: F64  # ascending
+    depth: F64  # (n, nw), optical
+
+    @classmethod
+    def at(cls, air: Atmosphere, height_m: float, wavelengths_nm: F64) -> "LongerWay":
+        """From a height above sea level."""
+        altitude = np.concatenate([np.linspace(0, 3, 16), np.linspace(3.5, 12, 10), [15.0, 20.0, 90.0]])
+        found = background(air, wavelengths_nm, _LEVELS_M)
+        extinction = found.rayleigh_per_m + found.absorption_per_m + found.aerosol_per_m
+        bent, straight = (bent_rays(air, altitude, height_m, straight=way) for way in (False, True))
+        more = [bent.depth(_LEVELS_M, one) - straight.depth(_LEVELS_M, one) for one in extinction]
+        return cls(altitude, np.stack(more, axis=-1))
+
+    def transmittance(self, altitude_deg: ArrayLike) -> F64:
+        """What it leaves (n, nw) of light from apparent altitudes (n,)."""
+        altitude = np.asarray(altitude_deg, float)
+        return np.exp(-np.stack([np.interp(altitude, self.altitude_deg, one) for one in self.depth.T], axis=-1))
