@@ -16,7 +16,7 @@ from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
-from openswim.scene import Grid, Optics
+from openswim.scene import Grid, Optics, plausible
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES
 from openswim.scene.checks import WAVELENGTH_DIM
@@ -29,7 +29,6 @@ _NO_OPTICS = "attributes not as docs/scene-format.md describes"
 _GLOBAL = ("openswim_layout", "earth_radius_m", "periodic_sides", "atmosphere")
 _OPTICAL = ("phase_function", "single_scattering_albedo", "angstrom_exponent", "aerosol_type", "kind")
 _ALIKE = 0.75
-_GAP_M = 500.0
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -83,13 +82,13 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
 
 
 def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
-    """A note on ground far below the lowest level."""
-    if grid is None or "surface_altitude" not in data:
+    """What a scene of these fields will say of ground far below the lowest level."""
+    if grid is None:
         return []
+    if "surface_altitude" not in data:
+        return plausible.high_bottom(grid.height_m[0], None)
     terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
-    gap_m = float(np.median(grid.height_m[0] - terrain))
-    note = f"the lowest level is {gap_m:.0f} m above the ground: nothing is known of what is between"
-    return [note] * (gap_m > _GAP_M)
+    return plausible.high_bottom(grid.height_m[0], terrain)
 
 
 def misspelt(data: xr.Dataset) -> list[str]:
