@@ -49,6 +49,7 @@ class RenderRequest:
     error_percent: float | None = None
     checkpoint: Path | None = None
     exposure: float | None = None
+    allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
@@ -86,7 +87,8 @@ def run(request: RenderRequest) -> None:
     given = request.albedo_maps or request.height_maps
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(
-        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
+        allow_references=request.allow_references,
     )
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:

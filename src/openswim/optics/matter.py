@@ -27,14 +27,16 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """The background air around a scene, at wavelengths (nwl,)."""
+    """The background air around a scene, at wavelengths (nwl,). starlit: an even sky of L' = 1 shines above it."""
 
     atmosphere: Atmosphere
     wavelengths_nm: F64
+    starlit: bool = False
 
     def at(self, height_m: ArrayLike) -> Background:
         """Its coefficients at heights (nz,) above sea level."""
-        return background(self.atmosphere, self.wavelengths_nm, height_m)
+        found = background(self.atmosphere, self.wavelengths_nm, height_m)
+        return replace(found, starlit=True) if self.starlit else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,13 @@ class Matter:
     def levels(self) -> list[Matter]:
         """This matter and that on the wider grids around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def starlit(self) -> Matter:
+        """The same under an even sky."""
+        return replace(
+            self, air=None if self.air is None else replace(self.air, starlit=True),
+            wider=None if self.wider is None else self.wider.starlit(),
+        )  # fmt: skip
 
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""

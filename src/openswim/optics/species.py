@@ -67,7 +67,7 @@ class OpticalSpecies:
 @dataclass
 class Background:
     """Spherically symmetric air at heights `height_m` (nz,); coefficients (nwl, nz) in 1/m. The aerosol's albedo
-    (nwl,) and phase functions are those of its whole column."""
+    (nwl,) and phase functions are those of its whole column. starlit: see `Air`."""
 
     height_m: FloatArray
     rayleigh_per_m: FloatArray
@@ -77,6 +77,7 @@ class Background:
     aerosol_albedo: FloatArray
     aerosol_phase: list[PhaseFunction]
     rayleigh_phase: PhaseFunction
+    starlit: bool = False
 
 
 def for_wavelengths(scene: Scene, wavelengths_nm: FloatArray) -> Scene:

@@ -16,11 +16,11 @@ from openswim.readers.cf.grid import grid_of, upright
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
-    check_size,
     iso,
     naming,
     pick_time,
 )
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.fields.absent import no_ground, no_species
 from openswim.scene import Grid, Scene
