@@ -14,7 +14,7 @@ SOURCE = Path(__file__).parents[1] / "src"
 ORDER = (
     "errors", "arguments", "progress", "tables", "scene", "optics", "lights", "ground", "readers", "options",
     "transport", "solver", "cameras", "colour", "fluxes", "outlines", "images", "observer", "kept_light",
-    "viewpoint", "lighting", "rendering", "observations", "validation", "cli", "__main__",
+    "viewpoint", "lighting", "rendering", "stations", "observations", "validation", "cli", "__main__",
 )  # fmt: skip
 MOST_MODULES = 20  # in a folder
 # And within transport, whose files beside these rooms conduct them all.

@@ -35,6 +35,7 @@ HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
     "observations": Place(1, 3.55, 1.6, "cameras by their frames"),
+    "stations": Place(1, 5.12, 1.3, "light through time"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
     "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.6, 8.9, 1.35, "light on disk"),
@@ -94,7 +95,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations",
+USERS = {"cli", "observations", "stations",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
          "images", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

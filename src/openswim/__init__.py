@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
     from openswim.solver import Solver as Solver
+    from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
     "Camera": "openswim.cameras",
@@ -33,6 +34,7 @@ _HOME = {
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -43,8 +45,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
-    "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "irradiance", "light", "load_camera",
+    "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

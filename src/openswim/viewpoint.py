@@ -18,7 +18,14 @@ from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.cameras.pixels import Pixels
 from openswim.errors import UserError
-from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import (
+    broadband,
+    gases_above,
+    quadrature_directions,
+    scene_vapour_cm,
+    spectral_irradiance,
+    vapour_left,
+)
 from openswim.images import add_errors, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
@@ -105,15 +112,34 @@ class Viewpoint:
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
         without the sun's disc."""
+        return np.asarray(self._eye.view(self._toward(azimuth_deg, altitude_deg)).radiance, float)
+
+    def sky(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
+        """Solar-relative radiance toward directions (n,), of which the sum counts, and the transmittance to space along
+        them, 0 where they end on the ground; both (n, nw)."""
+        eye, rays = self._eye, self._toward(azimuth_deg, altitude_deg)
+        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
+        return np.asarray(view.radiance, float), np.asarray(view.transmittance * ~view.hit[:, None], float)
+
+    def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
         azimuth, altitude = np.broadcast_arrays(np.atleast_1d(azimuth_deg), np.atleast_1d(altitude_deg))
-        direction = horizon_vector(azimuth, altitude) @ self._axes
-        return np.asarray(self._eye.view(Rays(self.rays.origin_m, direction)).radiance, float)
+        return Rays(self.rays.origin_m, horizon_vector(azimuth, altitude) @ self._axes)
 
     @cached_property
     def sun(self) -> tuple[float, float]:
         """Azimuth and altitude (degrees) of the sun at the camera."""
         east, north, up = self._axes @ self.lit.daylight.direction
         return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+
+    @property
+    def gases(self) -> dict[str, float]:
+        """What `openswim.fluxes.broadband` asks of the gases above the camera; the scene's own water vapour where it
+        has any."""
+        height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
+        vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
+        if vapour_cm is not None:
+            vapour_cm *= vapour_left(height_m - self.ground_m)
+        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -154,14 +180,12 @@ class Viewpoint:
         """Spectral and broadband irradiance on the horizontal at the observer."""
         field, day, (azimuth, altitude) = self.lit.field, self.lit.daylight, self.sun
         quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
-        local = horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg)
-        rays = Rays(self.rays.origin_m, np.concatenate([local @ self._axes, day.direction[None]]))
-        eye = self._eye
-        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
-        direct = view.transmittance[-1] * (not view.hit[-1])
-        wl = field.wavelengths_nm
-        spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, day.distance_au)
-        gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
+        radiance, open_to = self.sky(
+            np.append(quadrature.azimuth_deg, azimuth), np.append(quadrature.altitude_deg, altitude)
+        )
+        direct, wl = open_to[-1], field.wavelengths_nm
+        spectral = spectral_irradiance(radiance[:-1], quadrature, direct, altitude, wl, day.distance_au)
+        gases = self.gases
         diffuse = spectral["relative_diffuse_horizontal"].values
         wide = broadband(direct, diffuse, wl, altitude, day.distance_au, **gases)
         out: dict[str, Any] = {

@@ -20,7 +20,7 @@ from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
 from openswim.readers.fields.aerosol_species import AerosolSum
-from openswim.readers.fields.air import relative_humidity, wind_along_axes
+from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf.particles import (
@@ -85,6 +85,11 @@ class WRFReader:
             if haze is not None:
                 levels["aerosol_extinction"] = haze.extinction_per_m
             surface = _surface(file, grid, notes)
+            if "QVAPOR" in file:
+                vapour = (dry * ratio for dry, ratio in zip(air, mixing_ratio(file, "QVAPOR", []), strict=True))
+                surface["precipitable_water"] = precipitable_water_kg_m2(
+                    vapour, grid.height_m, surface["surface_altitude"]
+                )
             notes += _absences(file)
             notes += low_top(grid.height_m)
             return Scene(
