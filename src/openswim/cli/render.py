@@ -35,6 +35,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    member: int | None = None
     sun: str | None = None
     camera_file: Path | None = None
     view: str = "allsky"
@@ -84,7 +85,7 @@ def run(request: RenderRequest) -> None:
     given = request.albedo_maps or request.height_maps
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(
-        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground, member=request.member
     )
     scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
     for note in scene.notes:
