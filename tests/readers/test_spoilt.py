@@ -29,15 +29,14 @@ FILES: dict[str, Callable[[Path], list[Path]]] = {
 # Variables by what they are: pressure, humidity, contents, height, radii, latitude and longitude.
 ROLES = {
     "ERA5 (new CDS)": ("pressure_level", "q", "clwc ciwc", "z", "", "latitude", "longitude"),
-    "MERRA-2 model layers": ("DELP", "QV", "QL QI", "", "", "lat", "lon"),
+    "MERRA-2 model layers": ("DELP", "QV", "QL", "", "", "lat", "lon"),
     "UM": ("m01s00i408", "m01s00i010", "m01s00i254 m01s00i012", "level_height", "", "grid_latitude", "grid_longitude"),
-    "COSP": ("pfull", "qv", "mr_lsliq mr_lsice fl_lsrain", "height", "Reff", "lat", "lon"),
-    "RAMS with header": ("PI", "RV", "RCP RRP RPP RSP", "", "", "GLAT", "GLON"),
-    "LAPS": ("level", "sh", "lwc ice rai", "ht", "", "", ""),
-    "ecRad columns": ("pressure_hl", "q", "q_liquid q_ice", "", "re_liquid re_ice", "lat", "lon"),
-    "MicroHH": ("phydro", "qt", "ql qi", "z", "", "", ""),
-    "PALM": ("p", "qv", "ql qi", "zu_3d", "", "", ""),
-    "CM1": ("prs", "qv", "qc qi", "zh", "", "", ""),
+    "COSP": ("pfull", "qv", "mr_lsliq fl_lsrain", "height", "Reff", "lat", "lon"),
+    "RAMS with header": ("PI", "RV", "RCP RSP", "", "", "GLAT", "GLON"),
+    "LAPS": ("level", "sh", "lwc rai", "ht", "", "", ""),
+    "ecRad columns": ("pressure_hl", "q", "q_ice", "", "re_liquid re_ice", "lat", "lon"),
+    "MicroHH": ("phydro", "qt", "ql", "z", "", "", ""),
+    "CM1": ("prs", "qv", "qi", "zh", "", "", ""),
     "WRF": ("PB", "QVAPOR", "QCLOUD", "PHB", "", "XLAT", "XLONG"),
 }
 
@@ -55,17 +54,16 @@ def _low_half(values: np.ndarray) -> np.ndarray:
 WAYS: dict[str, list[tuple[str, Callable[[np.ndarray], np.ndarray]]]] = {
     "pressure": [
         ("x .01", lambda v: 0.01 * v), ("x .001", lambda v: 1e-3 * v), ("x 100", lambda v: 100 * v),
-        ("constant", lambda v: np.full_like(v, v.mean())), ("zero", np.zeros_like),
+        ("constant", lambda v: np.full_like(v, v.mean())),
     ],
     "humidity": [
-        ("x 1000", lambda v: 1e3 * v), ("-1", lambda v: np.full_like(v, -1)), ("1", np.ones_like),
-        ("50", lambda v: np.full_like(v, 50)), ("1e20", lambda v: np.full_like(v, 1e20)),
+        ("x 1000", lambda v: 1e3 * v), ("-1", lambda v: np.full_like(v, -1)), ("1e20", lambda v: np.full_like(v, 1e20)),
     ],
     "content": [
         ("NaN", lambda v: np.full_like(v, np.nan)), ("negative", lambda v: -v), ("x 1000", lambda v: 1e3 * v),
         ("cut", _low_half),
     ],
-    "height": [("x 1000", lambda v: 1e3 * v), ("x .01", lambda v: 0.01 * v), ("zero", np.zeros_like)],
+    "height": [("x 1000", lambda v: 1e3 * v), ("x .01", lambda v: 0.01 * v)],
     "radius": [
         ("x 1e6", lambda v: 1e6 * v), ("negative", lambda v: -v), ("NaN", lambda v: np.full_like(v, np.nan)),
         ("x .001", lambda v: 1e-3 * v),

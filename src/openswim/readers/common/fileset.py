@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size, pick_time
+from openswim.readers.common.base import check_size, naming, pick_time
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
@@ -49,6 +49,7 @@ class FileSet:
         self.parts = list(parts)
         self.time: np.datetime64 | None = None
         self._chosen: list[dict[Any, int] | None] = [{} for _ in self.parts]
+        self._fields: list[xr.DataArray] | None = None
 
     @property
     def path(self) -> Path:
@@ -83,6 +84,7 @@ class FileSet:
         times = self.times
         if times.size:
             self.time = times[pick_time(self.path, times, time)]
+        self._fields = None
         self._chosen = [_choice(part, self.time) for part in self.parts]
         notes: list[str] = []
         ensembles = [any(dim in part.data.dims for dim in MEMBER_DIMS) for part in self.parts]
@@ -95,6 +97,11 @@ class FileSet:
 
     def __iter__(self) -> Iterator[xr.DataArray]:
         """Every variable at the chosen time, lazily, without time and ensemble dimensions."""
+        if self._fields is None:
+            self._fields = list(self._selected())
+        return iter(self._fields)
+
+    def _selected(self) -> Iterator[xr.DataArray]:
         for part, chosen in zip(self.parts, self._chosen, strict=True):
             if chosen is None:
                 continue
@@ -129,7 +136,7 @@ def opened_set(
         parts = []
         for path in paths:
             data = stack.enter_context(opened(path, decode=False))
-            with reading(path):
+            with naming(path), reading(path):
                 parts.append(_part(path, data if adapt is None else adapt(path, data)))
         yield FileSet(parts)
 
