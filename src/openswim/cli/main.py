@@ -106,6 +106,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]")
 @click.option(
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",

@@ -35,6 +35,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    member: int | None = None
     sun: str | None = None
     camera_file: Path | None = None
     view: str = "allsky"
@@ -88,7 +89,7 @@ def run(request: RenderRequest) -> None:
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
-        allow_references=request.allow_references,
+        allow_references=request.allow_references, member=request.member,
     )
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
