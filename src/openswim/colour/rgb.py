@@ -31,6 +31,7 @@ HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shou
 # 13 stops more than by day, as f/1.8, ISO 3200 and 1/30 s by hand give: clear skies show their twilight until the sun
 # is at -8 degrees, a dim one at -10, none at -13
 MOST_EXPOSURE = 1e4
+_LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
 SHOULDER = 0.5  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
@@ -145,11 +146,11 @@ def to_rgb(
 def check_exposure(exposure: float | str) -> None:
     """Raise UserError unless `to_rgb` takes this exposure."""
     if exposure != "auto" and not _is_positive(exposure):
-        raise UserError(f"exposure {exposure!r} must be a positive number or 'auto'")
+        raise UserError(f"exposure {exposure!r} must be a positive number up to {_LARGEST_EXPOSURE:.0e}, or 'auto'")
 
 
 def _is_positive(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and bool(0 < value < np.inf)
+    return isinstance(value, (int, float, np.number)) and bool(0 < value <= _LARGEST_EXPOSURE)
 
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
