@@ -18,7 +18,7 @@ from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
 
-PIXEL_BYTES = 60  # of memory that a view takes for each pixel and wavelength
+PIXEL_BYTES = 90  # of memory that a view takes for each pixel and wavelength
 
 
 def check_fits(shape: tuple[int, int], wavelengths: int) -> None:

@@ -27,7 +27,7 @@ WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
-_VIEW_SAMPLES_PER_S = 3e7
+_VIEW_SAMPLES_PER_S = 1.8e7
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _COLUMN_NODE_S = 0.35e-6  # the same where every column is solved by itself
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
@@ -35,6 +35,7 @@ _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundr
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
 _START_S = 2.0
+_BYTES, _REFERENCE_BYTES = 3.5e8, 2e8  # of a process whatever it does: libraries, kernels, maps of the ground
 _SURE = 0.8  # of the free memory, for pictures that are said to fit
 _NODE_BYTES = 140  # optics, moments and scratch per node and wavelength
 _COLUMN_NODE_BYTES = 55  # the same without sweeps
@@ -71,7 +72,7 @@ def estimate(
         )
         of_pixels = math.prod(camera.shape) * inner.pixel_bytes
         return Estimate(
-            inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - 2e8 - of_pixels,
+            inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - _BYTES - of_pixels,
             inner.pixel_bytes,
         )
     if solver != "reference" and _large(scene):
@@ -83,12 +84,14 @@ def estimate(
     per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":
-        speed = _PATHS_PER_S if nodes else _CLEAR_PATHS_PER_S
-        seconds = _START_S + pixels * (paths or REFERENCE_PATHS) / speed
-        return Estimate(seconds, 2e8 + nodes * _NODE_BYTES + pixels * per_pixel, per_pixel)
+        thick = _thick_share(scene)
+        seconds = _START_S + pixels * (paths or REFERENCE_PATHS) * (
+            thick / _PATHS_PER_S + (1 - thick) / _CLEAR_PATHS_PER_S
+        )
+        return Estimate(seconds, _REFERENCE_BYTES + nodes * _NODE_BYTES + pixels * per_pixel, per_pixel)
     seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
     node_bytes = _COLUMN_NODE_BYTES if wide or solver == "swim" else _NODE_BYTES
-    return Estimate(seconds, 2e8 + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
+    return Estimate(seconds, _BYTES + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
 
 
 def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
@@ -98,6 +101,16 @@ def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
     options = Options(solver, quality) if solver == "fast" else Options(solver)
     matter, surface = matter_of(scene.alone(), REFERENCE_NM), surface_of(scene.alone(), REFERENCE_NM)
     return plan_of(options, matter, surface, np.array([0.0, 0.0, 1.0])).medium
+
+
+def _thick_share(scene: "Scene") -> float:
+    """Share of the columns in whose clouds and haze paths go astray: of optical depth over 1."""
+    if scene.grid is None:
+        return 0.0
+    matter, height = matter_of(scene.alone(), REFERENCE_NM), scene.grid.height_m
+    rise = np.gradient(height, axis=0).reshape(height.shape[0], *(height.shape[1:] or (1, 1)))
+    depth = sum(((one.extinction_per_m * rise).sum(axis=0) for one in matter.species), np.zeros(1))
+    return float((depth > 1.0).mean())
 
 
 def _large(scene: "Scene") -> bool:
