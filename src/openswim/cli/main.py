@@ -336,7 +336,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        return _fail(f"{error.format_message()} (see openswim --help)", USERS_MISTAKE, state)
+        return _fail(str(UserError(f"{error.format_message()} (see openswim --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED
