@@ -42,6 +42,7 @@ ORDER = (
     "lighting",
     "rendering",
     "observations",
+    "comparison",
     "validation",
     "cli",
     "__main__",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
+    from openswim.comparison import compare as compare
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
@@ -33,6 +34,7 @@ _HOME = {
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "compare": "openswim.comparison",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -43,7 +45,7 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "light", "load_camera", "open_light",
     "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 

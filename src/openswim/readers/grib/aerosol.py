@@ -13,6 +13,7 @@ from openswim.readers.fields.aerosol_by_depth import from_depths
 from openswim.readers.fields.aerosol_species import DRY_SMOKE, SPECIES, AerosolPart, added_up, part_of_mass
 from openswim.readers.grib.codes import DEPTH, MASS
 from openswim.readers.grib.columns import Air, Columns
+from openswim.readers.grib.fields import taken
 
 F32 = NDArray[np.float32]
 
@@ -32,7 +33,7 @@ def aerosol(columns: Columns, air: Air | None, height_m: NDArray[Any], terrain: 
     for kind in sorted({one.name.removeprefix(DEPTH) for one in columns.fields if one.name.startswith(DEPTH)}):
         depth = columns.on_ground(DEPTH + kind, ("column", "surface"))
         if depth is not None:
-            depths[kind] = np.maximum(np.nan_to_num(depth), np.float32(0))
+            depths[kind] = np.maximum(columns.tell_gaps(f"optical depth of {kind}", depth), np.float32(0))
     if depths:
         return Haze(*from_depths(depths, height_m, terrain, columns.notes), True)
     parts = _smoke_near_ground(columns, height_m, terrain)
@@ -58,9 +59,15 @@ def _masses(columns: Columns, air: Air) -> list[AerosolPart]:
         if humidity is None:
             moist = np.clip(1 - air.dry_density_kg_m3 / air.density_kg_m3, 0, None).astype(np.float32)
             humidity = of_air.relative_humidity(air.pressure_pa, air.temperature_k, moist)
-        mass = np.maximum(np.nan_to_num(columns.stack(fields, air.levels)), np.float32(0)) * air.density_kg_m3
+        mass = np.maximum(_told(columns, name, fields, air), np.float32(0)) * air.density_kg_m3
         parts.append(part_of_mass(SPECIES[name], mass, humidity))
     return parts
+
+
+def _told(columns: Columns, name: str, fields: dict[float, Any], air: Air) -> F32:
+    """A quantity on levels; what is missing is none, and told."""
+    columns.tell_lacking(name, fields, air.levels)
+    return taken(columns, name, fields, air.levels)
 
 
 def _smoke(columns: Columns, air: Air) -> list[AerosolPart]:
@@ -68,14 +75,14 @@ def _smoke(columns: Columns, air: Air) -> list[AerosolPart]:
     fields = columns.levels_of("smoke_density")
     if not fields:
         return []
-    return _smoke_part(columns, np.nan_to_num(columns.stack(fields, air.levels), nan=0.0))
+    return _smoke_part(columns, _told(columns, "smoke", fields, air))
 
 
 def _smoke_near_ground(columns: Columns, height_m: NDArray[Any], terrain: F32 | None) -> list[AerosolPart]:
     """Smoke that is known only just above the ground (HRRR-Smoke's 8-m density)."""
     for one in columns.fields:
         if one.name == "smoke_density" and one.kind == "height above ground" and not columns.kind:
-            values = np.nan_to_num(columns.read(one))
+            values = columns.tell_gaps("smoke", columns.read(one))
             columns.notes.append(f"smoke is given at {one.level:g} m only: taken to thin upward by 1/e in 1 km")
             above = np.maximum(height_m - (np.float32(0) if terrain is None else terrain), np.float32(0))
             return _smoke_part(columns, values * np.exp(-above / np.float32(_SMOKE_SCALE_M)))

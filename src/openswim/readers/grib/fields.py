@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from openswim.errors import UserError
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2
 from openswim.readers.fields.air import wind_along_axes, without_gaps
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
+from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
@@ -36,7 +39,7 @@ def condensate(columns: Columns, air: Air) -> dict[str, F32]:
             fields = columns.levels_of(name)
             if not fields or f"{species}_{CONTENT}" not in found:
                 continue
-            values = np.maximum(_per_volume(columns, air, name, fields), np.float32(0))
+            values = known_sizes(name, _per_volume(columns, air, name, fields), columns.notes)
             if values.any():
                 found[name] = values
     _cover(columns, air, found)
@@ -49,7 +52,8 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
     """Cloud fraction of the levels; where a file of wide cells has none, from its humidity."""
     fields = columns.levels_of("cloud_cover")
     if fields:
-        values = np.nan_to_num(columns.stack(fields, air.levels))
+        columns.tell_lacking("cloud cover", fields, air.levels)
+        values = taken(columns, "cloud cover", fields, air.levels)
         if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
             raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
         found["cloud_area_fraction"] = np.clip(values, 0, 1)
@@ -83,18 +87,21 @@ def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field
     if outside:
         listed = ", ".join(f"{level:g}" for level in outside)
         columns.notes.append(f"{name} on levels {listed} is left out: no temperature there")
-    lacking = [level for level in air.levels if level not in fields]
-    inner = [k for k in lacking if min(fields) < k < max(fields)]
-    if inner:
-        columns.notes.append(f"{name} is missing on {len(inner)} levels between others ({inner[0]:g} ...): none there")
-    values = columns.stack(fields, air.levels)
-    gaps = without_gaps(values) - len(lacking) * values[0].size
-    if gaps:
-        columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    columns.tell_lacking(name, fields, air.levels)
+    values = taken(columns, name, fields, air.levels)
     per = next(iter(fields.values())).meaning.per
     if name.endswith(RADIUS) or per == "volume":
         return values
     return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
+
+
+def taken(columns: Columns, name: str, fields: dict[float, Field], levels: Sequence[float]) -> F32:
+    """A quantity on levels, zero where it is missing; a note says where a level that the file has holds gaps."""
+    values = columns.stack(fields, levels)
+    gaps = without_gaps(values) - sum(level not in fields for level in levels) * values[0].size
+    if gaps:
+        columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    return values
 
 
 def of_both_phases(columns: Columns) -> str | None:
@@ -128,7 +135,7 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
     for name, target in (("land", "land_area_fraction"), ("sea_ice", "sea_ice_area_fraction")):
         values = columns.on_ground(name, instant=False)
         if values is not None:
-            found[target] = np.clip(np.nan_to_num(values), 0.0, 1.0)
+            found[target] = np.clip(columns.tell_gaps(target, values), 0.0, 1.0)
     snow = _snow(columns)
     if snow is not None:
         found["snow_area_fraction"] = snow
@@ -138,8 +145,12 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
             albedo = albedo * 100
         if float(albedo.min()) > 0.0:
             found["surface_albedo"] = np.clip(albedo, 0.0, 1.0)
-        else:  # a mean over hours of night
+        elif float(albedo.min()) == 0.0:  # a mean over hours of night
             columns.notes.append("albedo is zero where it was night: surface albedo from the ground map")
+        else:
+            raise UserError(f"{columns.file.path}: albedo to {float(albedo.min()):g}: damaged")
+    elif albedo is not None:
+        columns.notes.append("albedo is missing in places: surface albedo from the ground map")
     found |= _wind(columns)
     return found
 
@@ -153,7 +164,7 @@ def _snow(columns: Columns) -> F32 | None:
             values = values * 100  # a fraction, though the parameter is in percent
         if name != "snow_cover":
             columns.notes.append(f"snow covers the ground fully from {full:g} {'m' if full < 1 else 'kg m-2'} on")
-        return np.asarray(np.clip(np.nan_to_num(values) / full, 0.0, 1.0), np.float32)
+        return np.asarray(np.clip(columns.tell_gaps(name, values) / full, 0.0, 1.0), np.float32)
     return None
 
 

@@ -23,7 +23,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.opening import reading
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import low_top, no_ground, no_species
+from openswim.readers.fields.absent import low_top, no_ground, no_sizes, no_species
 from openswim.readers.fields.aerosol_beyond import Haze
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.aerosol import aerosol, kinds
@@ -40,6 +40,7 @@ from openswim.readers.grib.grid import NAMES, grid_of
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.plausible import high_bottom
 from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
@@ -85,7 +86,7 @@ class GRIBReader:
             haze = aerosol(columns, air, height, terrain)
             fields |= haze.fields
             data = labelled(fields, ground(columns, terrain))
-            columns.notes += no_species(data) + no_ground(data) + low_top(height)
+            columns.notes += no_species(data) + no_sizes(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns, haze, height)
             return Scene(
                 columns.selection.grid(height),
@@ -111,6 +112,7 @@ class GRIBReader:
             if columns.kind:
                 air = air_of(middle)
                 grid = middle.selection.grid(air.height_m)
+                middle.notes += high_bottom(air.height_m[0], air.terrain_m)
                 if of_both_phases(middle) is not None:
                     present |= {"liquid", "ice"}
                     middle.notes.append(SPLIT)
@@ -125,7 +127,8 @@ class GRIBReader:
             species += kinds(columns)
             levels = f", {names['temperature']} {columns.kind} levels" if columns.kind else ", no levels"
             found = set(ground(columns, terrain_of(columns)))
-            columns.notes += no_species({f"{s}_content" for s in species}) + no_ground(found)
+            contents = {f"{s}_content" for s in species}
+            columns.notes += no_species(contents) + no_sizes(contents | set(names)) + no_ground(found)
             whole = mesh.grid()
             unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
             if unused:

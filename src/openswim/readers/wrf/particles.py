@@ -9,7 +9,7 @@ from openswim.readers.fields import aerosol_species
 from openswim.readers.fields.aerosol_beyond import Haze
 from openswim.readers.fields.aerosol_species import AerosolPart, added_up, part_of_mass
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
-from openswim.readers.fields.particles import Category, together
+from openswim.readers.fields.particles import Category, known_sizes, together
 from openswim.readers.wrf.file import MASS_LEVELS, WRFFile
 from openswim.scene import Optics
 from openswim.scene.checks import checked_values
@@ -41,7 +41,7 @@ SMOKE = ("smoke", "SMOKE", "trc_smoke", "tracer_smoke")
 PARTICULATE = "PM2_5_DRY"
 AEROSOL = (EXTINCTION, *GOCART, PARTICULATE, *SMOKE)
 _FRACTION = Variable("1", "", 0.0, 1.0, clip=True, hint="is it in percent?")
-_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
+_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg? 1000 times too large")
 
 
 def mixing_ratio(file: WRFFile, name: str, notes: list[str]) -> F32:
@@ -63,7 +63,7 @@ def hydrometeors(file: WRFFile, dry_density: F32, notes: list[str]) -> dict[str,
         masses = {mass: mixing_ratio(file, mass, notes) for mass, _, _ in there}
         full = [each for each in there if masses[each[0]].any()] or there[:1]
         sized = [
-            (masses[mass], _first(file, numbers, "kg-1"), _first(file, radii, "m", notes))
+            (masses[mass], _first(file, numbers, "kg-1", notes), _first(file, radii, "m", notes))
             for mass, numbers, radii in full
         ]
         if len(sized) == 1:
@@ -141,17 +141,16 @@ def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) ->
     return Haze(*added_up(parts), whole and bool(parts))
 
 
-def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str] | None = None) -> F32 | None:
+def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str]) -> F32 | None:
     """The first of some fields that the file has, where it is anywhere positive."""
     for name in names:
         if name not in file:
             continue
         scale = np.float32(1e-6 if name.startswith("EFF") else 1.0)  # EFFCS, EFFIS are in micrometres
-        field = np.maximum(file.field(name, MASS_LEVELS, "" if name.startswith("EFF") else units), 0.0) * scale
+        field = known_sizes(name, file.field(name, MASS_LEVELS, "" if name.startswith("EFF") else units), notes)
         if field.any():
-            return np.asarray(field, np.float32)
-        if notes is not None:
-            notes.append(f"{name} is zero everywhere: effective radius from content or number")
+            return np.asarray(field * scale, np.float32)
+        notes.append(f"{name} is zero everywhere: effective radius from content or number")
     return None
 
 

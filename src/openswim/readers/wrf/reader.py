@@ -18,23 +18,25 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
-from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
+from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
 from openswim.readers.fields.aerosol_beyond import Haze
 from openswim.readers.fields.air import relative_humidity, wind_along_axes
+from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf.particles import (
     AEROSOL,
+    CATEGORIES,
     CONTENTS,
     EXPECTED,
     aerosol,
     cover,
     cover_guess,
     hydrometeors,
-    mixing_ratio,
 )
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.plausible import high_bottom
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
 _CALLED = {
@@ -122,6 +124,7 @@ class WRFReader:
                 guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
                 notes += [] if guessed is None else [guessed]
                 notes += low_top(grid.height_m)
+                notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
             Haze().background(np.zeros(2), notes)
             kind = projection_kind(file)
@@ -172,7 +175,10 @@ def _air(
     temperature = theta * (pressure / np.float32(REFERENCE_PRESSURE_PA)) ** np.float32(
         DRY_AIR_GAS_CONSTANT / HEAT_CAPACITY
     )
-    vapour = mixing_ratio(file, "QVAPOR", notes) if "QVAPOR" in file else np.zeros_like(pressure)
+    vapour = np.zeros_like(pressure)
+    if "QVAPOR" in file:
+        given = file.field("QVAPOR", MASS_LEVELS, "kg kg-1")
+        vapour = checked_humidity("QVAPOR", given, temperature, pressure, notes)
     moist = 1.0 + vapour * np.float32(VAPOUR_GAS_CONSTANT / DRY_AIR_GAS_CONSTANT)
     dry_density = (pressure / (DRY_AIR_GAS_CONSTANT * temperature * moist)).astype(np.float32)
     humidity = relative_humidity(pressure, temperature, (vapour / (1 + vapour)).astype(np.float32))
@@ -220,6 +226,13 @@ def _absences(file: WRFFile) -> list[str]:
     absent = {name: CONTENTS[name] for name in EXPECTED if name not in file}
     if absent:
         notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
+    present = {f"{species}_content" for name, species in CONTENTS.items() if name in file}
+    present |= {
+        f"{species}_number"
+        for species, kinds in CATEGORIES.items()
+        if any(name in file for _, *sizes in kinds for names in sizes for name in names)
+    }
+    notes += no_sizes(present)
     known = {
         "surface_altitude": True,  # if need be from the geopotential
         "land_area_fraction": "LANDMASK" in file or "XLAND" in file,
