@@ -43,6 +43,7 @@ ORDER = (
     "rendering",
     "observations",
     "comparison",
+    "stations",
     "validation",
     "cli",
     "__main__",

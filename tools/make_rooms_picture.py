@@ -35,7 +35,8 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
-    "comparison": Place(1, 4.4, 1.6, "frames beside skies"),
+    "comparison": Place(1, 3.45, 1.6, "frames beside skies"),
+    "stations": Place(1, 5.1, 1.3, "light through time"),
     "observations": Place(1.9, 4.05, 1.6, "cameras by their frames"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
     "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
@@ -98,7 +99,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison",
+USERS = {"cli", "observations", "comparison", "stations", "films",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
     from openswim.solver import Solver as Solver
+    from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
     "Camera": "openswim.cameras",
@@ -35,6 +36,7 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "compare": "openswim.comparison",
+    "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -45,8 +47,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "light", "load_camera", "open_light",
-    "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "irradiance", "light", "load_camera",
+    "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -223,6 +223,38 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
 
 
 @cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1)
+@click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
+@click.option("--lat", type=float, help="Latitude, degrees north.")
+@click.option("--lon", type=float, help="Longitude, degrees east.")
+@click.option("--height", "height_m", type=float, default=2.0, show_default=True, help="Metres above the ground.")
+@click.option("--ground", "ground_m", type=float, help="Of --clear: height of the ground above sea level, m.")
+@click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
+@click.option("--end", help="Last time, UTC.")
+@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
+@click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
+@click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
+@click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
+@click.option(
+    "--station", type=click.Path(path_type=Path),
+    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC, ARM, or a table with utc and ghi.",
+)  # fmt: skip
+@click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
+              help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture of model and station, .png.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write, .nc or .csv.")
+@_debug
+def irradiance(**options: Any) -> None:
+    """Global, direct and diffuse irradiance through time, from a model's FILES or for a clear sky."""
+    from openswim.cli.irradiance import IrradianceRequest, run
+
+    run(IrradianceRequest(**options))
+
+
+@cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
 @_quality

@@ -25,6 +25,7 @@ from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.absent import low_top, no_ground, no_sizes, no_species
 from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.air import precipitable_water_kg_m2
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.aerosol import aerosol, kinds
 from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
@@ -85,7 +86,12 @@ class GRIBReader:
                 fields, (height, terrain) = {}, _flat_levels(columns)
             haze = aerosol(columns, air, height, terrain)
             fields |= haze.fields
-            data = labelled(fields, ground(columns, terrain))
+            surface = ground(columns, terrain)
+            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
+                vapour = (d - dry for d, dry in zip(air.density_kg_m3, air.dry_density_kg_m3, strict=True))
+                ground_m = 0.0 if terrain is None else terrain
+                surface["precipitable_water"] = precipitable_water_kg_m2(vapour, height, ground_m)
+            data = labelled(fields, surface)
             columns.notes += no_species(data) + no_sizes(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns, haze, height)
             return Scene(

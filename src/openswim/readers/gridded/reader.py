@@ -155,6 +155,10 @@ def _read(
         fields |= haze.fields
         columns.gaps.check(files.path, levels.height_m, terrain, notes)
         notes += files.lost(columns.read_names)
+        if levels.specific_humidity is not None:
+            vapour = (d * q for d, q in zip(levels.density_kg_m3, levels.specific_humidity, strict=True))
+            ground_m = 0.0 if terrain is None else terrain
+            surface["precipitable_water"] = air.precipitable_water_kg_m2(vapour, levels.height_m, ground_m)
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
         atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))

@@ -20,7 +20,7 @@ from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
 from openswim.readers.fields.aerosol_beyond import Haze
-from openswim.readers.fields.air import relative_humidity, wind_along_axes
+from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
 from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
@@ -86,6 +86,12 @@ class WRFReader:
             haze = aerosol(file, air, humidity, notes)
             levels |= haze.fields
             surface = _surface(file, grid, notes)
+            if "QVAPOR" in file:
+                ratios = np.maximum(file.field("QVAPOR", MASS_LEVELS, "kg kg-1"), np.float32(0))
+                vapour = (dry * ratio for dry, ratio in zip(air, ratios, strict=True))
+                surface["precipitable_water"] = precipitable_water_kg_m2(
+                    vapour, grid.height_m, surface["surface_altitude"]
+                )
             notes += _absences(file)
             notes += low_top(grid.height_m)
             return Scene(
