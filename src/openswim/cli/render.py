@@ -100,8 +100,9 @@ def run(request: RenderRequest) -> None:
     announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
+    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, wavelengths_nm=wavelengths, **sun)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
