@@ -17,6 +17,7 @@ from openswim.heavens.lamps import Lamps, lamps_of
 from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
+from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
@@ -42,11 +43,12 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     if when is None:
         raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
     place = sun_position(when, *((frame.lat, frame.lon) if frame.curved else scene.place))
+    lit_from_deg = lit_altitude_deg(place.altitude_deg)
     if not frame.curved:
-        direction = frame.direction(place.azimuth_deg, place.refracted_altitude_deg, 0.0, 0.0)
+        direction = frame.direction(place.azimuth_deg, lit_from_deg, 0.0, 0.0)
         return Daylight(direction, place.distance_au, place.angular_radius_deg)
     direction = frame.enu(*subsolar_point(when))[2]
-    lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
+    lift = np.radians(lit_from_deg - place.altitude_deg)
     if lift > 0:
         up = np.array([0.0, 0.0, 1.0])
         tangent = up - direction * direction[2]

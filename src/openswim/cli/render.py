@@ -276,12 +276,15 @@ def report(image: "xr.Dataset") -> None:
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
             f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
         )
-        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
+        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG and "lights" not in attributes:
+            click.echo("note: it is night there; moon and stars need a time (--sun TIME)", err=True)
+        if "lights" in attributes and float(attributes["sun_altitude_deg"]) < 0:
             click.echo(
-                "note: it is night there; moon, stars and city lights are not simulated yet (--sun TIME: light of "
-                "another time)",
-                err=True,
+                f"lights: {attributes['lights']}; moon: altitude {float(attributes['moon_altitude_deg']):.2f}, azimuth "
+                f"{float(attributes['moon_azimuth_deg']):.2f} degrees, {float(attributes['moon_illuminated']):.0%} lit"
             )
+        if "illuminance_lx" in attributes:
+            click.echo(f"illuminance: {float(attributes['illuminance_lx']):.3g} lx")
     if "mean_error_percent" in attributes:
         cut = ", interrupted" if attributes.get("interrupted") else ""
         click.echo(

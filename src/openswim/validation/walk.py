@@ -18,6 +18,7 @@ from openswim.validation import (
     measured,
     night_lights,
     night_places,
+    night_skies,
     slab_tables,
     slabs,
     sunpos,
@@ -61,6 +62,9 @@ FAMILIES = (
     Family(night_lights.is_milky_way_table, night_lights.compare_milky_way),
     Family(night_lights.is_airglow_table, night_lights.compare_airglow),
     Family(night_lights.is_refraction_table, night_lights.compare_refraction),
+    Family(night_skies.is_moonlit_table, night_skies.compare_moonlit_sky),
+    Family(night_skies.is_illuminance_table, night_skies.compare_illuminance),
+    Family(night_skies.is_twilight_fit, night_skies.compare_twilight_fit),
 )
 
 
