@@ -102,7 +102,7 @@ def light(
         return LitScene(scene, field, day, at, lamps=None if lamps is None else lamps.unsolved())
     lights = []
     for lamp in lamps.every:
-        found = (chosen.solve_starlit(scene, wavelengths) if lamp.direction is None
+        found = (chosen.solve_starlit(scene, wavelengths, lamp.towns) if lamp.direction is None
                  else chosen.solve(scene, lamp.direction, wavelengths))  # fmt: skip
         assert isinstance(found, Field)
         lights.append(LitBy(lamp.name, found, lamp.strength))
@@ -112,7 +112,8 @@ def light(
 def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
     frame = scene_frame(scene)
-    return lamps_of(when, (frame.lat, frame.lon) if frame.curved else scene.place, frame, day, wavelengths)
+    place = (frame.lat, frame.lon) if frame.curved else scene.place
+    return lamps_of(when, place, frame, day, wavelengths, scene.ground)
 
 
 def _is_day(lamps: Lamps) -> bool:

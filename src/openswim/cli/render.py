@@ -51,6 +51,7 @@ class RenderRequest:
     exposure: float | None = None
     allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
+    town_lights: tuple[Path, ...] = ()
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
@@ -65,7 +66,7 @@ def run(request: RenderRequest) -> None:
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
-    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
+    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps, *request.town_lights]
     inputs += [] if request.camera_file is None else [request.camera_file]
     if request.checkpoint is not None:
         check_target(request.checkpoint, inputs, "--checkpoint")
@@ -84,8 +85,9 @@ def run(request: RenderRequest) -> None:
     from openswim.optics.species import for_wavelengths
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
-    given = request.albedo_maps or request.height_maps
-    ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
+    given = request.albedo_maps or request.height_maps or request.town_lights
+    maps = openswim.Ground(request.albedo_maps, request.height_maps, lights=request.town_lights)
+    ground = maps if given else None
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
         allow_references=request.allow_references,
