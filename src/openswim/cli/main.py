@@ -132,6 +132,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
 @click.option(
+    "--town-lights", "town_lights", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of towns at night: GeoTIFF in nW cm-2 sr-1, such as VIIRS; may be given several times.",
+)  # fmt: skip
+@click.option(
     "--aerosol",
     help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
     "pvlib), or none.  [default: the file's, else continental]",

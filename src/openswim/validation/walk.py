@@ -19,6 +19,8 @@ from openswim.validation import (
     measured,
     night_lights,
     night_places,
+    night_skies,
+    sky_glow,
     slab_tables,
     slabs,
     sunpos,
@@ -62,6 +64,10 @@ FAMILIES = (
     Family(night_lights.is_milky_way_table, night_lights.compare_milky_way),
     Family(night_lights.is_airglow_table, night_lights.compare_airglow),
     Family(night_lights.is_refraction_table, night_lights.compare_refraction),
+    Family(night_skies.is_moonlit_table, night_skies.compare_moonlit_sky),
+    Family(night_skies.is_illuminance_table, night_skies.compare_illuminance),
+    Family(sky_glow.is_sky_glow, sky_glow.compare_sky_glow),
+    Family(night_skies.is_twilight_fit, night_skies.compare_twilight_fit),
 )
 
 
