@@ -23,7 +23,7 @@ from openswim.films.outputs import KINDS, check_output, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
-from openswim.observer import ground_below
+from openswim.observer import check_observer, ground_below
 from openswim.progress import track
 from openswim.scene import Scene
 from openswim.solver import Solver
@@ -31,6 +31,7 @@ from openswim.viewpoint import LitScene
 
 MOST_FRAMES = 100_000
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
+_MOST_HALF = 65000.0  # that half floats hold
 _LOWEST_M = 1.5  # above the ground, of a camera on a path
 
 
@@ -213,8 +214,9 @@ def _frame(lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool) -> 
         if len(images) > 1:
             image[name] = sum(share * each[name] for share, each in images).assign_attrs(image[name].attrs)
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
-    shown = np.clip(display_light(image), -65000, 65000).astype(np.float16)
-    return KeptFrame(shown, _facts(image, shot, auto_exposure(image)), data)
+    wanted = auto_exposure(image)
+    shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
+    return KeptFrame(shown, _facts(image, shot, wanted), data)
 
 
 def _above_ground(lit: LitScene, camera: Camera) -> Camera:
@@ -222,6 +224,10 @@ def _above_ground(lit: LitScene, camera: Camera) -> Camera:
     if camera.above != "sea level" or camera.height_m > 9000.0 or camera.lat is None:
         return camera
     standing = replace(camera, above="ground", height_m=_LOWEST_M)
+    try:
+        check_observer(lit.scene, standing, lit.field.solver.name)
+    except UserError:  # beside the domain it flies over ground that nobody knows
+        return camera
     ground_m = ground_below(lit.scene, lit.field, standing)
     return standing if camera.height_m < ground_m + _LOWEST_M else replace(
         camera, above="ground", height_m=camera.height_m - ground_m
@@ -250,7 +256,7 @@ def _pictures(kept: KeptFrames, curve: NDArray[np.float64], title: bool) -> Iter
 
     for number_, factor in enumerate(curve):
         frame = kept.get(number_)
-        picture = developed(frame.light.astype(np.float32), float(factor))
+        picture = developed(frame.light.astype(np.float32), float(factor / frame.facts["exposure"]))
         yield titled(picture, frame.facts) if title else picture
 
 

@@ -22,8 +22,8 @@ _PLAN = "film.json"
 
 @dataclass(frozen=True)
 class KeptFrame:
-    """One frame: linear light (y, x, 3) as half floats, what is known of it, and radiance (y, x, w) where it is asked
-    for."""
+    """One frame: its linear light (y, x, 3) at the exposure that it wants by itself, what is known of it, that exposure
+    among it, and its radiance (y, x, w) where that is asked for."""
 
     light: NDArray[np.float16]
     facts: dict[str, Any]
@@ -60,7 +60,8 @@ class KeptFrames:
 
     def put(self, number: int, frame: KeptFrame) -> None:
         """Write a frame, whole or not at all."""
-        arrays: dict[str, Any] = {"light": frame.light, "facts": np.frombuffer(json.dumps(frame.facts).encode(), np.uint8)}
+        facts = np.frombuffer(json.dumps(frame.facts).encode(), np.uint8)
+        arrays: dict[str, Any] = {"light": frame.light, "facts": facts}
         if frame.radiance is not None:
             arrays["radiance"] = frame.radiance
         with written_whole(self._path(number)) as partial, zipfile.ZipFile(
@@ -76,7 +77,7 @@ class KeptFrames:
         try:
             with np.load(path, allow_pickle=False) as arrays:
                 facts = json.loads(arrays["facts"].tobytes().decode())
-                return KeptFrame(arrays["light"], facts, arrays["radiance"] if "radiance" in arrays else None)
+                return KeptFrame(arrays["light"], facts, arrays.get("radiance"))
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise UserError(f"{path}: damaged ({error}): remove it and start again, the others are kept") from error
 
