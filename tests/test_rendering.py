@@ -72,7 +72,7 @@ def test_a_given_sun_is_where_it_was_put(sun: tuple[float, float]) -> None:
     image = openswim.render(Scene.clear(LAT, LON), camera, sun=sun)
     brightest = np.unravel_index(image.radiance.sum("wavelength").values.argmax(), image.azimuth.shape)
     assert separation_deg(image, *sun)[brightest] < 1.5
-    assert "time" not in image.attrs
+    assert "light_time" not in image.attrs
 
 
 def test_the_disc_carries_the_direct_sun(clear) -> None:
@@ -133,7 +133,7 @@ def test_dimensions_names_and_units(allsky: xr.Dataset) -> None:
     assert {"azimuth", "altitude", "latitude", "longitude"} <= set(allsky.radiance.coords)  # CF's `coordinates`
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ: openswim .*", allsky.attrs["history"])
     assert allsky.attrs["solver"] == "fast"
-    assert allsky.attrs["time"] == "2024-05-04T09:30:00Z"
+    assert allsky.attrs["valid_time"] == allsky.attrs["light_time"] == "2024-05-04T09:30:00Z"
     assert (allsky.attrs["latitude"], allsky.attrs["longitude"]) == (LAT, LON)
 
 

@@ -43,6 +43,8 @@ ORDER = (
     "rendering",
     "films",
     "observations",
+    "comparison",
+    "stations",
     "validation",
     "cli",
     "__main__",

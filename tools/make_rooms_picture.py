@@ -35,7 +35,9 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
-    "observations": Place(1, 3.55, 1.6, "cameras by their frames"),
+    "comparison": Place(1, 3.45, 1.6, "frames beside skies"),
+    "stations": Place(1, 5.1, 1.3, "light through time"),
+    "observations": Place(1.9, 4.05, 1.6, "cameras by their frames"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
     "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.6, 8.9, 1.35, "light on disk"),
@@ -60,7 +62,7 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
-    ("validation", "cameras"): 3.1, ("validation", "readers"): 3.2, ("kept_light", "lights"): 3.3,
+    ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
@@ -97,7 +99,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations",
+USERS = {"cli", "observations", "comparison", "stations", "films",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

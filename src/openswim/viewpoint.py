@@ -19,7 +19,14 @@ from openswim.cameras import Camera, Rays
 from openswim.cameras.pixels import Pixels
 from openswim.colour.photometry import illuminance_lx
 from openswim.errors import UserError
-from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import (
+    broadband,
+    gases_above,
+    quadrature_directions,
+    scene_vapour_cm,
+    spectral_irradiance,
+    vapour_left,
+)
 from openswim.heavens.eyes import Eyes, LitBy
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
@@ -27,7 +34,7 @@ from openswim.images import add_errors, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
-from openswim.observer import SPACE_M, check_observer, grid_place, ground_below, place_of
+from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, ground_below, place_of
 from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
@@ -64,6 +71,7 @@ class LitScene:
         check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
         check_observer(self.scene, camera, self.field.solver.name)
         ground_m = ground_below(self.scene, self.field, camera)
+        check_above_ground(camera, ground_m)
         pixels = camera.pixels()
         return Viewpoint(self, camera, ground_m, pixels, camera.rays(self.field.frame, ground_m, pixels))
 
@@ -132,9 +140,18 @@ class Viewpoint:
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
         without the sun's disc."""
+        return np.asarray(self._eye.view(self._toward(azimuth_deg, altitude_deg)).radiance, float)
+
+    def sky(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
+        """Solar-relative radiance toward directions (n,), of which the sum counts, and the transmittance to space along
+        them, 0 where they end on the ground; both (n, nw)."""
+        eye, rays = self._eye, self._toward(azimuth_deg, altitude_deg)
+        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
+        return np.asarray(view.radiance, float), np.asarray(view.transmittance * ~view.hit[:, None], float)
+
+    def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
         azimuth, altitude = np.broadcast_arrays(np.atleast_1d(azimuth_deg), np.atleast_1d(altitude_deg))
-        direction = horizon_vector(azimuth, altitude) @ self._axes
-        return np.asarray(self._eye.view(Rays(self.rays.origin_m, direction)).radiance, float)
+        return Rays(self.rays.origin_m, horizon_vector(azimuth, altitude) @ self._axes)
 
     @cached_property
     def sun(self) -> tuple[float, float]:
@@ -185,6 +202,16 @@ class Viewpoint:
             return eye.through(rays)[:2]
         view = eye.of_others(rays).view(rays)
         return view.transmittance, view.hit
+
+    @property
+    def gases(self) -> dict[str, float]:
+        """What `openswim.fluxes.broadband` asks of the gases above the camera; the scene's own water vapour where it
+        has any."""
+        height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
+        vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
+        if vapour_cm is not None:
+            vapour_cm *= vapour_left(height_m - self.ground_m)
+        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -245,7 +272,7 @@ class Viewpoint:
         wl, altitude = field.wavelengths_nm, beam.altitude_deg
         direct = beam.direct * self.lit.strength("sun")
         spectral = spectral_irradiance(view.radiance, quadrature, direct, altitude, wl, day.distance_au)
-        gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
+        gases = self.gases
         diffuse = spectral["relative_diffuse_horizontal"].values
         wide = broadband(beam.open, diffuse, wl, altitude, day.distance_au, visible=beam.visible, **gases)
         out: dict[str, Any] = {
@@ -332,8 +359,9 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         }  # fmt: skip
     x, y = place_of(camera)
     attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
-    if lit.time is not None:
-        attrs["time"] = f"{np.datetime_as_string(np.datetime64(lit.time), 's')}Z"
+    for name, time in (("valid_time", lit.scene.time), ("light_time", lit.time)):  # of the weather, of the sun
+        if time is not None:
+            attrs[name] = f"{np.datetime_as_string(np.datetime64(time), 's')}Z"
     return attrs
 
 

@@ -271,6 +271,9 @@ def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
 def report(image: "xr.Dataset") -> None:
     """Print what the image says of itself: the sun, and the irradiance at the observer."""
     attributes = image.attrs
+    weather, light = attributes.get("valid_time"), attributes.get("light_time")
+    if weather and light and weather != light:
+        click.echo(f"note: weather of {weather}, light of {light}: clouds do not move between them", err=True)
     if "sun_altitude_deg" in attributes:
         click.echo(
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "

@@ -8,7 +8,7 @@ from openswim.lights.planets import PLANETS, Planet, planet_position
 from openswim.lights.refraction import refracted_altitude_deg, refraction_deg
 from openswim.lights.spectrum import SOLAR_CONSTANT_W_M2, solar_irradiance
 from openswim.lights.stars import Stars, star_positions
-from openswim.lights.sun import Sun, subsolar_point, sun_position
+from openswim.lights.sun import Sun, SunTrack, subsolar_point, sun_position, sun_track
 
 __all__ = [
     "PLANETS",
@@ -18,6 +18,7 @@ __all__ = [
     "Planet",
     "Stars",
     "Sun",
+    "SunTrack",
     "disc_coverage",
     "disc_points",
     "disc_profile",
@@ -30,4 +31,5 @@ __all__ = [
     "star_positions",
     "subsolar_point",
     "sun_position",
+    "sun_track",
 ]

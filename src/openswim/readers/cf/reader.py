@@ -22,7 +22,8 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
-from openswim.readers.fields.absent import no_ground, no_species
+from openswim.readers.common.pieces import check_clock, lost_pieces
+from openswim.readers.fields.absent import no_ground, no_sizes, no_species
 from openswim.scene import Grid, Scene
 from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES
 from openswim.scene.times import parse_time, rounded
@@ -73,7 +74,11 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
+                notes += no_species(fields) + no_sizes(fields) + no_ground(fields)
+            at = {} if valid is None or "time" not in whole.dims else {"time": pick_time(path, _times(whole), time)}
+            notes += lost_pieces(path, whole, [name for name in map(str, fields.data_vars)], at)
+            if valid is not None and "time" in whole.variables:
+                notes += check_clock(path, whole, "time", valid)
             unused = [
                 name
                 for name in map(str, data.variables)
@@ -107,7 +112,7 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
+                notes += no_species(data) + no_sizes(data) + no_ground(data) + high_bottom(data, grid)
             notes += misspelt(data)
             return SceneInfo.on(
                 grid,
