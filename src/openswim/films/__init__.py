@@ -2,6 +2,7 @@
 
 from openswim.films.between import between
 from openswim.films.camera_path import CameraPath
-from openswim.films.film import film
+from openswim.films.making import film
+from openswim.films.weather import Weather
 
-__all__ = ["CameraPath", "between", "film"]
+__all__ = ["CameraPath", "Weather", "between", "film"]

@@ -1,7 +1,7 @@
 """The weather between two model times: clouds carried by the wind from both sides and blended.
 
-Cross-fading two states shows every cloud twice. Here each field of the earlier state is moved forward, each of the later
-one backward, to where the wind takes it at the time asked for (semi-Lagrangian, Staniforth and Cote 1991), and the two
+Cross-fading two states shows every cloud twice. Here each field of the earlier state is moved forward, and each of the
+later one backward, to where the wind takes it at the time asked for (semi-Lagrangian, Staniforth and Cote 1991). The two
 are blended by their nearness in time. Clouds so drift, shear and grow.
 """
 
@@ -47,7 +47,8 @@ class Motion:
             return cls((along / dx).astype(np.float32), (across / dy).astype(np.float32), "the model's wind")
         seconds = _seconds(before, after)
         moved = drift_of(_cloud(before), _cloud(after), grid.periodic) / seconds
-        return cls(*(moved[:, axis, None, None].astype(np.float32) for axis in (0, 1)), "the clouds' own drift")
+        x, y = (moved[:, axis, None, None].astype(np.float32) for axis in (0, 1))
+        return cls(x, y, "the clouds' own drift")
 
 
 def between(before: Scene, after: Scene, time: Time, motion: Motion | None = None) -> Scene:
@@ -60,7 +61,8 @@ def between(before: Scene, after: Scene, time: Time, motion: Motion | None = Non
     grid = _one_grid(before, after)
     when = parse_time(time)
     seconds = _seconds(before, after)
-    assert when is not None and before.time is not None
+    assert when is not None
+    assert before.time is not None
     passed = float((when - before.time) / np.timedelta64(1, "s"))
     if not 0.0 <= passed <= seconds:
         raise UserError(f"time {when}: not between {before.time} and {after.time}")
@@ -134,7 +136,7 @@ class _Carrier:
     def __call__(self, field: NDArray) -> F32:
         out = np.empty(field.shape, np.float32)
         _, ny, nx = field.shape
-        here = np.meshgrid(np.arange(ny, dtype=np.float32), np.arange(nx, dtype=np.float32), indexing="ij")
+        here = list(np.meshgrid(np.arange(ny, dtype=np.float32), np.arange(nx, dtype=np.float32), indexing="ij"))
         for k, level in enumerate(field):
             out[k] = level if level.min() == level.max() else self._carried(level, k, here)
         return out

@@ -28,7 +28,7 @@ MOST_BYTES = 50_000_000
 class CameraPath:
     """Where a camera is and how it looks, at times.
 
-    time : (n,) datetime64[ms], increasing. place : (n, 3) latitude and longitude in degrees, height in m above sea level.
+    time : (n,) datetime64[ms], increasing. place : (n, 3) latitude, longitude in degrees, height in m above sea level.
     attitude : (n, 4) azimuth, altitude, roll and field of view in degrees, NaN where the camera's own are kept.
     """
 
@@ -47,7 +47,8 @@ class CameraPath:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> CameraPath:
-        """A path from CSV (columns time, lat, lon, height_m; optional azimuth, altitude, roll, fov) or GPX (ele, time)."""
+        """A path from GPX (ele, time), or CSV: columns time, lat, lon, height_m; optional azimuth, altitude, roll,
+        fov."""
         file = Path(path)
         try:
             if file.stat().st_size > MOST_BYTES:

@@ -88,6 +88,7 @@ def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Se
     series: dict[str, list[float]] = {}
     times = []
     for number, frame in enumerate(kept.all(count)):
+        assert frame.radiance is not None
         array[number] = frame.radiance
         times.append(frame.facts.get("valid_time"))
         for name, value in frame.facts.items():

@@ -20,23 +20,26 @@ def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint
     text = title(facts)
     if width < NARROWEST or not text:
         return picture
-    font = ImageFont.load_default(float(np.clip(width / 62, 9, 28)))
+    size = float(np.clip(width / 62, 9, 28))
+    font = ImageFont.load_default(size)
     while text and font.getlength(text) > width - 12:
         text = text[:-1]
-    rows = min(round(1.7 * float(font.size)), height // 4)
+    rows = min(round(1.7 * size), height // 4)
     out = picture.copy()
     out[height - rows :] = (out[height - rows :] * _SHADE).astype(np.uint8)
     drawn = Image.fromarray(out)
-    ImageDraw.Draw(drawn).text((6, height - rows + 0.2 * float(font.size)), text, (235, 235, 230), font=font)
+    ImageDraw.Draw(drawn).text((6, height - rows + 0.2 * size), text, (235, 235, 230), font=font)
     return np.asarray(drawn)
 
 
 def title(facts: dict[str, Any]) -> str:
     """Valid time, where the light is of another time that too, place, model."""
     parts = []
-    for name, before in (("valid_time", ""), ("light_time", "light of ")):
-        if facts.get(name) and (name == "valid_time" or facts.get(name) != facts.get("valid_time")):
-            parts.append(f"{before}{str(facts[name])[:19].replace('T', ' ')} UTC")
+    weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
+    if weather:
+        parts.append(f"{weather} UTC")
+    if light and light != weather:
+        parts.append(f"light of {light} UTC")
     if facts.get("latitude") is not None:
         lat, lon = float(facts["latitude"]), (float(facts["longitude"]) + 180) % 360 - 180
         parts.append(f"{abs(lat):.2f} {'N' if lat >= 0 else 'S'} {abs(lon):.2f} {'E' if lon >= 0 else 'W'}")

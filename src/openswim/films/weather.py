@@ -47,6 +47,11 @@ class Weather:
         return cls(times, lambda time: open_scene(path, time=time, **options))
 
     @property
+    def first(self) -> Scene:
+        """The scene of the first time."""
+        return self._scene(self.times[0])
+
+    @property
     def source(self) -> str:
         """Where the weather comes from."""
         return self._scene(self.times[0]).source

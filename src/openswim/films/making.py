@@ -83,7 +83,7 @@ def film(
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
     sky = _weather(weather)
     track_ = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
-    shots = _shots(sky, camera, every_s, track_, fps, number("film: speed", speed), from_time, to_time)
+    shots = shots_of(sky, camera, every_s, track_, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind))
     _make(kept, sky, shots, chosen, wavelengths_nm, every_s if track_ is None else LIGHT_EVERY_S, kind == "radiance")
@@ -106,7 +106,7 @@ def _weather(weather: Any) -> Weather:
     return Weather.of_files(weather)
 
 
-def _shots(
+def shots_of(
     sky: Weather, camera: Camera, every_s: float | None, path: CameraPath | None, fps: float, speed: float,
     from_time: Any, to_time: Any,
 ) -> list[Shot]:  # fmt: skip
@@ -210,13 +210,13 @@ def _frame(lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool) -> 
     camera = _above_ground(lights[0][1], shot.camera)
     images = [(share, lit.viewpoint(camera).view()) for share, lit in lights if share > 0]
     image = images[0][1]
-    for name in ("solar_relative_radiance", "radiance"):
-        if len(images) > 1:
-            image[name] = sum(share * each[name] for share, each in images).assign_attrs(image[name].attrs)
+    for share, other in images[1:]:
+        for name in ("solar_relative_radiance", "radiance"):
+            image[name] = ((1 - share) * image[name] + share * other[name]).assign_attrs(image[name].attrs)
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = auto_exposure(image)
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
-    return KeptFrame(shown, _facts(image, shot, wanted), data)
+    return KeptFrame(shown, _facts(image, wanted), data)
 
 
 def _above_ground(lit: LitScene, camera: Camera) -> Camera:
@@ -234,11 +234,9 @@ def _above_ground(lit: LitScene, camera: Camera) -> Camera:
     )
 
 
-def _facts(image: xr.Dataset, shot: Shot, exposure: float) -> dict[str, Any]:
+def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
     known = {name: value for name, value in image.attrs.items() if isinstance(value, str | int | float)}
     known |= {"exposure": exposure, "view": image.attrs.get("view", "")}
-    if not np.isnat(shot.time):
-        known["valid_time"] = f"{np.datetime_as_string(shot.time, 's')}Z"
     return known
 
 
