@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from openswim.colour import to_rgb as to_rgb
     from openswim.comparison import compare as compare
     from openswim.errors import UserError as UserError
+    from openswim.films import film as film
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
     from openswim.lighting import open_light as open_light
@@ -36,6 +37,7 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "compare": "openswim.comparison",
+    "film": "openswim.films",
     "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
@@ -47,8 +49,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "irradiance", "light", "load_camera",
-    "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "film", "irradiance", "light",
+    "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

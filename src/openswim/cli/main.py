@@ -169,6 +169,54 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 
 
 @cli.command()
+@click.argument("file", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--lat", type=float, help="Observer's latitude, degrees north.")
+@click.option("--lon", type=float, help="Observer's longitude, degrees east.")
+@click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
+@click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
+@click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
+@click.option("--path", type=click.Path(path_type=Path),
+              help="Metres above ground (a satellite: above the sea)."
+              "like) or GPX. The film then follows it.")  # fmt: skip
+@click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
+@click.option("--from", "start", help="First time, UTC, ISO 8601.")
+@click.option("--to", "end", help="Last time, UTC.")
+@click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), help="TOML file of a real camera.")
+@click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
+@click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
+@click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
+@click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
+@click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
+@click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@_quality
+@click.option("--member", type=int, help="Of an ensemble: the member's number.  [default: the first]")
+@click.option("--exposure", type=float, help="Factor from radiance to display.  [default: a smooth curve]")
+@click.option("--keogram", type=click.Path(path_type=Path),
+              help="Also write the middle columns of all frames as this picture.")  # fmt: skip
+@click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True,
+    help="The film: .mp4, .webm, .zarr (radiance), or a folder of pictures.",
+)  # fmt: skip
+@_debug
+def film(
+    file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
+    frames_per_second: float, speed: float, keogram: Path | None, title: bool, **options: Any,
+) -> None:  # fmt: skip
+    """Make a film of the sky over FILE's times, or along a camera's path.
+
+    It shows its progress; stopped by Ctrl-C or worse, the same command goes on where it was.
+    """
+    from openswim.cli.film import FilmRequest, run
+    from openswim.cli.render import RenderRequest
+
+    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), **options)
+    run(FilmRequest(picture, output, every, path, start, end, frames_per_second, speed, keogram, title))
+
+
+@cli.command()
 @click.argument("frames", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--lat", type=float, help="Latitude of the camera, degrees north.")
 @click.option("--lon", type=float, help="Longitude of the camera, degrees east.")
