@@ -30,7 +30,7 @@ def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
     if scene.grid is None or scene.grid.periodic or camera.height_m >= SPACE_M:
         return
     levels = scene.levels[:1] if solver == "reference" else scene.levels
-    found = _index(levels, *place_of(camera))
+    found = grid_place(levels, *place_of(camera))
     if found is not None and camera.above == "sea level" and "surface_altitude" in levels[found[0]].data:
         level, ix, iy = found
         terrain = np.ascontiguousarray(levels[level].data["surface_altitude"].values)
@@ -65,7 +65,7 @@ def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) ->
     if landscape is not None:
         return landscape.ground_m(y, x)
     media = [field.medium] if isinstance(field, ReferenceField) else field.media
-    found = _index(scene.levels[: len(media)], x, y)
+    found = grid_place(scene.levels[: len(media)], x, y)
     if found is None:  # above sea level, or `check_observer` would have complained
         return 0.0
     level, ix, iy = found
@@ -73,7 +73,7 @@ def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) ->
     return float(bilinear(media[level].terrain_m, np.array([ix * fineness]), np.array([iy * fineness]))[0])
 
 
-def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
+def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
     """The finest of nested scenes that covers a place, and the place's fractional indices in it."""
     for level, scene in enumerate(levels):
         grid = scene.grid

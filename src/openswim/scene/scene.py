@@ -218,11 +218,13 @@ class Scene:
         terrain_m: float = 0.0,
         wavelength_nm: ArrayLike | None = None,
         time: np.datetime64 | None = None,
+        water_vapour_cm: float | None = None,
     ) -> Scene:
         """A cloudless sky over level ground at a place [degrees], without a grid.
 
         surface_albedo : scalar, or (nwl,) at wavelength_nm (default 615, 546, 450 nm).
         terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
+        water_vapour_cm : precipitable water above the ground, for broadband irradiance. Default: 1.5 cm at sea level.
         """
         lat, lon = _checked_place((lat, lon))
         albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
@@ -234,6 +236,8 @@ class Scene:
                 "surface_altitude": ((), np.float32(number("scene: terrain_m", terrain_m))),
             }
         )
+        if water_vapour_cm is not None:
+            data["precipitable_water"] = ((), np.float32(10.0 * number("scene: water_vapour_cm", water_vapour_cm)))
         data = _with_wavelengths(data, wavelength_nm).assign_coords(latitude=float(lat), longitude=float(lon))
         background = Atmosphere.us_standard() if isinstance(atmosphere, str) and atmosphere == "default" else atmosphere
         return cls(None, data, background, time=time, source="clear sky")

@@ -11,22 +11,22 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
+from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, is_layer, misspelt, optics_of
 from openswim.readers.cf.grid import grid_of, upright
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
-    check_size,
     iso,
     naming,
     pick_time,
 )
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
 from openswim.scene import Grid, Scene
-from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES
 from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
@@ -41,7 +41,6 @@ _HELPERS = {
     "time",
     "wavelength",
     GRID_MAPPING,
-    AEROSOL,
     *PROFILES,
     *MEMBER_DIMS,
 }
@@ -85,7 +84,9 @@ class CFReader:
             if valid is not None and "time" in whole.variables:
                 notes += check_clock(path, whole, "time", valid)
             unused = [
-                str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
+                name
+                for name in map(str, data.variables)
+                if not (is_known(name) or is_layer(name) or name in _HELPERS)
             ]
             if unused:
                 notes.append(f"variables not used: {', '.join(unused)}")

@@ -15,7 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size, naming, pick_time
+from openswim.readers.common.base import naming, pick_time
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces

@@ -1,4 +1,4 @@
-"""What a GRIB file's columns hold for a scene: condensate by species, smoke, and the ground."""
+"""What a GRIB file's columns hold for a scene: condensate by species, and the ground."""
 
 from __future__ import annotations
 
@@ -15,20 +15,14 @@ from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
-from openswim.scene import Optics
-from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.variables import HYDROMETEORS
 
 F32 = NDArray[np.float32]
 
 _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
-SMOKE = "smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)"
 SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
 _SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
-SMOKE_EXTINCTION_M2_KG = 4500.0  # at 550 nm: scattering and absorption of aged smoke, Reid et al. 2005, Table 3
-_DEPTH_SCALE_M = 2000.0  # of aerosol known only by its optical depth
-_SMOKE_SCALE_M = 1000.0  # of smoke known only near the ground
 
 
 def condensate(columns: Columns, air: Air) -> dict[str, F32]:
@@ -59,7 +53,7 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
     fields = columns.levels_of("cloud_cover")
     if fields:
         columns.tell_lacking("cloud cover", fields, air.levels)
-        values = _taken(columns, "cloud cover", fields, air.levels)
+        values = taken(columns, "cloud cover", fields, air.levels)
         if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
             raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
         found["cloud_area_fraction"] = np.clip(values, 0, 1)
@@ -94,14 +88,14 @@ def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field
         listed = ", ".join(f"{level:g}" for level in outside)
         columns.notes.append(f"{name} on levels {listed} is left out: no temperature there")
     columns.tell_lacking(name, fields, air.levels)
-    values = _taken(columns, name, fields, air.levels)
+    values = taken(columns, name, fields, air.levels)
     per = next(iter(fields.values())).meaning.per
     if name.endswith(RADIUS) or per == "volume":
         return values
     return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
 
 
-def _taken(columns: Columns, name: str, fields: dict[float, Field], levels: Sequence[float]) -> F32:
+def taken(columns: Columns, name: str, fields: dict[float, Field], levels: Sequence[float]) -> F32:
     """A quantity on levels, zero where it is missing; a note says where a level that the file has holds gaps."""
     values = columns.stack(fields, levels)
     gaps = without_gaps(values) - sum(level not in fields for level in levels) * values[0].size
@@ -131,50 +125,6 @@ def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:
         share = np.clip((np.float32(273.16) - air.temperature_k) * np.float32(0.05), 0.0, 1.0)
         found[_ICE], found[_LIQUID] = total * share, total * (1 - share)
         columns.notes.append(SPLIT)
-
-
-def smoke(columns: Columns, air: Air) -> F32 | None:
-    """Extinction [m-1] at 550 nm by smoke on levels (HRRR-Smoke's mass density)."""
-    fields = columns.levels_of("smoke_density")
-    if not fields:
-        return None
-    columns.tell_lacking("smoke", fields, air.levels)
-    values = _taken(columns, "smoke", fields, air.levels)
-    return _smoke_extinction(columns, values)
-
-
-def smoke_near_ground(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
-    """Extinction [m-1] at 550 nm by smoke that is known only just above the ground (HRRR-Smoke's 8-m density)."""
-    for one in columns.fields:
-        if one.name == "smoke_density" and one.kind == "height above ground":
-            values = columns.tell_gaps("smoke", columns.read(one))
-            columns.notes.append(f"smoke is given at {one.level:g} m only: taken to thin upward by 1/e in 1 km")
-            return _smoke_extinction(columns, values * np.exp(-_above(height_m, terrain) / _SMOKE_SCALE_M))
-    return None
-
-
-def _smoke_extinction(columns: Columns, density: F32) -> F32:
-    columns.notes.append(SMOKE)
-    return np.asarray(np.maximum(density, 0.0) * SMOKE_EXTINCTION_M2_KG, np.float32)
-
-
-def smoke_optics() -> Optics:
-    return Optics(0.92, HenyeyGreenstein(0.62), "aerosol")
-
-
-def _above(height_m: F32, terrain: F32 | None) -> F32:
-    return np.maximum(height_m - (np.float32(0) if terrain is None else terrain), np.float32(0))
-
-
-def aerosol_from_depth(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
-    """Extinction [m-1] from an optical depth at 550 nm: falls off with a scale height of 2 km above the ground."""
-    depth = columns.on_ground("aerosol_depth", ("column",))
-    if depth is None:
-        return None
-    shape = np.exp(-_above(height_m, terrain) / _DEPTH_SCALE_M)
-    column = np.trapezoid(shape, height_m, axis=0)
-    columns.notes.append("aerosol from its optical depth at 550 nm, thinning with height by 1/e in 2 km")
-    return np.asarray(columns.tell_gaps("aerosol's optical depth", depth) * shape / column, np.float32)
 
 
 def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:

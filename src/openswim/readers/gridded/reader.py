@@ -37,13 +37,9 @@ from openswim.readers.fields.absent import (
     no_sizes,
     no_species,
 )
-from openswim.readers.fields.aerosol_species import (
-    AerosolSpecies,
-    AerosolSum,
-    added_up,
-    extinction_per_m,
-    species_of_name,
-)
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.aerosol_by_depth import NAMES, from_depths
+from openswim.readers.fields.aerosol_species import AerosolPart, added_up, part_of_mass, species_of_name
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
 from openswim.readers.fields.particles import known_sizes
 from openswim.readers.fields.vapour import RELATIVE
@@ -158,16 +154,19 @@ def _read(
             valid = undated(time, lon, notes)
         fields: dict[str, Any] = {"air_pressure": levels.pressure_pa, "air_temperature": levels.temperature_k}
         fields |= _hydrometeors(columns, levels, grid, terrain)
-        aerosol = _aerosol(columns, levels)
-        if aerosol is not None:
-            fields["aerosol_extinction"] = aerosol.extinction_per_m
+        haze = _aerosol(columns, levels, terrain)
+        fields |= haze.fields
         columns.gaps.check(files.path, levels.height_m, terrain, notes)
         notes += files.lost(columns.read_names)
+        if levels.specific_humidity is not None:
+            vapour = (d * q for d, q in zip(levels.density_kg_m3, levels.specific_humidity, strict=True))
+            ground_m = 0.0 if terrain is None else terrain
+            surface["precipitable_water"] = air.precipitable_water_kg_m2(vapour, levels.height_m, ground_m)
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
-        optics = {} if aerosol is None else {"aerosol": aerosol.optics}
-        atmosphere, cut = _background(aerosol, notes), columns.laid.selection.cut
-        scene = Scene(grid, labelled(fields, surface), atmosphere, optics, valid, _source(files), notes, cut=cut)
+        atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
+        data, optics, cut = labelled(fields, surface), dict(haze.optics), columns.laid.selection.cut
+        scene = Scene(grid, data, atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
 
@@ -260,15 +259,15 @@ def _cover_of_wide_cells(columns: Columns, levels: Levels, fields: dict[str, F32
         columns.notes.append(XU_RANDALL)
 
 
-def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
-    """Aerosol species in the file as extinction at 550 nm; None where there are none."""
+def _aerosol(columns: Columns, levels: Levels, terrain: F32 | None) -> Haze:
+    """Aerosol species in the file."""
     humidity = None
     if levels.specific_humidity is not None:
         humidity = air.relative_humidity(levels.pressure_pa, levels.temperature_k, levels.specific_humidity)
     else:
         found = columns.get("relative_humidity")
         humidity = None if found is None else checked_values("relative humidity", found, RELATIVE, columns.notes)
-    parts: list[tuple[AerosolSpecies, F32]] = []
+    parts: list[AerosolPart] = []
     dims = {columns.laid.x_dim, columns.laid.y_dim, columns.z_dim}
     for f in columns.files:
         species = species_of_name(str(f.name))
@@ -279,25 +278,25 @@ def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
         mass = columns.cloud("aerosol", f, units)
         mass = checked_values(str(f.name), mass, Variable(units, "", 0.0, 1e-3, clip=True), columns.notes)
         mass = mass if per_volume else mass * levels.density_kg_m3
-        parts.append((species, extinction_per_m(species, mass, humidity)))
-    if not parts:
-        return None
-    total = added_up(parts)
-    if humidity is None:
+        parts.append(part_of_mass(species, mass, humidity))
+    if parts and humidity is None:
         columns.notes.append("no humidity in the file: aerosol is taken as dry")
-    columns.notes.append(
-        f"aerosol ({', '.join(total.labels)}) from mass by mass-extinction at 550 nm (docs/models.md): mean albedo "
-        f"{total.albedo:.2f}, asymmetry {total.asymmetry:.2f}"
-    )
-    return total
+    if not parts:
+        return _aerosol_by_depth(columns, levels, terrain)
+    return Haze(*added_up(parts), True)
 
 
-def _background(aerosol: AerosolSum | None, notes: list[str]) -> Atmosphere:
-    if aerosol is None:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-        return Atmosphere.us_standard()
-    notes.append("gas background: US standard atmosphere; no aerosol but the model's")
-    return Atmosphere.us_standard(aerosol=aerosol.instead_of_background)
+def _aerosol_by_depth(columns: Columns, levels: Levels, terrain: F32 | None) -> Haze:
+    """Aerosol of which the files have the optical depth alone."""
+    depths: dict[str, F32] = {}
+    for f in columns.files:
+        kind = NAMES.get(str(f.name).lower())
+        if kind is not None and kind not in depths and set(f.dims) == {columns.laid.x_dim, columns.laid.y_dim}:
+            depth = columns.laid.read(columns.path, f.assign_attrs(units="1"), "1", True)
+            columns.used.setdefault("aerosol", []).append(str(f.name))
+            spec = Variable("1", "", 0.0, 50.0, clip=True)
+            depths[kind] = checked_values(str(f.name), _over_gaps(columns, "aerosol", depth), spec, columns.notes)
+    return Haze(*from_depths(depths, levels.height_m, terrain, columns.notes), True) if depths else Haze()
 
 
 def _surface(columns: Columns) -> dict[str, F32]:

@@ -19,8 +19,8 @@ from openswim.readers.common.base import (
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
-from openswim.readers.fields.aerosol_species import AerosolSum
-from openswim.readers.fields.air import relative_humidity, wind_along_axes
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
 from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
@@ -84,16 +84,21 @@ class WRFReader:
             levels |= hydrometeors(file, air, notes)
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
-            if haze is not None:
-                levels["aerosol_extinction"] = haze.extinction_per_m
+            levels |= haze.fields
             surface = _surface(file, grid, notes)
+            if "QVAPOR" in file:
+                ratios = np.maximum(file.field("QVAPOR", MASS_LEVELS, "kg kg-1"), np.float32(0))
+                vapour = (dry * ratio for dry, ratio in zip(air, ratios, strict=True))
+                surface["precipitable_water"] = precipitable_water_kg_m2(
+                    vapour, grid.height_m, surface["surface_altitude"]
+                )
             notes += _absences(file)
             notes += low_top(grid.height_m)
             return Scene(
                 grid,
                 labelled(levels, surface),
-                _atmosphere(notes, haze),
-                {} if haze is None else {"aerosol": haze.optics},
+                Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes)),
+                dict(haze.optics),
                 time=valid,
                 source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
                 notes=notes,
@@ -127,7 +132,7 @@ class WRFReader:
                 notes += low_top(grid.height_m)
                 notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
-            _atmosphere(notes)
+            Haze().background(np.zeros(2), notes)
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
@@ -243,12 +248,3 @@ def _absences(file: WRFFile) -> list[str]:
         "wind_east_10m": "U10" in file and "V10" in file,
     }
     return notes + no_ground([name for name, there in known.items() if there], called=_CALLED)
-
-
-def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Atmosphere:
-    """The default gas; the default aerosol where the model has none, and under the model's smoke."""
-    if haze is None or haze.labels == ["smoke"]:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-        return Atmosphere.us_standard()
-    notes.append("gas background: US standard atmosphere")
-    return Atmosphere.us_standard(aerosol=haze.instead_of_background)
