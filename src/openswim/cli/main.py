@@ -130,6 +130,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -177,6 +186,72 @@ def calibrate(**options: Any) -> None:
     from openswim.cli.calibrate import CalibrateRequest, run
 
     run(CalibrateRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="MODEL FRAME...")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), required=True,
+              help="TOML file of the camera.")  # fmt: skip
+@click.option("--clear", is_flag=True, help="No MODEL: beside the clear sky of the frames' place and time.")
+@click.option("--clear-frame", type=click.Path(path_type=Path),
+              help="A frame of the camera under a clear sky: gives its response and white balance.")  # fmt: skip
+@click.option("--lat", type=float, help="Latitude of the camera, in place of its file's.")
+@click.option("--lon", type=float, help="Longitude of the camera, in place of its file's.")
+@click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]")
+@click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime).")
+@click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC.")
+@click.option("--aod", type=float, help="Aerosol optical depth at 550 nm.  [default: the model's; of --clear .1]")
+@click.option("--albedo", type=float, help="Of the ground below the clear sky.  [default: the model's; of --clear .15]")
+@click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]")
+@click.option("--sun-mask", "sun_mask_deg", type=float, help="Degrees around the sun without scores.  [default: 12]")
+@click.option("--lowest", "lowest_deg", type=float, help="Altitude below which there are none.  [default: 5]")
+@click.option("--encoding", help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]")
+@click.option("--ghi", "ghi_w_m2", type=float, help="Global irradiance beside the camera, W/m2: fixes its scale.")
+@click.option("--dhi", "dhi_w_m2", type=float, help="Diffuse irradiance beside the camera, W/m2: fixes its scale.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("openswim-compare"), show_default=True,
+              help="Folder for pages and netCDF files; frames that it has already are not done again.")  # fmt: skip
+@_debug
+def compare(files: tuple[Path, ...], **options: Any) -> None:
+    """Compare a camera's FRAMEs with the sky that MODEL has at their place and time.
+
+    Writes a page and a netCDF file for each frame; of several frames also their scores over time.
+    """
+    from openswim.cli.compare import CompareRequest, run
+
+    run(CompareRequest(files, **options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1)
+@click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
+@click.option("--lat", type=float, help="Latitude, degrees north.")
+@click.option("--lon", type=float, help="Longitude, degrees east.")
+@click.option("--height", "height_m", type=float, default=2.0, show_default=True, help="Metres above the ground.")
+@click.option("--ground", "ground_m", type=float, help="Of --clear: height of the ground above sea level, m.")
+@click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
+@click.option("--end", help="Last time, UTC.")
+@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
+@click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
+@click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
+@click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
+@click.option(
+    "--station", type=click.Path(path_type=Path),
+    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC, ARM, or a table with utc and ghi.",
+)  # fmt: skip
+@click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
+              help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture of model and station, .png.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write, .nc or .csv.")
+@_debug
+def irradiance(**options: Any) -> None:
+    """Global, direct and diffuse irradiance through time, from a model's FILES or for a clear sky."""
+    from openswim.cli.irradiance import IrradianceRequest, run
+
+    run(IrradianceRequest(**options))
 
 
 @cli.command()
