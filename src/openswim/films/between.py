@@ -1,6 +1,6 @@
 """The weather between two model times: clouds carried by the wind from both sides and blended.
 
-Cross-fading two states shows every cloud twice. Here each field of the earlier state is moved forward, and each of the
+Cross-fading two states shows every cloud twice. Here each field of the earlier state is moved forward, each of the
 later one backward, to where the wind takes it at the time asked for (semi-Lagrangian, Staniforth and Cote 1991). The two
 are blended by their nearness in time. Clouds so drift, shear and grow.
 """
