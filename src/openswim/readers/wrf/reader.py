@@ -11,6 +11,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
+    covered_text,
     iso,
     labelled,
     naming,
@@ -133,6 +134,11 @@ class WRFReader:
                 notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
             Haze().background(np.zeros(2), notes)
+            extent = covered_text(grid)
+            if grid is not None and len(times) > 1:  # nests move
+                file.go_to(times[-1])
+                last = covered_text(wrf_grid(file, []))
+                extent += f" at first, {last} at last: it moves" if last != extent else ""
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
@@ -143,6 +149,7 @@ class WRFReader:
                 grid=f"{nx} x {ny} x {nz} (x, y, z)",
                 projection=PROJECTIONS[kind] + place_text(grid),
                 times=times,
+                extent=extent,
                 species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file]
                 + [f"aerosol ({name})" for name in AEROSOL if name in file],
                 surface=[name for name in SURFACE_FIELDS if name in file],
