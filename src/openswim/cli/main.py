@@ -106,6 +106,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]")
 @click.option(
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
@@ -129,6 +130,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--town-lights", "town_lights", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of towns at night: GeoTIFF in nW cm-2 sr-1, such as VIIRS; may be given several times.",
 )  # fmt: skip
 @click.option(
     "--aerosol",
@@ -335,7 +340,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        return _fail(f"{error.format_message()} (see openswim --help)", USERS_MISTAKE, state)
+        return _fail(str(UserError(f"{error.format_message()} (see openswim --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED

@@ -32,6 +32,7 @@ HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shou
 # what it goes to falls from a third of white to less than a tenth
 DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
 MOST_EXPOSURE = 1e9
+_LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
 SHOULDER = 0.5  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
@@ -148,11 +149,11 @@ def to_rgb(
 def check_exposure(exposure: float | str) -> None:
     """Raise UserError unless `to_rgb` takes this exposure."""
     if exposure != "auto" and not _is_positive(exposure):
-        raise UserError(f"exposure {exposure!r} must be a positive number or 'auto'")
+        raise UserError(f"exposure {exposure!r} must be a positive number up to {_LARGEST_EXPOSURE:.0e}, or 'auto'")
 
 
 def _is_positive(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and bool(0 < value < np.inf)
+    return isinstance(value, (int, float, np.number)) and bool(0 < value <= _LARGEST_EXPOSURE)
 
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
