@@ -20,7 +20,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
-from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.aerosol_beyond import background_note
 from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
 from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
@@ -31,6 +31,7 @@ from openswim.readers.wrf.particles import (
     CONTENTS,
     EXPECTED,
     aerosol,
+    aerosol_kinds,
     cover,
     cover_guess,
     hydrometeors,
@@ -133,7 +134,7 @@ class WRFReader:
                 notes += low_top(grid.height_m)
                 notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
-            Haze().background(np.zeros(2), notes)
+            notes.append(background_note(aerosol_kinds(file)))
             extent = covered_text(grid)
             if grid is not None and len(times) > 1:  # nests move
                 file.go_to(times[-1])
