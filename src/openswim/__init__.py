@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.comparison import compare as compare
+    from openswim.comparison import correct_clouds as correct_clouds
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
@@ -35,6 +36,7 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "compare": "openswim.comparison",
+    "correct_clouds": "openswim.comparison",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -45,7 +47,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "light", "load_camera", "open_light",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "light",
+    "load_camera", "open_light",
     "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
