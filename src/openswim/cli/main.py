@@ -176,7 +176,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
 @click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
 @click.option("--path", type=click.Path(path_type=Path),
-              help="Metres above ground (a satellite: above the sea)."
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m, and azimuth,altitude,roll,fov as you "
               "like) or GPX. The film then follows it.")  # fmt: skip
 @click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
 @click.option("--from", "start", help="First time, UTC, ISO 8601.")
@@ -273,6 +273,37 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
     from openswim.cli.compare import CompareRequest, run
 
     run(CompareRequest(files, **options))
+
+
+@cli.command("correct-clouds")
+@click.argument("model", type=click.Path(path_type=Path))
+@click.argument("frames", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--camera", "camera_files", type=click.Path(path_type=Path), multiple=True, required=True,
+              help="TOML file of a camera; once for each frame, in their order.")  # fmt: skip
+@click.option("--clear-frame", "clear_frames", type=click.Path(path_type=Path), multiple=True,
+              help="A frame of the camera under a clear sky; once for each camera, in their order.")  # fmt: skip
+@click.option("--time", help="UTC, ISO 8601, of the frames, where they do not tell.")
+@click.option("--passes", type=int, default=2, show_default=True, help="How often the edited scene is looked at again.")
+@click.option("--hold-out/--use-all", default=True, show_default=True,
+              help="Keep every second block of the sky aside, and score by it.")  # fmt: skip
+@click.option("--base", "base_m", type=float, help="Metres: base of clouds to add.  [default: like the model's own]")
+@click.option("--thickness", "thickness_m", type=float, default=400.0, show_default=True, help="Of these, metres.")
+@click.option("--quality", type=click.Choice(QUALITIES), default="standard", show_default=True,
+              help="How finely light is solved for.")  # fmt: skip
+@click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]")
+@click.option("--sun-mask", "sun_mask_deg", type=float, help="Degrees around the sun that say nothing.  [default: 12]")
+@click.option("--lowest", "lowest_deg", type=float, help="Altitude below which pixels say nothing.  [default: 5]")
+@click.option("--encoding", help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The edited scene, .nc or .zarr.")
+@_debug
+def correct_clouds(**options: Any) -> None:
+    """Clear and add clouds of MODEL where cameras' FRAMES, one of each camera, show clear sky or cloud.
+
+    Writes the edited scene, and the scores before and after each pass.
+    """
+    from openswim.cli.correct_clouds import CorrectCloudsRequest, run
+
+    run(CorrectCloudsRequest(**options))
 
 
 @cli.command()
