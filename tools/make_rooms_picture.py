@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
-FOUNDATION = ("errors", "arguments", "progress", "tables")  # which any room may use; their arrows are not drawn
+# which any room may use; their arrows are not drawn
+FOUNDATION = ("errors", "machine", "workshops", "interrupts", "inputs", "arguments", "progress", "compiling", "tables")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 
@@ -45,6 +46,8 @@ HOUSE = {
     "images": Place(4.75, 4.25, 1.35, "labelled data"),
     "observer": Place(4.75, 5.8, 1.35, "where one stands"),
     "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
+    "sun_disc": Place(6.1, 2.35, 1.35, "the sun in pixels"),
+    "heavens": Place(3.7, 3.3, 1.5, "moon, stars, night"),
     "solver": Place(4.75, 8.9, 1.35, "asks transport"),
     "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
@@ -96,8 +99,8 @@ TRANSPORT_WALLS = [
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
 USERS = {"cli", "observations", "stations",
-         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
-         "images", CONDUCTORS}  # fmt: skip
+         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
+         "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
 BOX = 46  # px, height of a room

@@ -29,7 +29,7 @@ def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
     if scene.grid is None or scene.grid.periodic or _aloft(camera):
         return
     levels = scene.levels[:1] if solver == "reference" else scene.levels
-    if _index(levels, *place_of(camera)) is None:
+    if grid_place(levels, *place_of(camera)) is None:
         raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
 
 
@@ -50,14 +50,14 @@ def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) ->
     if landscape is not None:
         return landscape.ground_m(y, x)
     media = [field.medium] if isinstance(field, ReferenceField) else field.media
-    found = _index(scene.levels[: len(media)], x, y)
-    assert found is not None  # _check_observer has looked
+    found = grid_place(scene.levels[: len(media)], x, y)
+    assert found is not None  # check_observer has looked
     level, ix, iy = found
     fineness = media[level].fineness
     return float(bilinear(media[level].terrain_m, np.array([ix * fineness]), np.array([iy * fineness]))[0])
 
 
-def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
+def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
     """The finest of nested scenes that covers a place, and the place's fractional indices in it."""
     for level, scene in enumerate(levels):
         grid = scene.grid

@@ -160,8 +160,8 @@ def test_a_failed_write_leaves_the_old_file_and_no_debris(image, tmp_path, monke
     save(image, tmp_path / "sky.png")
     before = (tmp_path / "sky.png").read_bytes()
 
-    def full(self, path, **options):
-        path.write_bytes(b"half a pic")
+    def full(self, file, format, **options):
+        file.write(b"half a pic")
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Image.Image, "save", full)

@@ -9,7 +9,8 @@ import pytest
 
 from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_profile
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere, us_standard_pressure_temperature
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere, us_standard_pressure_temperature
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
 

@@ -17,7 +17,8 @@ from pyproj import CRS
 from openswim.errors import UserError
 from openswim.readers import open_scene
 from openswim.scene import Grid, Optics, Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein, Mixture, TablePhase
 from openswim.scene.variables import VARIABLES, variable
 

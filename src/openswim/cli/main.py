@@ -16,6 +16,8 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
+from openswim.interrupts import INTERRUPTED, watched
+from openswim.progress import spoken
 
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,7 +26,7 @@ SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
 
-DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
 
 
 def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -42,6 +44,10 @@ _debug = click.option(
 )
 
 
+_allow_references = click.option(
+    "--allow-references", is_flag=True,
+    help="Follow what a file says lies in other files, out of its folder and in the network too.",
+)  # fmt: skip
 _quality = click.option(
     "--quality", type=click.Choice(QUALITIES),
     help="Of --solver fast: how finely light is solved for.  [default: standard]",
@@ -78,12 +84,13 @@ def demo(folder: Path) -> None:
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
 @click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
+@_allow_references
 @_debug
-def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_references: bool) -> None:
     """Say what FILES hold, and what will be assumed where they lack something."""
     from openswim.cli.info import run
 
-    run(files, picture, time)
+    run(files, picture, time, allow_references)
 
 
 @cli.command()
@@ -123,6 +130,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -130,6 +146,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
+@_allow_references
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
@@ -266,7 +283,8 @@ def aerosol_fit(**options: Any) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code; errors are one line on stderr."""
-    code = run(arguments)
+    with watched():
+        code = run(arguments)
     gc.freeze()  # looking for garbage among all that was imported would take a third of a second
     sys.exit(code)
 
@@ -275,7 +293,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     state: dict[str, bool] = {}
     try:
-        cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
+        with spoken():
+            cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
         return _fail(str(error), USERS_MISTAKE, state)
     except click.exceptions.NoArgsIsHelpError as error:

@@ -89,10 +89,12 @@ def broadband(
     water_vapour_cm: float = SEA_LEVEL_WATER_CM,
     ozone_du: float = 300.0,
     pressure_pa: float = SEA_LEVEL_PA,
+    visible: float | None = None,
 ) -> Broadband:
     """Broadband irradiance from the beam's transmittance and the diffuse horizontal light over E_TOA, (nwl,).
 
-    Both include ozone, as the model's clear sky does.  `water_vapour_cm` is the precipitable water,
+    Both include ozone, as the model's clear sky does.  `visible` is the share of the sun's disc in sight, toward
+    which the transmittance is (all of it by default, above the horizon).  `water_vapour_cm` is the precipitable water,
     `pressure_pa` that of the air at the plane (`gases_above` tells them).  Global irradiance agrees with the
     spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
     is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength
@@ -112,7 +114,7 @@ def broadband(
     depth = -np.log(np.clip(np.asarray(direct_transmittance, dtype=float)[order], 1e-60, None))
     excess = depth - sky.rayleigh(nodes) - sky.ozone(nodes)
     beam = np.exp(-sky.rayleigh(wavelength) - _excess_beyond(wavelength, nodes, excess))
-    normal = float(energy @ (beam * gases)) * (sine > 0)
+    normal = float(energy @ (beam * gases)) * float(sine > 0 if visible is None else visible)
 
     scattered = np.asarray(relative_diffuse, dtype=float)[order] * np.exp(sky.ozone(nodes))
     clear, cloud = _diffuse(wavelength, nodes, scattered, excess, sky)

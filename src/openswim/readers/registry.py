@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from openswim.errors import UserError
-from openswim.readers.common.base import Reader, unreadable
+from openswim.readers.common.base import Reader
+from openswim.readers.common.bounds import check_path
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
@@ -37,11 +38,10 @@ def readers() -> tuple[Reader, ...]:
 
 def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
     """The files by the readers that know them; one that joins parts may know some by the company they keep only."""
+    for path in paths:
+        check_path(path)
     if len(paths) == 1:
         return {_reader_of(paths[0]): list(paths)}
-    for path in paths:
-        if not path.exists():
-            raise UserError(unreadable(path))
     known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
     groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
     if not groups:
@@ -57,8 +57,6 @@ def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
 
 
 def _reader_of(path: Path) -> Reader:
-    if not path.exists():
-        raise UserError(unreadable(path))
     for reader in readers():
         if reader.detects(path):
             return reader

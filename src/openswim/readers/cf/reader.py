@@ -11,20 +11,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
+from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, is_layer, misspelt, optics_of
 from openswim.readers.cf.grid import grid_of, upright
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
-    check_size,
     iso,
     naming,
     pick_time,
 )
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.fields.absent import no_ground, no_species
 from openswim.scene import Grid, Scene
-from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES
 from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
@@ -39,7 +39,6 @@ _HELPERS = {
     "time",
     "wavelength",
     GRID_MAPPING,
-    AEROSOL,
     *PROFILES,
 }
 _NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"
@@ -76,7 +75,9 @@ class CFReader:
             if "openswim_layout" not in data.attrs:
                 notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
             unused = [
-                str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
+                name
+                for name in map(str, data.variables)
+                if not (is_known(name) or is_layer(name) or name in _HELPERS)
             ]
             if unused:
                 notes.append(f"variables not used: {', '.join(unused)}")

@@ -15,7 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size, pick_time
+from openswim.readers.common.base import pick_time
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.units import conversion
 from openswim.scene.times import Time, rounded

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.scene import Optics
-from openswim.scene.atmosphere import AerosolProfile
+from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.phase import HenyeyGreenstein
 
 F32 = NDArray[np.float32]

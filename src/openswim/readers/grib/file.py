@@ -130,7 +130,7 @@ class GRIBFile:
 
     def values(self, one: Field) -> NDArray[np.float32]:
         """(points,) values of a field in SI units, in the file's order; NaN where missing."""
-        from openswim.readers.grib.unpack import is_complex, unpacked
+        from openswim.readers.grib.kernels import is_complex, unpacked
 
         packed = packing(self._data, one.sections)
         own = packed is not None and is_complex(packed[0])

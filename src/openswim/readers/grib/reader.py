@@ -23,7 +23,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.opening import reading
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import low_top, no_ground, no_species
+from openswim.readers.fields.absent import DEFAULT_AEROSOL, low_top, no_ground, no_species
 from openswim.readers.fields.air import precipitable_water_kg_m2
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
@@ -252,11 +252,11 @@ def _atmosphere(columns: Columns) -> Atmosphere:
         dobson = mean if mean > 1.0 else mean / _KG_PER_DOBSON
         if 50.0 < dobson < 700.0:
             columns.notes.append(
-                f"gas and aerosol background: US standard atmosphere with the file's ozone, {dobson:.0f} DU, and the "
-                "default aerosol"
+                f"gas and aerosol background: US standard atmosphere with the file's ozone, {dobson:.0f} DU, and "
+                + DEFAULT_AEROSOL
             )
             return Atmosphere.us_standard(ozone_du=dobson)
-    columns.notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+    columns.notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
     return Atmosphere.us_standard()
 
 

@@ -29,6 +29,7 @@ from openswim.readers.common.units import canonical
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields import air
 from openswim.readers.fields.absent import (
+    DEFAULT_AEROSOL,
     FLAT_INSTEAD,
     INSTEAD,
     SNOW_COVERS_KG_M2,
@@ -288,7 +289,7 @@ def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
 
 def _background(aerosol: AerosolSum | None, notes: list[str]) -> Atmosphere:
     if aerosol is None:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+        notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
         return Atmosphere.us_standard()
     notes.append("gas background: US standard atmosphere; no aerosol but the model's")
     return Atmosphere.us_standard(aerosol=aerosol.instead_of_background)

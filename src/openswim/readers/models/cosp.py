@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.readers.common.base import check_size
+from openswim.readers.common.bounds import check_size
 from openswim.readers.fields.particles import Category, together
 from openswim.readers.gridded.reader import GriddedReader
 

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.common.base import (
-    PLAUSIBLE_ELEMENTS,
     SceneInfo,
     Time,
-    check_size,
     naming,
 )
+from openswim.readers.common.bounds import PLAUSIBLE_ELEMENTS, check_size
 from openswim.readers.common.clock import undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import no_species
+from openswim.readers.fields.absent import DEFAULT_AEROSOL, no_species
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
 
@@ -80,7 +79,7 @@ class LESTextReader:
                 fields["surface_albedo"] = (("y", "x"), np.full((ny, nx), _ALBEDO, np.float32))  # type: ignore[assignment]
                 notes.append(f"no ground in the file: sea level, albedo {_ALBEDO}")
             valid = undated(time, None if around is None else around.lon, notes)
-            notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+            notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
             from openswim.scene.atmosphere import Atmosphere
 
             grid = Grid(x, y, head.levels_m, crs)
@@ -124,7 +123,7 @@ def _head(path: Path) -> _Head | None:
         if len(numbers) > 1 and len(numbers[-1]) == 5 and len(numbers[0]) in (1, 3):
             return _checked(path, numbers[:-1], index, separator)
     sizes, spacing = (*(row for row in numbers if len(row) > 1), [], [])[:2]
-    whole = len(sizes) == 3 and all(value == int(value) >= 1 for value in sizes)
+    whole = len(sizes) == 3 and all(value.is_integer() and value >= 1 for value in sizes)
     if whole and spacing and len(spacing) in (2, 2 + int(sizes[2])) and len(raw) < _HEAD_BYTES:
         raise UserError(f"{path}: sizes and spacing, but no rows i j k lwc reff: truncated: copy or download it again")
     return None
@@ -133,15 +132,15 @@ def _head(path: Path) -> _Head | None:
 def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator: str | None) -> _Head | None:
     """Kind number (SHDOM: 2) left out; sizes; spacing and levels [km] in one line or two; temperatures left out."""
     rows = list(head[1:] if len(head[0]) == 1 else head)
-    if len(rows[0]) != 3 or any(value != int(value) or not 1 <= value < 1e6 for value in rows[0]):
+    if len(rows[0]) != 3 or any(not value.is_integer() or not 1 <= value < 1e6 for value in rows[0]):
         return None
     shape = (int(rows[0][0]), int(rows[0][1]), int(rows[0][2]))
     rest = [value for row in rows[1:] for value in row][: 2 + shape[2]]
     if len(rest) < 2 + shape[2]:
         return None
     values = 1e3 * np.array(rest, np.float64)
-    if not (values[:2] > 0).all():
-        raise UserError(f"{path}: the spacing is {rest[0]}, {rest[1]} km; it must be positive")
+    if not (np.isfinite(values).all() and (values[:2] > 0).all()):
+        raise UserError(f"{path}: spacing {rest[0]}, {rest[1]} km, and levels: must be finite, spacing positive")
     check_size(path, "the field", shape)
     nodes = shape[0] * shape[1] * shape[2]
     if nodes > max(PLAUSIBLE_ELEMENTS, _NODES_PER_BYTE * path.stat().st_size):

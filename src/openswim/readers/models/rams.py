@@ -12,7 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import Time, check_sizes
+from openswim.readers.common.base import Time
+from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.particles import Category, together

@@ -18,7 +18,7 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
-from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
+from openswim.readers.fields.absent import DEFAULT_AEROSOL, SNOW_COVERS_KG_M2, low_top, no_ground
 from openswim.readers.fields.aerosol_species import AerosolSum
 from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
@@ -240,7 +240,7 @@ def _absences(file: WRFFile) -> list[str]:
 def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Atmosphere:
     """The default gas; the default aerosol where the model has none, and under the model's smoke."""
     if haze is None or haze.labels == ["smoke"]:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+        notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
         return Atmosphere.us_standard()
     notes.append("gas background: US standard atmosphere")
     return Atmosphere.us_standard(aerosol=haze.instead_of_background)
