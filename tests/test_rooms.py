@@ -42,6 +42,7 @@ ORDER = (
     "lighting",
     "rendering",
     "stations",
+    "satellites",
     "observations",
     "validation",
     "cli",

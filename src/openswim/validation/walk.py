@@ -11,6 +11,7 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.progress import Quiet, job, use
 from openswim.scene.phase import HenyeyGreenstein
+from openswim.stations.files import kind_of
 from openswim.validation import (
     cases3d,
     clearsky,
@@ -20,6 +21,7 @@ from openswim.validation import (
     night_places,
     slab_tables,
     slabs,
+    spectral,
     sunpos,
 )
 from openswim.validation.clearsky import ClearSky
@@ -28,6 +30,7 @@ from openswim.validation.reference import Reference, Row, Solver, read_reference
 from openswim.validation.slabs import Slab, radiance
 
 SUFFIXES = (".nc", ".nc4", ".csv")
+STATION_SUFFIXES = (".dat", ".gz", ".txt", ".cdf")
 
 
 class Family(NamedTuple):
@@ -49,6 +52,7 @@ FAMILIES = (
     Family(clearsky.is_sky_table, clearsky.compare_sky_table),
     Family(sunpos.matches, sunpos.compare),
     Family(colours.matches, colours.compare),
+    Family(spectral.matches, spectral.compare),
     Family(measured.matches, measured.compare),
     Family(night_places.is_star_table, night_places.compare_stars),
     Family(night_places.is_planet_table, night_places.compare_planets),
@@ -86,7 +90,14 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
 
 def reference_files(directory: Path) -> list[Path]:
     """The files below a folder that may be references."""
-    return sorted(p for p in directory.rglob("*") if p.suffix in SUFFIXES and p.is_file())
+    return sorted(p for p in directory.rglob("*") if p.is_file() and (p.suffix in SUFFIXES or _is_station(p)))
+
+
+def _is_station(path: Path) -> bool:
+    """Whether this is a network's file of measured irradiance."""
+    with suppress(UserError):
+        return path.suffix in STATION_SUFFIXES and kind_of(path) is not None
+    return False
 
 
 def _read_all(directory: Path) -> tuple[list[Reference], list[str]]:
