@@ -34,12 +34,12 @@ class Place(NamedTuple):
 
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
-    "validation": Place(1, 1.55, 1.5, "how far off we are"),
-    "observations": Place(1, 3.55, 1.6, "cameras by their frames"),
-    "stations": Place(1.65, 4.6, 1.3, "light through time"),
-    "satellites": Place(1, 8.3, 1.5, "imagers in space"),
-    "rendering": Place(1, 6.6, 1.5, "openswim.render"),
-    "lighting": Place(2.3, 6.6, 1.5, "openswim.light"),
+    "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
+    "observations": Place(0.88, 3.55, 1.6, "cameras by their frames"),
+    "stations": Place(1.6, 4.6, 1.3, "light through time"),
+    "satellites": Place(0.88, 8.3, 1.5, "imagers in space"),
+    "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
+    "lighting": Place(2.28, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.65, 8.9, 1.35, "light on disk"),
     "viewpoint": Place(2.95, 5.5, 1.6, "a camera in the light"),
     "colour": Place(4.75, 0.75, 1.35, "what an eye sees"),

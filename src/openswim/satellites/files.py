@@ -97,6 +97,7 @@ def _from_netcdf(path: Path) -> xr.Dataset:
 def _from_geotiff(path: Path) -> xr.Dataset:
     try:
         import rasterio
+        from pyproj import CRS
         from rasterio.errors import RasterioIOError
     except ImportError as error:
         raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
@@ -105,26 +106,16 @@ def _from_geotiff(path: Path) -> xr.Dataset:
     except RasterioIOError as error:
         raise UserError(f"{path}: cannot be read as GeoTIFF ({error})") from error
     with file:
-        given = file.crs.to_dict() if file.crs is not None else {}
-        if given.get("proj") != "geos":
+        mapping = {} if file.crs is None else CRS.from_wkt(file.crs.to_wkt()).to_cf()
+        if mapping.get("grid_mapping_name") != "geostationary":
             raise UserError(f"{path}: its projection is not that of a geostationary imager (+proj=geos)")
         raw = file.read(1, masked=True)
         values = np.ma.filled(raw.astype(np.float32) * file.scales[0] + file.offsets[0], np.nan)
-        ellipsoid = _ellipsoid(file.crs)
-        height, transform = float(given["h"]), file.transform
+        height, transform = float(mapping["perspective_point_height"]), file.transform
         x = (transform.c + transform.a * (np.arange(file.width) + 0.5)) / height
         y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
-        sweep: Any = "x" if given.get("sweep") == "x" else "y"
-        grid = FixedGrid(x, y, float(given.get("lon_0", 0.0)), height, *ellipsoid, sweep)
+        grid = FixedGrid.of_cf(x, y, mapping)
         return _picture(values, grid, file.tags().get("NC_GLOBAL#time_coverage_start", ""))
-
-
-def _ellipsoid(crs: Any) -> tuple[float, float]:
-    from pyproj import CRS
-
-    ellipsoid = CRS.from_wkt(crs.to_wkt()).ellipsoid
-    assert ellipsoid is not None
-    return float(ellipsoid.semi_major_metre), float(ellipsoid.semi_minor_metre)
 
 
 def _picture(values: Any, grid: FixedGrid, time: str) -> xr.Dataset:
