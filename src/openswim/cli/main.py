@@ -176,7 +176,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
 @click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
 @click.option("--path", type=click.Path(path_type=Path),
-              help="Where the camera is at which time: CSV (time,lat,lon,height_m, and azimuth,altitude,roll,fov as you "
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
               "like) or GPX. The film then follows it.")  # fmt: skip
 @click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
 @click.option("--from", "start", help="First time, UTC, ISO 8601.")
@@ -336,6 +336,23 @@ def irradiance(**options: Any) -> None:
     from openswim.cli.irradiance import IrradianceRequest, run
 
     run(IrradianceRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--like", type=click.Path(path_type=Path), required=True,
+              help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
+@click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
+@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
+@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, help=".nc or .tif to write.")
+@_debug
+def satellite(**options: Any) -> None:
+    """The clouds of a model's FILES as an imager in space sees them, beside what it saw."""
+    from openswim.cli.satellite import SatelliteRequest, run
+
+    run(SatelliteRequest(**options))
 
 
 @cli.command()
