@@ -57,16 +57,27 @@ class _Sky:
         return ozone_optical_depth(wavelength_nm, self.ozone_cm) * self.airmass
 
 
-def gases_above(atmosphere: Atmosphere | None, height_m: float) -> dict[str, float]:
-    """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone, and precipitable water as
-    of the US standard, 1.5 cm that thin with a scale height of 2 km. None of each without an atmosphere."""
+def gases_above(
+    atmosphere: Atmosphere | None, height_m: float, water_vapour_cm: float | None = None
+) -> dict[str, float]:
+    """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone and precipitable water.
+
+    water_vapour_cm: the precipitable water above that height; None: that of the US standard, 1.5 cm at sea level that
+    thin with a scale height of 2 km. None of each without an atmosphere.
+    """
     if atmosphere is None:
         return {"water_vapour_cm": 0.0, "ozone_du": 0.0, "pressure_pa": 0.0}
+    standard = SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M))
     return {
-        "water_vapour_cm": SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M)),
+        "water_vapour_cm": standard if water_vapour_cm is None else water_vapour_cm,
         "ozone_du": atmosphere.ozone_column_du(height_m),
         "pressure_pa": float(atmosphere.at(height_m)[0]),
     }
+
+
+def vapour_left(height_above_ground_m: float) -> float:
+    """Share of the precipitable water above the ground that is above a height over it."""
+    return float(np.exp(-max(height_above_ground_m, 0.0) / WATER_SCALE_M))
 
 
 def broadband(

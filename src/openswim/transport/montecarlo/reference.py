@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
+from openswim.interrupts import claim
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job, relabel
@@ -169,6 +170,7 @@ class ReferenceField:
                         left = max(solver.seconds - spent, 0.0)
                         size = max(1, min(size, int(sums.paths * left / max(spent, 1e-6))))
             except KeyboardInterrupt:
+                claim()
                 if checkpoint is not None:
                     checkpoint.save(sums)
                     raise
