@@ -49,7 +49,7 @@ def _rasters(ground: Ground) -> list:
     from openswim.ground.raster import Raster
 
     if ground not in _MAPS:
-        _MAPS[ground] = [Raster(path, (0,)) for path in paths("lights", ground.lights)]
+        _MAPS[ground] = [Raster(path, (1,)) for path in paths("lights", ground.lights)]
     return _MAPS[ground]
 
 
