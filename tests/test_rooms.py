@@ -41,6 +41,7 @@ ORDER = (
     "viewpoint",
     "lighting",
     "rendering",
+    "films",
     "observations",
     "comparison",
     "stations",

@@ -37,6 +37,7 @@ HOUSE = {
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
     "comparison": Place(1, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1, 5.1, 1.3, "light through time"),
+    "films": Place(1, 8.3, 1.2, "skies in motion"),
     "observations": Place(1.9, 4.05, 1.6, "cameras by their frames"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
     "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),

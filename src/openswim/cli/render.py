@@ -35,6 +35,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    member: int | None = None
     sun: str | None = None
     camera_file: Path | None = None
     view: str = "allsky"
@@ -90,7 +91,7 @@ def run(request: RenderRequest) -> None:
     ground = maps if given else None
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
-        allow_references=request.allow_references,
+        allow_references=request.allow_references, member=request.member,
     )
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
@@ -101,8 +102,9 @@ def run(request: RenderRequest) -> None:
     announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
+    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, wavelengths_nm=wavelengths, **sun)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")

@@ -1,5 +1,6 @@
 """The walk through a folder of reference files: what is compared is decided by content, never by name."""
 
+import os
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -72,7 +73,7 @@ FAMILIES = (
 
 def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
     """Compare every reference file below `directory`: rows, worst first, and a line per file left out."""
-    if not directory.is_dir():
+    if not os.path.isdir(directory):
         raise UserError(f"{directory}: no such folder; name one with reference files ({', '.join(SUFFIXES)})")
     references, skipped = _read_all(directory)
     tables = PhaseTables([])
@@ -92,7 +93,8 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
 
 def reference_files(directory: Path) -> list[Path]:
     """The files below a folder that may be references."""
-    return sorted(p for p in directory.rglob("*") if p.suffix in SUFFIXES and p.is_file())
+    found = (Path(folder, name) for folder, _, names in os.walk(directory) for name in names)  # folders may vanish
+    return sorted(path for path in found if path.suffix in SUFFIXES and path.is_file())
 
 
 def _read_all(directory: Path) -> tuple[list[Reference], list[str]]:
