@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from openswim.comparison import compare as compare
     from openswim.comparison import correct_clouds as correct_clouds
     from openswim.errors import UserError as UserError
+    from openswim.films import film as film
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
     from openswim.lighting import open_light as open_light
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
     from openswim.solver import Solver as Solver
+    from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
     "Camera": "openswim.cameras",
@@ -37,6 +39,8 @@ _HOME = {
     "UserError": "openswim.errors",
     "compare": "openswim.comparison",
     "correct_clouds": "openswim.comparison",
+    "film": "openswim.films",
+    "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -47,9 +51,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "light",
-    "load_camera", "open_light",
-    "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
+    "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -9,12 +9,27 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.cameras.pixels import Pixels
+from openswim.errors import UserError
 from openswim.lights import solar_irradiance
+from openswim.machine import free_memory
 from openswim.scene.frame import Frame
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
+
+PIXEL_BYTES = 90  # of memory that a view takes for each pixel and wavelength
+
+
+def check_fits(shape: tuple[int, int], wavelengths: int) -> None:
+    """Refuse a picture that the memory does not hold, before it is begun."""
+    taken, free = PIXEL_BYTES * wavelengths * shape[0] * shape[1], free_memory()
+    if taken > free:
+        share = (0.8 * free / taken) ** 0.5
+        raise UserError(
+            f"size = {shape}: such a picture takes {taken / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: "
+            f"use size=({int(shape[0] * share)}, {int(shape[1] * share)}) or less"
+        )
 
 
 def dataset(
@@ -34,6 +49,10 @@ def dataset(
             ),
             "solar_relative_radiance": (
                 dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
+            ),
+            "solid_angle": (
+                ("y", "x"), pixels.solid_angle_sr.astype(np.float32),
+                {"long_name": "solid angle of the pixel; its sum with radiance is irradiance", "units": "sr"},
             ),
             "solar_irradiance": (
                 ("wavelength",), toa,

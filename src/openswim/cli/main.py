@@ -16,6 +16,8 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
+from openswim.interrupts import INTERRUPTED, watched
+from openswim.progress import spoken
 
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,7 +26,7 @@ SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
 
-DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
 
 
 def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -42,6 +44,10 @@ _debug = click.option(
 )
 
 
+_allow_references = click.option(
+    "--allow-references", is_flag=True,
+    help="Follow what a file says lies in other files, out of its folder and in the network too.",
+)  # fmt: skip
 _quality = click.option(
     "--quality", type=click.Choice(QUALITIES),
     help="Of --solver fast: how finely light is solved for.  [default: standard]",
@@ -78,12 +84,13 @@ def demo(folder: Path) -> None:
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
 @click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
+@_allow_references
 @_debug
-def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_references: bool) -> None:
     """Say what FILES hold, and what will be assumed where they lack something."""
     from openswim.cli.info import run
 
-    run(files, picture, time)
+    run(files, picture, time, allow_references)
 
 
 @cli.command()
@@ -99,6 +106,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]")
 @click.option(
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
@@ -123,6 +131,19 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--town-lights", "town_lights", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of towns at night: GeoTIFF in nW cm-2 sr-1, such as VIIRS; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -130,6 +151,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
+@_allow_references
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
@@ -144,6 +166,54 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
     from openswim.cli.render import RenderRequest, run
 
     run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--lat", type=float, help="Observer's latitude, degrees north.")
+@click.option("--lon", type=float, help="Observer's longitude, degrees east.")
+@click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
+@click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
+@click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
+@click.option("--path", type=click.Path(path_type=Path),
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
+              "like) or GPX. The film then follows it.")  # fmt: skip
+@click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
+@click.option("--from", "start", help="First time, UTC, ISO 8601.")
+@click.option("--to", "end", help="Last time, UTC.")
+@click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), help="TOML file of a real camera.")
+@click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
+@click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
+@click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
+@click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
+@click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
+@click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@_quality
+@click.option("--member", type=int, help="Of an ensemble: the member's number.  [default: the first]")
+@click.option("--exposure", type=float, help="Factor from radiance to display.  [default: a smooth curve]")
+@click.option("--keogram", type=click.Path(path_type=Path),
+              help="Also write the middle columns of all frames as this picture.")  # fmt: skip
+@click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True,
+    help="The film: .mp4, .webm, .zarr (radiance), or a folder of pictures.",
+)  # fmt: skip
+@_debug
+def film(
+    file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
+    frames_per_second: float, speed: float, keogram: Path | None, title: bool, **options: Any,
+) -> None:  # fmt: skip
+    """Make a film of the sky over FILE's times, or along a camera's path.
+
+    It shows its progress; stopped by Ctrl-C or worse, the same command goes on where it was.
+    """
+    from openswim.cli.film import FilmRequest, run
+    from openswim.cli.render import RenderRequest
+
+    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), **options)
+    run(FilmRequest(picture, output, every, path, start, end, frames_per_second, speed, keogram, title))
 
 
 @cli.command()
@@ -237,6 +307,55 @@ def correct_clouds(**options: Any) -> None:
 
 
 @cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1)
+@click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
+@click.option("--lat", type=float, help="Latitude, degrees north.")
+@click.option("--lon", type=float, help="Longitude, degrees east.")
+@click.option("--height", "height_m", type=float, default=2.0, show_default=True, help="Metres above the ground.")
+@click.option("--ground", "ground_m", type=float, help="Of --clear: height of the ground above sea level, m.")
+@click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
+@click.option("--end", help="Last time, UTC.")
+@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
+@click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
+@click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
+@click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
+@click.option(
+    "--station", type=click.Path(path_type=Path),
+    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC, ARM, or a table with utc and ghi.",
+)  # fmt: skip
+@click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
+              help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture of model and station, .png.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write, .nc or .csv.")
+@_debug
+def irradiance(**options: Any) -> None:
+    """Global, direct and diffuse irradiance through time, from a model's FILES or for a clear sky."""
+    from openswim.cli.irradiance import IrradianceRequest, run
+
+    run(IrradianceRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--like", type=click.Path(path_type=Path), required=True,
+              help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
+@click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
+@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
+@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, help=".nc or .tif to write.")
+@_debug
+def satellite(**options: Any) -> None:
+    """The clouds of a model's FILES as an imager in space sees them, beside what it saw."""
+    from openswim.cli.satellite import SatelliteRequest, run
+
+    run(SatelliteRequest(**options))
+
+
+@cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
 @_quality
@@ -299,7 +418,8 @@ def aerosol_fit(**options: Any) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code; errors are one line on stderr."""
-    code = run(arguments)
+    with watched():
+        code = run(arguments)
     gc.freeze()  # looking for garbage among all that was imported would take a third of a second
     sys.exit(code)
 
@@ -308,14 +428,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     state: dict[str, bool] = {}
     try:
-        cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
+        with spoken():
+            cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
         return _fail(str(error), USERS_MISTAKE, state)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        return _fail(f"{error.format_message()} (see openswim --help)", USERS_MISTAKE, state)
+        return _fail(str(UserError(f"{error.format_message()} (see openswim --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED

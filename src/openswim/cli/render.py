@@ -35,6 +35,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    member: int | None = None
     sun: str | None = None
     camera_file: Path | None = None
     view: str = "allsky"
@@ -49,8 +50,13 @@ class RenderRequest:
     error_percent: float | None = None
     checkpoint: Path | None = None
     exposure: float | None = None
+    allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
+    town_lights: tuple[Path, ...] = ()
     height_maps: tuple[Path, ...] = ()
+    aerosol: str | None = None
+    aod: float | None = None
+    wavelengths: str | None = None
 
 
 def run(request: RenderRequest) -> None:
@@ -61,7 +67,7 @@ def run(request: RenderRequest) -> None:
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
-    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
+    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps, *request.town_lights]
     inputs += [] if request.camera_file is None else [request.camera_file]
     if request.checkpoint is not None:
         check_target(request.checkpoint, inputs, "--checkpoint")
@@ -77,29 +83,56 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
-    from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
 
-    solver = solver_of(request)
-    given = request.albedo_maps or request.height_maps
-    ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
+    solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
+    given = request.albedo_maps or request.height_maps or request.town_lights
+    maps = openswim.Ground(request.albedo_maps, request.height_maps, lights=request.town_lights)
+    ground = maps if given else None
     scene = openswim.open_scene(
-        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
+        allow_references=request.allow_references, member=request.member,
     )
-    scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
+    scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     whole = request.fov_deg is not None or request.camera_file is not None
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
-    announce(scene, camera, solver.name, request.paths, solver.quality)
+    announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
+    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, **sun)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def wavelengths_of(text: str | None) -> tuple[float, ...]:
+    """The wavelengths (nm) to render."""
+    from openswim.lighting import WAVELENGTHS_NM
+
+    if text is None:
+        return WAVELENGTHS_NM
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"--wavelengths {text}: give numbers divided by commas, such as 640,550,470 (nm)") from None
+    if len(set(found)) < len(found):
+        raise UserError(f"--wavelengths {text}: give each once")
+    return found
+
+
+def with_aerosol_of(request: RenderRequest, scene: "Scene", time: Any = None) -> "Scene":
+    """The scene with the aerosol that the options choose, if they choose one."""
+    if request.aerosol is None and request.aod is None:
+        return scene
+    from openswim.optics.chosen import with_aerosol
+
+    place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
+    return with_aerosol(scene, request.aerosol, request.aod, time, place)
 
 
 def sun_of(text: str | None) -> dict[str, Any]:
@@ -242,22 +275,31 @@ def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
 def report(image: "xr.Dataset") -> None:
     """Print what the image says of itself: the sun, and the irradiance at the observer."""
     attributes = image.attrs
+    weather, light = attributes.get("valid_time"), attributes.get("light_time")
+    if weather and light and weather != light:
+        click.echo(f"note: weather of {weather}, light of {light}: clouds do not move between them", err=True)
     if "sun_altitude_deg" in attributes:
         click.echo(
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
             f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
         )
-        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
+        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG and "lights" not in attributes:
+            click.echo("note: it is night there; moon and stars need a time (--sun TIME)", err=True)
+        if "lights" in attributes and float(attributes["sun_altitude_deg"]) < 0:
             click.echo(
-                "note: it is night there; moon, stars and city lights are not simulated yet (--sun TIME: light of "
-                "another time)",
-                err=True,
+                f"lights: {attributes['lights']}; moon: altitude {float(attributes['moon_altitude_deg']):.2f}, azimuth "
+                f"{float(attributes['moon_azimuth_deg']):.2f} degrees, {float(attributes['moon_illuminated']):.0%} lit"
             )
+        if "illuminance_lx" in attributes:
+            click.echo(f"illuminance: {float(attributes['illuminance_lx']):.3g} lx")
     if "mean_error_percent" in attributes:
         cut = ", interrupted" if attributes.get("interrupted") else ""
         click.echo(
             f"paths: {attributes['paths_per_pixel']} a pixel, mean error {attributes['mean_error_percent']:.2g} %{cut}"
         )
+    if "aerosol_optical_depth_550nm" in attributes:
+        depth = float(attributes["aerosol_optical_depth_550nm"])
+        click.echo(f"aerosol: optical depth {depth:.3g} at 550 nm above the observer's ground")
     line = irradiance_line(image)
     if line:
         click.echo(line)

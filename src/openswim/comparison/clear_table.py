@@ -77,13 +77,12 @@ class ClearTable:
     def _scattering(self, cosine: F64) -> F64:
         """(n, 3): what scatters once by angles of a cosine (n,)."""
         look = np.repeat(0.75 * (1 + cosine**2)[:, None], 3, axis=1)
-        aerosol = None if self.atmosphere is None else self.atmosphere.aerosol
-        if aerosol is None:
-            return look
-        phase = aerosol.phase if hasattr(aerosol.phase, "value") else HenyeyGreenstein(0.65)
         of_air = np.array([0.06, 0.1, 0.22])  # Rayleigh's depths, nearly
-        depth = aerosol.optical_depth_at(np.array(WAVELENGTHS_NM))
-        return look + (depth / of_air) * np.asarray(phase.value(cosine))[:, None]  # type: ignore[union-attr]
+        for layer in () if self.atmosphere is None else self.atmosphere.layers:
+            phase = layer.phase if hasattr(layer.phase, "value") else HenyeyGreenstein(0.65)
+            depth = layer.optical_depth_at(np.array(WAVELENGTHS_NM))
+            look = look + (depth / of_air) * np.asarray(phase.value(cosine))[:, None]  # type: ignore[union-attr]
+        return look
 
 
 def _between(nodes: F64, at: F64) -> tuple[NDArray[np.intp], F64]:

@@ -17,7 +17,7 @@ from openswim.lights import sun_position
 from openswim.observer import place_of
 from openswim.readers import Neighbourhood, describe, open_scene
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.viewpoint import LitScene
@@ -74,7 +74,7 @@ class Skies:
     def aerosol_depth(self, camera: Camera, time: np.datetime64) -> float:
         """At 550 nm, of the background."""
         air = self._air(camera, time, self.aod)[0]
-        return 0.0 if air is None or air.aerosol is None else float(air.aerosol.optical_depth_at(550.0))
+        return 0.0 if air is None else float(air.aerosol_depth_at(550.0))
 
     def scene(self, camera: Camera, time: np.datetime64) -> Scene:
         """The model's scene that is nearest to a time."""
@@ -143,5 +143,4 @@ def with_aerosol(scene: Scene, aod: float) -> Scene:
 
 
 def _hazed(atmosphere: Atmosphere, aod: float) -> Atmosphere:
-    profile = atmosphere.aerosol or AerosolProfile()
-    return replace(atmosphere, aerosol=replace(profile, optical_depth=aod, reference_nm=550.0))
+    return atmosphere.with_aerosol_depth(aod)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth
 from openswim.ground.albedo import surface_properties
+from openswim.ground.cities import city_radiance
 from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
 from openswim.ground.sample import SurfaceSample
+from openswim.scene.aerosol import central_ground_m
 from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
@@ -31,13 +34,15 @@ class SceneSurface:
 
     scene: Scene
     wavelengths_nm: F64
+    lamps: F64 | None = None  # (nw,) L' of what shines with 1 nW cm-2 sr-1; None by day
 
     @property
     def wider(self) -> SceneSurface | None:
         return None if self.scene.wider is None else replace(self, scene=self.scene.wider)
 
     def at_wavelengths(self, which: NDArray[np.int64]) -> SceneSurface:
-        return replace(self, wavelengths_nm=self.wavelengths_nm[which])
+        lamps = None if self.lamps is None else self.lamps[which]
+        return replace(self, wavelengths_nm=self.wavelengths_nm[which], lamps=lamps)
 
     def window(self, rows: slice, columns: slice) -> SceneSurface:
         return replace(self, scene=_ground_of(self.scene, rows, columns))
@@ -55,6 +60,11 @@ class SceneSurface:
 
     def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:
         return hemispherical_albedo(self.sample(lat, lon), self.wavelengths_nm)
+
+    def shining(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0) -> F64 | None:
+        if self.lamps is None or (self.scene.grid is not None and not self.scene.grid.curved):
+            return None
+        return np.asarray(city_radiance(lat, lon, self.scene.ground, footprint_m)[..., None] * self.lamps)
 
     # how high it is
 
@@ -105,6 +115,22 @@ class SceneSurface:
 def surface_of(scene: Scene, wavelengths_nm: ArrayLike) -> SceneSurface:
     """The ground of a scene and of the wider ones around it."""
     return SceneSurface(scene, np.atleast_1d(np.asarray(wavelengths_nm, float)))
+
+
+def settled(scene: Scene) -> Scene:
+    """The scene, and the wider ones around it, with a background aerosol that counts from the ground of the place."""
+    if scene.atmosphere is None or scene.atmosphere.above_ground(0.0) is scene.atmosphere:
+        return scene
+    terrain = surface_of(scene, 550.0).terrain_m
+    spacing = (1.0, 1.0) if scene.grid is None else scene.grid.spacing_m()
+    return _above_ground(scene, central_ground_m(terrain, spacing))
+
+
+def _above_ground(scene: Scene, ground_m: float) -> Scene:
+    out = copy(scene)
+    out.atmosphere = None if scene.atmosphere is None else scene.atmosphere.above_ground(ground_m)
+    out.wider = scene.wider and _above_ground(scene.wider, ground_m)
+    return out
 
 
 def _ground_of(scene: Scene, rows: slice, columns: slice) -> Scene:

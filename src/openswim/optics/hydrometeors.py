@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.optics import mie
+from openswim.optics import ice, mie
 from openswim.scene.phase import HenyeyGreenstein, Mixture, PhaseFunction
 
 FloatArray = NDArray[Any]
@@ -43,6 +43,7 @@ HYDROMETEORS = {
 # constant.
 _SNOW_RADIUS_TIMES_DENSITY_KG_M2 = 0.066
 
+DEFAULT_ICE_RADIUS_M = 34e-6
 _LEAST_NUMBER_PER_M3 = 1e-6  # less is numerical noise
 
 
@@ -147,14 +148,15 @@ def phase_function(kind: str, wavelength_nm: float, radius_m: float | None = Non
 
     Liquid and rain: Mie theory (`openswim.optics.mie`). Ice, snow, graupel: Henyey-Greenstein lobes, half of
     the light in the diffraction peak. Ice (default 34 um) has the g of the severely roughened habit mixture of Baum et
-    al. (2014), .77 at 5 um to .81 at 60 um, no halo, and the lidar ratio of cirrus (33 sr, Josset et al. 2012) by a
-    narrow lobe backward. Snow is Albers et al. 2020, Eq. B3 (corrected) for thin clouds, g = .87; graupel g = .57.
+    al. (2014), in the visible .77 at 5 um to .81 at 60 um and more where ice absorbs, no halo, and the lidar ratio of
+    cirrus (33 sr, Josset et al. 2012) by a narrow lobe backward. Snow is Albers et al. 2020, Eq. B3 (corrected) for
+    thin clouds, g = .87; graupel g = .57.
     """
     match kind:
         case "liquid" | "rain":
             return mie.phase_function(kind, wavelength_nm, radius_m)
         case "ice":
-            return _ice(34e-6 if radius_m is None else radius_m)
+            return _ice(DEFAULT_ICE_RADIUS_M if radius_m is None else radius_m, wavelength_nm)
         case "snow":
             return _lobes((0.50, 0.998), (0.45, 0.86), (0.03, 0.0), (0.02, -0.6))
         case "graupel":
@@ -163,17 +165,20 @@ def phase_function(kind: str, wavelength_nm: float, radius_m: float | None = Non
 
 
 def single_scattering_albedo(kind: str, wavelengths_nm: ArrayLike, radius_m: float | None = None) -> FloatArray:
-    """(nwl,): Mie for liquid and rain; 1 for ice, snow and graupel (their absorption is below 1e-4 in the
-    visible)."""
+    """(nwl,): Mie for liquid and rain; ice, snow and graupel by the ice that they are made of (`openswim.optics.ice`),
+    1 in the visible. Snow and graupel are taken as crystals of as much ice per shadow."""
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    _kind(kind)
+    constants = _kind(kind)
     if kind in mie.KINDS:
         return mie.single_scattering_albedo(kind, wavelengths, radius_m)
-    return np.ones_like(wavelengths)
+    if radius_m is None:
+        radius_m = DEFAULT_ICE_RADIUS_M if kind == "ice" else float(default_effective_radius_m(kind, 0.0))
+    return 1 - ice.coalbedo(wavelengths, radius_m * constants.density_kg_m3 / ice.ICE_KG_M3)
 
 
-def _ice(radius_m: float) -> PhaseFunction:
+def _ice(radius_m: float, wavelength_nm: float) -> PhaseFunction:
     asymmetry = 0.744 + 0.0167 * np.log(np.clip(radius_m, 5e-6, 60e-6) * 1e6)
+    asymmetry += ice.more_asymmetry(wavelength_nm, radius_m)
     peak, side, back, glint = (0.50, 0.998), (0.07, 0.0), (0.02, -0.5), (0.0002, -0.95)
     broad = 1 - sum(weight for weight, _ in (peak, side, back, glint))
     rest = asymmetry - sum(weight * g for weight, g in (peak, side, back, glint))

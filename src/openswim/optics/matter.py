@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.cover import cloud_cover
+from openswim.optics.layers import ground_of_place_m
 from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
@@ -26,14 +27,16 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """The background air around a scene, at wavelengths (nwl,)."""
+    """The background air around a scene, at wavelengths (nwl,). starlit: an even sky of L' = 1 shines above it."""
 
     atmosphere: Atmosphere
     wavelengths_nm: F64
+    starlit: bool = False
 
     def at(self, height_m: ArrayLike) -> Background:
         """Its coefficients at heights (nz,) above sea level."""
-        return background(self.atmosphere, self.wavelengths_nm, height_m)
+        found = background(self.atmosphere, self.wavelengths_nm, height_m)
+        return replace(found, starlit=True) if self.starlit else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,13 @@ class Matter:
     def levels(self) -> list[Matter]:
         """This matter and that on the wider grids around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def starlit(self) -> Matter:
+        """The same under an even sky."""
+        return replace(
+            self, air=None if self.air is None else replace(self.air, starlit=True),
+            wider=None if self.wider is None else self.wider.starlit(),
+        )  # fmt: skip
 
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
@@ -103,13 +113,14 @@ def matter_of(
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
-    out = None
+    out, ground_m = None, ground_of_place_m(scene)
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
         species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
+        air = None if level.atmosphere is None else Air(level.atmosphere.above_ground(ground_m), wavelengths)
         out = Matter(
-            frame, level.grid, wavelengths, list(species) if keep else species, cover,
-            None if level.atmosphere is None else Air(level.atmosphere, wavelengths), _highest_m(level), level.cut, out,
+            frame, level.grid, wavelengths, list(species) if keep else species, cover, air, _highest_m(level),
+            level.cut, out,
         )  # fmt: skip
     assert out is not None
     return out

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.bounds import check_container, check_header, check_name
 from openswim.readers.common.classic import classic_length
+from openswim.scene.grid import extent_deg
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
@@ -22,10 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from openswim.scene import Grid, Scene
-
-MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
-PLAUSIBLE_ELEMENTS = 20_000_000  # up to here no file is doubted
-_VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
 
 
 @runtime_checkable
@@ -60,12 +58,13 @@ class SceneInfo:
     missing: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     others: list[SceneInfo] = field(default_factory=list)  # of further files, on grids of their own
+    extent: str = ""
 
     @classmethod
     def on(cls, grid: Grid | None, /, **others: Any) -> SceneInfo:
         """With what a grid tells of itself, unless that is among the others."""
         own = {"grid": shape_text(grid), "projection": projection_text(grid), "spacing": spacing_text(grid),
-               "levels": levels_text(grid)}  # fmt: skip
+               "levels": levels_text(grid), "extent": covered_text(grid)}  # fmt: skip
         return cls(**(own | others))
 
     def __str__(self) -> str:
@@ -75,6 +74,7 @@ class SceneInfo:
             ("model", self.model),
             ("grid", self.grid),
             ("projection", self.projection),
+            ("extent", self.extent),
             ("spacing", self.spacing),
             ("levels", self.levels),
             ("times", ", ".join(self.times[:6]) + more or "none"),
@@ -83,22 +83,30 @@ class SceneInfo:
             ("missing", ", ".join(self.missing) or "nothing"),
         ]
         rows += [("" if line else "assumed", note) for line, note in enumerate(self.assumed)]
-        own = "\n".join(f"{label:<11}{text}" for label, text in rows)
+        own = "\n".join(f"{label:<11}{text}" for label, text in rows if text)
         return "\n\n".join([own, *map(str, self.others)])
 
 
 def open_netcdf(path: Path) -> netCDF4.Dataset:
-    """Open a netCDF file; a UserError says what it is instead, or that it is damaged."""
+    """Open a netCDF file within bounds; a UserError says what it is instead, or that it is damaged."""
     import netCDF4
 
     try:
+        check_name(path)
         needed = classic_length(path)
         if needed is not None and path.stat().st_size < needed:
             size = path.stat().st_size
             raise UserError(f"{path}: truncated: {size} of {needed} bytes: copy or download it again")
-        return netCDF4.Dataset(os.fspath(path), "r")
+        check_container(path)
+        file = netCDF4.Dataset(os.fspath(path), "r")
     except (OSError, RuntimeError, ValueError) as error:
         raise UserError(unreadable(path)) from error
+    try:
+        check_header(path, file)
+    except UserError:
+        file.close()
+        raise
+    return file
 
 
 def unreadable(path: Path) -> str:
@@ -117,36 +125,6 @@ def unreadable(path: Path) -> str:
     if magic.startswith(b"GRIB"):
         return f"{path}: damaged GRIB file: copy or download it again"
     return f"{path}: neither a netCDF file nor a Zarr folder"
-
-
-def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:
-    """Refuse a variable whose declared size could not be held in memory, before reading it."""
-    elements = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
-    if elements > MAX_ELEMENTS:
-        declared = " x ".join(map(str, shape))
-        raise UserError(
-            f"{path}: {name} declares {declared} values, more than {MAX_ELEMENTS:.0e}: damaged header, "
-            "or crop the file first"
-        )
-    if elements > PLAUSIBLE_ELEMENTS and elements > _VALUES_PER_BYTE * _packed_bytes(path):
-        declared = " x ".join(map(str, shape))
-        raise UserError(f"{path}: {name} declares {declared} values, more than the file can hold: damaged header")
-
-
-def check_sizes(path: Path, data: xr.Dataset) -> None:
-    """Refuse a file with such a variable, for readers that take all of it at once."""
-    for name in data.variables:
-        check_size(path, str(name), data[name].shape)
-
-
-def _packed_bytes(path: Path) -> float:
-    """Size of a netCDF or HDF5 file; infinite for anything else, whose data may lie elsewhere."""
-    try:
-        with path.open("rb") as file:
-            packed = file.read(4) in (b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF")
-        return path.stat().st_size if packed else np.inf
-    except OSError:
-        return np.inf
 
 
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
@@ -203,6 +181,24 @@ def place_text(grid: Grid | None) -> str:
         return ""
     lon, lat = (float(angle) for angle in grid.lonlat(*grid.centre_index))
     return f", centre {abs(lat):.3f} {'NS'[lat < 0]} {abs(lon):.3f} {'EW'[lon < 0]}"
+
+
+def covered_text(grid: Grid | None) -> str:
+    """ "21.80 to 25.67 N, 91.90 to 87.18 W"; in kilometres of a flat grid."""
+    if grid is None:
+        return ""
+    if not grid.curved:
+        ends = (f"{name} {axis[0] / 1e3:g} to {axis[-1] / 1e3:g} km" for name, axis in (("x", grid.x), ("y", grid.y)))
+        return ", ".join(ends)
+    south, north, west, east = extent_deg(grid)
+    return f"{_angles(south, north, 'NS')}, {_angles(west, (east + 180) % 360 - 180 if east > 180 else east, 'EW')}"
+
+
+def _angles(first: float, last: float, letters: str) -> str:
+    sides = [letters[angle < 0] for angle in (first, last)]
+    if sides[0] == sides[1]:
+        return f"{abs(first):.2f} to {abs(last):.2f} {sides[0]}"
+    return f"{abs(first):.2f} {sides[0]} to {abs(last):.2f} {sides[1]}"
 
 
 def spacing_text(grid: Grid | None) -> str:

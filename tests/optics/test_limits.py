@@ -1,0 +1,26 @@
+"""Wavelengths at which nothing right can be said are refused, with the reason."""
+
+import numpy as np
+import pytest
+
+from openswim import Scene, Solver
+from openswim.errors import UserError
+from openswim.optics.limits import stated
+
+
+@pytest.mark.parametrize(("wavelength_nm", "reason"), [(1701.0, "heat"), (2130.0, "bands of gases"), (270.0, "ozone")])
+def test_beyond_what_is_known_is_refused_with_the_reason(wavelength_nm, reason):
+    with pytest.raises(UserError, match=reason):
+        Solver().solve(Scene.clear(45.0, 8.0), np.array([0.0, 0.6, 0.8]), [550.0, wavelength_nm])
+
+
+@pytest.mark.parametrize("wavelengths_nm", [[], [np.nan], [550.0, np.inf]])
+def test_what_is_no_wavelength_is_refused(wavelengths_nm):
+    with pytest.raises(UserError, match="wavelength"):
+        Solver().solve(Scene.clear(45.0, 8.0), np.array([0.0, 0.6, 0.8]), wavelengths_nm)
+
+
+def test_what_is_taken_for_granted_is_said():
+    assert stated(np.array([450.0, 546.0, 615.0])) == []
+    (said,) = stated(np.array([340.0, 550.0, 388.0]))
+    assert said.startswith("340, 388 nm:")
