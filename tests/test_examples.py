@@ -41,7 +41,7 @@ def run(page: str) -> dict[str, Any]:
 def test_the_readme_shows_a_sky(folder: Path) -> None:
     image = run("README.md")["image"]
     assert image.radiance.dims == ("y", "x", "wavelength")
-    assert image.attrs["time"] == "2005-08-28T18:00:00Z"
+    assert image.attrs["valid_time"] == "2005-08-28T18:00:00Z"
     assert (image.attrs["latitude"], image.attrs["longitude"]) == (24.5, -90)
     assert np.isfinite(image.radiance).all()
     assert image.radiance.min() > 0  # at noon nothing is black

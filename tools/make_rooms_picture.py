@@ -35,9 +35,11 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
-    "observations": Place(0.88, 3.55, 1.6, "cameras by their frames"),
-    "stations": Place(1.6, 4.6, 1.3, "light through time"),
+    "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
+    "stations": Place(1.6, 4.9, 1.3, "light through time"),
+    "films": Place(0.88, 9.75, 1.2, "skies in motion"),
     "satellites": Place(0.88, 8.3, 1.5, "imagers in space"),
+    "observations": Place(1.6, 3.2, 1.6, "cameras by their frames"),
     "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
     "lighting": Place(2.28, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.65, 8.9, 1.35, "light on disk"),
@@ -62,7 +64,7 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
-    ("validation", "cameras"): 3.1, ("validation", "readers"): 3.2, ("kept_light", "lights"): 3.3,
+    ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
@@ -99,7 +101,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "stations", "satellites",
+USERS = {"cli", "observations", "comparison", "stations", "films", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

@@ -34,7 +34,7 @@ from openswim.images import add_errors, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
-from openswim.observer import SPACE_M, check_observer, grid_place, ground_below, place_of
+from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, ground_below, place_of
 from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
@@ -71,6 +71,7 @@ class LitScene:
         check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
         check_observer(self.scene, camera, self.field.solver.name)
         ground_m = ground_below(self.scene, self.field, camera)
+        check_above_ground(camera, ground_m)
         pixels = camera.pixels()
         return Viewpoint(self, camera, ground_m, pixels, camera.rays(self.field.frame, ground_m, pixels))
 
@@ -357,8 +358,9 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         }  # fmt: skip
     x, y = place_of(camera)
     attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
-    if lit.time is not None:
-        attrs["time"] = f"{np.datetime_as_string(np.datetime64(lit.time), 's')}Z"
+    for name, time in (("valid_time", lit.scene.time), ("light_time", lit.time)):  # of the weather, of the sun
+        if time is not None:
+            attrs[name] = f"{np.datetime_as_string(np.datetime64(time), 's')}Z"
     return attrs
 
 

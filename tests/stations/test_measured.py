@@ -104,7 +104,7 @@ def made():
 def test_the_aerosol_that_made_a_beam_is_found(made):
     station, _ = made
     fit = fit_aerosol(station, np.ones(station.time.size, bool), scene_over(station))
-    assert fit.aerosol.optical_depth == pytest.approx(0.12, abs=0.001)
+    assert fit.optical_depth == pytest.approx(0.12, abs=0.001)
     assert fit.rms_w_m2 < 1
     with pytest.raises(UserError, match="too few"):
         fit_aerosol(station, np.zeros(station.time.size, bool), scene_over(station))

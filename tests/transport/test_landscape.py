@@ -265,7 +265,8 @@ def test_far_mountains_stand_beyond_the_domain() -> None:
     """The Alps from a domain in the Po valley 120 km south: up to the angle that their height has there."""
     crs = CRS.from_proj4("+proj=lcc +lat_1=40 +lat_2=50 +lat_0=45.1 +lon_0=8.5 +R=6371000")
     x = 2000.0 * (np.arange(21) - 10)
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0))
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0),
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     land = landscape(scene)
     assert landscape_of(surface_of(replace(scene, ground=Ground(mountains=False)), WAVELENGTH_NM), land.medium) is None
     frame = land.medium.frame
@@ -294,7 +295,8 @@ def test_a_global_elevation_model_is_the_far_field_too(tmp_path, monkeypatch, la
     monkeypatch.setattr(earth, "_relief_path", lambda: None)
     crs = CRS.from_proj4(f"+proj=lcc +lat_1={lat - 5} +lat_2={lat + 5} +lat_0={lat} +lon_0=179.9 +R=6371000")
     x = 1000.0 * (np.arange(11) - 5)
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.zeros((11, 11)))
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.zeros((11, 11)),
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     rows = 90.0 - (np.arange(1800) + 0.5) / 10
     height = np.where(rows > 0, 500.0 + 100.0 * (rows - 67.0), -200.0)
     image = np.broadcast_to(height[:, None], (1800, 3600)).astype(np.float32)
@@ -311,7 +313,8 @@ def test_a_high_eye_sees_the_terrain_to_its_horizon() -> None:
     x = 40e3 * (np.arange(61) - 30)
     crs = CRS.from_proj4(f"+proj=laea +lat_0={LAT} +lon_0={LON} +R=6371000")
     terrain = np.broadcast_to(2000.0 + 1500.0 * np.sin(x / 300e3), (61, 61))
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain)
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain,
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     land = Landscape(surface_of(scene, WAVELENGTH_NM), medium_of(scene, np.array([WAVELENGTH_NM]), 0.5))
     seen = land.seen_from(Rays(eye_at(land, 60e3), fan(90.0, np.linspace(-0.5, 0.1, 50)), 2e-3))
     lon = LON + np.array([-8.0, -4.0, 3.0, 7.5])

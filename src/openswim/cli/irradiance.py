@@ -203,8 +203,8 @@ def _beside_station(request: IrradianceRequest) -> xr.Dataset:
             used &= (rank < clear.sum() // 2) == (request.fit == "first-half")
             told = clear & ~used
         found = fit_aerosol(station, used, scene)
-        click.echo(f"aerosol optical depth at 550 nm by {found.times} values of DNI: {found.aerosol.optical_depth:.3f}")
-        scene = _with_depth(scene, found.aerosol.optical_depth)
+        click.echo(f"aerosol optical depth at 550 nm by {found.times} values of DNI: {found.optical_depth:.3f}")
+        scene = _with_depth(scene, found.optical_depth)
         model = openswim.irradiance(scene, lat, lon, station.time.values, **options)
     _print(model, station, told, "clear" if told is clear else "clear, not used for the fit")
     if request.plot is not None:

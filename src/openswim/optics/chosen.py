@@ -58,17 +58,21 @@ def with_aerosol(
 def _replaced(scene: Scene, layer: AerosolProfile | None, note: str) -> Scene:
     out = copy(scene)
     assert scene.atmosphere is not None
-    whole = {each.name for each in scene.atmosphere.layers if each.beyond}
+    added = [each for each in scene.atmosphere.layers if each.beyond]
     if layer is None:
-        whole |= {name for name, own in scene.optics.items() if own.kind == "aerosol"} | {"aerosol"}
-    fields = {name: "aerosol_extinction" if name == "aerosol" else DIRECT_PREFIX + name for name in whole}
+        left = {name for name, own in scene.optics.items() if own.kind == "aerosol"} | {"aerosol"}
+    elif len(added) == len(scene.atmosphere.layers):  # the file's is all there is
+        left = {each.name for each in added}
+    else:
+        left = set()
+    fields = {name: "aerosol_extinction" if name == "aerosol" else DIRECT_PREFIX + name for name in left}
     fields = {name: field for name, field in fields.items() if field in scene.data}
     if fields:
         out.data = scene.data.drop_vars(list(fields.values()))
         out.optics = {name: own for name, own in scene.optics.items() if name not in fields}
         note += "; the file's own is left out"
-    kept = [line for line in scene.notes if not line.startswith("gas and aerosol background")]
-    out.notes = [*kept, note]
-    out.atmosphere = replace(scene.atmosphere, aerosol=layer)
+    out.notes = [*(line for line in scene.notes if not line.startswith("gas and aerosol background")), note]
+    chosen = [] if layer is None else [layer, *(each for each in added if each.name not in left)]
+    out.atmosphere = replace(scene.atmosphere, aerosol=chosen)
     out.wider = None if scene.wider is None else _replaced(scene.wider, layer, note)
     return out

@@ -7,8 +7,7 @@ holds aerosol and water vapour; Ineichen (2008, Solar Energy 82, 1095, Eq. 11) t
 
 with the pressure p at the ground, p0 at sea level, and w, precipitable water in cm. That is not in the map: it is taken
 from the columns of the five AFGL model atmospheres (Anderson et al. 1986) by latitude and season, thinning with the
-height of the ground (pvlib's map) by 1/e in 2 km. Half as much or twice as much water shifts tau_550 by .03 at sea
-level.
+height of the ground by 1/e in 2 km. Half as much or twice as much water shifts tau_550 by .03 at sea level.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ def readers() -> tuple[Reader, ...]:
     from openswim.readers.cf.reader import CFReader
     from openswim.readers.grib.reader import GRIBReader
     from openswim.readers.gridded.reader import GriddedReader
+    from openswim.readers.models.aerosol_depths import AerosolDepthsReader
     from openswim.readers.models.cosp import COSPReader
     from openswim.readers.models.ifs_columns import IFSColumnsReader
     from openswim.readers.models.laps import LAPSReader
@@ -32,7 +33,7 @@ def readers() -> tuple[Reader, ...]:
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         made = entry.load()
         others.append(made() if isinstance(made, type) else made)
-    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader())
+    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader(), AerosolDepthsReader())
     return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
 
 

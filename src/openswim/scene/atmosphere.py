@@ -85,6 +85,23 @@ class Atmosphere:
         given = self.aerosol
         return () if given is None else (given,) if isinstance(given, AerosolProfile) else tuple(given)
 
+    def aerosol_depth_at(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+        """Optical depth of all layers together (same shape as `wavelength_nm`)."""
+        none = np.zeros(np.shape(wavelength_nm))
+        return sum((layer.optical_depth_at(wavelength_nm) for layer in self.layers), none)
+
+    def with_aerosol_depth(self, optical_depth: float, wavelength_nm: float = 550.0) -> Atmosphere:
+        """The same with this much aerosol in all: each layer keeps its share; the default's kind where there is
+        none."""
+        layers = self.layers or (AerosolProfile(),)
+        depths = np.array([float(layer.optical_depth_at(wavelength_nm)) for layer in layers])
+        shares = depths / depths.sum() if depths.sum() > 0 else np.full(len(layers), 1 / len(layers))
+        changed = []
+        for layer, share in zip(layers, shares, strict=True):
+            unit = float(replace(layer, optical_depth=1.0).optical_depth_at(wavelength_nm))
+            changed.append(replace(layer, optical_depth=float(optical_depth * share / unit)))
+        return replace(self, aerosol=changed)
+
     def above_ground(self, ground_m: float) -> Atmosphere:
         """The same, with layers that count from the ground of the place counting from this height above sea level."""
         if all(layer.base_height_m is not None or layer.profile is not None for layer in self.layers):

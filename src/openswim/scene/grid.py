@@ -48,6 +48,7 @@ class Grid:
         object.__setattr__(self, "height_m", _heights(self.height_m, self.y.size, self.x.size))
         check_kind("grid: periodic", self.periodic, (bool, np.bool_), "give True or False")
         object.__setattr__(self, "earth_radius_m", number("grid: earth_radius_m", self.earth_radius_m))
+        check_places(self.x, self.y, self.crs)
         if self.periodic and self.crs is not None:
             raise UserError("grid: periodic sides need a flat grid: leave out crs, or set periodic=False")
         if not 1e3 < self.earth_radius_m < 1e9:
@@ -166,8 +167,8 @@ def great_circle_m(lon: ArrayLike, lat: ArrayLike, radius_m: float) -> float:
     return float(2.0 * radius_m * np.arcsin(np.sqrt(haversine)))
 
 
-def extent_text(grid: Grid) -> str:
-    """ "it covers about latitude ... to ..., longitude ... to ...", over the date line up to beyond 180."""
+def extent_deg(grid: Grid) -> tuple[float, float, float, float]:
+    """South, north, west and east end of a domain's sides; over the date line east is beyond 180."""
     _, ny, nx = grid.shape
     i = np.concatenate([np.arange(nx), np.arange(nx), np.zeros(ny), np.full(ny, nx - 1.0)])
     j = np.concatenate([np.zeros(nx), np.full(nx, ny - 1.0), np.arange(ny), np.arange(ny)])
@@ -176,7 +177,24 @@ def extent_text(grid: Grid) -> str:
     lon = middle + (lon - middle + 180.0) % 360.0 - 180.0
     if lon.min() < -180.0:
         lon = lon + 360.0
-    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+    return float(lat.min()), float(lat.max()), float(lon.min()), float(lon.max())
+
+
+def extent_text(grid: Grid) -> str:
+    """ "it covers about latitude ... to ..., longitude ... to ..."."""
+    south, north, west, east = extent_deg(grid)
+    return f"it covers about latitude {south:.2f} to {north:.2f}, longitude {west:.2f} to {east:.2f}"
+
+
+def check_places(x: NDArray[np.float64], y: NDArray[np.float64], crs: CRS | None) -> None:
+    """UserError for ascending angles (degrees) that are no longitudes and latitudes; metres are not looked at."""
+    if crs is None or not crs.is_geographic:
+        return
+    rounding = 0.01 * (y[-1] - y[0]) / (y.size - 1)
+    if y[0] < -90.0 - rounding or y[-1] > 90.0 + rounding:
+        raise UserError(f"grid: latitudes run from {y[0]:g} to {y[-1]:g}; they must lie within -90 to 90 degrees")
+    if x[0] < -540.0 or x[-1] > 720.0:
+        raise UserError(f"grid: longitudes run from {x[0]:g} to {x[-1]:g}; give degrees within -180 to 360")
 
 
 def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:

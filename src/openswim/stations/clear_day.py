@@ -15,7 +15,8 @@ from openswim.fluxes import broadband, vapour_by_humidity_cm
 from openswim.lighting import light
 from openswim.lights import SunTrack
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.stations.checks import sun_of
 from openswim.stations.through_time import WAVELENGTHS_NM
 
@@ -61,7 +62,7 @@ def albedo_of(station: xr.Dataset) -> float:
 class AerosolFit:
     """An aerosol of the optical depth that measured direct light asks for; the times used, and how near they come."""
 
-    aerosol: AerosolProfile
+    optical_depth: float  # at 550 nm, of all layers
     times: int
     rms_w_m2: float
 
@@ -80,10 +81,9 @@ def fit_aerosol(station: xr.Dataset, rows: NDArray[np.bool_], scene: Scene) -> A
     parts = SunTrack(*(getattr(track, field.name)[use] for field in dataclasses.fields(SunTrack)))
     measured = station.dni.values[use]
     atmosphere = scene.atmosphere
-    profile = scene.atmosphere.aerosol
     depths, gases = [], {}
     for aod in _TRIED:
-        changed = dataclasses.replace(atmosphere, aerosol=dataclasses.replace(profile, optical_depth=aod))
+        changed = atmosphere.with_aerosol_depth(aod)
         tried = dataclasses.replace(scene, atmosphere=changed)
         lit = light(tried, wavelengths_nm=WAVELENGTHS_NM, sun=(0.0, 45.0))
         viewpoint = lit.viewpoint(Camera.allsky(*scene.place, size=2))
@@ -106,4 +106,4 @@ def fit_aerosol(station: xr.Dataset, rows: NDArray[np.bool_], scene: Scene) -> A
         options={"xatol": 1e-4},
     )  # fmt: skip
     depth = float(best.x)
-    return AerosolFit(dataclasses.replace(profile, optical_depth=depth), int(use.sum()), float(np.sqrt(best.fun)))
+    return AerosolFit(depth, int(use.sum()), float(np.sqrt(best.fun)))

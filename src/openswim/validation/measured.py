@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -77,7 +78,9 @@ def _of_day(reference: Reference, day: xr.Dataset, name: str, solver: Solver) ->
     first = clear & (np.cumsum(clear) <= clear.sum() // 2)
     with watch.running():
         found = fit_aerosol(day, first, scene)
-        model = _model(scene_over(day, found.aerosol), day, solver)
+        assert scene.atmosphere is not None
+        fitted = dataclasses.replace(scene, atmosphere=scene.atmosphere.with_aerosol_depth(found.optical_depth))
+        model = _model(fitted, day, solver)
     yield from _rows(reference, solver, model, day, clear & ~first, f"after a fit{name}", watch)
 
 

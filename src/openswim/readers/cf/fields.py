@@ -17,7 +17,7 @@ from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
 from openswim.readers.fields.absent import DEFAULT_AEROSOL
-from openswim.scene import Grid, Optics
+from openswim.scene import Grid, Optics, plausible
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES
@@ -35,7 +35,6 @@ _OPTICAL = (
 _OF_LAYERS = (*AerosolProfile.__dataclass_fields__, "aerosol_type")
 _WORDS = ("aerosol_type", "name")  # attributes of layers that are no JSON
 _ALIKE = 0.75
-_GAP_M = 500.0
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -92,13 +91,13 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
 
 
 def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
-    """A note on ground far below the lowest level."""
-    if grid is None or "surface_altitude" not in data:
+    """What a scene of these fields will say of ground far below the lowest level."""
+    if grid is None:
         return []
+    if "surface_altitude" not in data:
+        return plausible.high_bottom(grid.height_m[0], None)
     terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
-    gap_m = float(np.median(grid.height_m[0] - terrain))
-    note = f"the lowest level is {gap_m:.0f} m above the ground: nothing is known of what is between"
-    return [note] * (gap_m > _GAP_M)
+    return plausible.high_bottom(grid.height_m[0], terrain)
 
 
 def misspelt(data: xr.Dataset) -> list[str]:

@@ -31,6 +31,17 @@ def no_species(found: Container[Any]) -> list[str]:
     return [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
 
 
+def no_sizes(found: Container[Any]) -> list[str]:
+    """Which hydrometeors come without a number or an effective radius among the variables found in a file."""
+    unsized = [
+        species
+        for species in HYDROMETEORS
+        if f"{species}_content" in found
+        and not any(f"{species}_{what}" in found for what in ("number", "effective_radius"))
+    ]
+    return [f"no sizes of {', '.join(unsized)}: those of their content (docs/optics.md)"] if unsized else []
+
+
 def no_ground(
     found: Container[Any], instead: Mapping[str, str] = INSTEAD, called: Mapping[str, str] | None = None
 ) -> list[str]:
