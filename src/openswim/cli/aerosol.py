@@ -97,8 +97,9 @@ def _sunphotometer(request: FitRequest, wavelengths: list[float]) -> _Particles:
         raise UserError("give --aeronet alone, or --type, or --mode and --index")
     found = read_aeronet(list(request.aeronet), request.time)
     if found.spherical < 1 and not found.phase:
-        click.echo(f"note: {100 * (1 - found.spherical):.0f} % are no spheres: taken as irregular particles, no table of "
-                   "spheroids is at hand (a .pfn file has AERONET's own)", err=True)  # fmt: skip
+        share = f"{100 * (1 - found.spherical):.0f} %"
+        click.echo(f"note: {share} are no spheres: taken as irregular particles, since no table of spheroids is at hand "
+                   "(a .pfn file has AERONET's own)", err=True)  # fmt: skip
     if found.phase:
         phases = phases_at(found.phase, wavelengths)
         albedo = np.interp(wavelengths, *_sorted(found.albedo or {550.0: 0.95}))

@@ -401,8 +401,10 @@ def aerosol_types() -> None:
 )  # fmt: skip
 @click.option("--irregular", is_flag=True, help="Particles of size parameters above 3-8 are irregular, as dust is.")
 @click.option("--type", "type_name", help="Fit the phase function of a named type in place of --mode and --index.")
-@click.option("--aeronet", type=click.Path(path_type=Path), multiple=True,
-              help="File of AERONET's inversions (.all, .pfn), in place of --mode and --index; may be given often.")  # fmt: skip
+@click.option(
+    "--aeronet", type=click.Path(path_type=Path), multiple=True,
+    help="File of AERONET's inversions (.all, .pfn), in place of --mode and --index; may be given often.",
+)  # fmt: skip
 @click.option("--time", help="Of --aeronet: UTC; the nearest row.  [default: the mean of all]")
 @click.option("--wavelengths", default="615,546,450", show_default=True, help="Wavelengths in nm.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the fit to this file.")
