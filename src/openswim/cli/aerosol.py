@@ -98,7 +98,7 @@ def _sunphotometer(request: FitRequest, wavelengths: list[float]) -> _Particles:
     found = read_aeronet(list(request.aeronet), request.time)
     if found.spherical < 1 and not found.phase:
         share = f"{100 * (1 - found.spherical):.0f} %"
-        click.echo(f"note: {share} are no spheres: taken as irregular particles, since no table of spheroids is at hand "
+        click.echo(f"note: {share} are no spheres: taken as irregular particles, as no table of spheroids is at hand "
                    "(a .pfn file has AERONET's own)", err=True)  # fmt: skip
     if found.phase:
         phases = phases_at(found.phase, wavelengths)
