@@ -78,6 +78,12 @@ def check_exposure(exposure: Any) -> None:
         raise UserError(_WRONG.format(shown(exposure)))
 
 
+def check_gamma(gamma: Any) -> None:
+    """Raise UserError unless it is "srgb" or a positive number."""
+    if gamma != "srgb" and not is_positive(gamma):
+        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+
+
 def is_positive(value: object) -> bool:
     return isinstance(value, (int, float, np.number)) and bool(0 < value <= LARGEST_EXPOSURE)
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from openswim.arguments import check_kind, shown
 from openswim.colour.cie import xyz_weights
-from openswim.colour.exposure import auto_of, check_exposure, exposure_of, is_positive
+from openswim.colour.exposure import auto_of, check_exposure, check_gamma, exposure_of
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
@@ -170,8 +170,7 @@ def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.nd
         return np.where(
             linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
         )
-    if not is_positive(gamma):
-        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+    check_gamma(gamma)
     return linear ** (1 / gamma)
 
 
