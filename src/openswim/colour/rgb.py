@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from openswim.arguments import check_kind, shown
-from openswim.colour.cie import xyz_weights
+from openswim.colour.cie import solar_illuminance_lx, xyz_weights
+from openswim.colour.dark_eye import mesopic
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
@@ -121,6 +122,7 @@ def to_rgb(
     roll_off: bool = True,
     dither: bool = True,
     glare: bool = True,
+    eye: bool = False,
 ) -> np.ndarray:
     """A picture, uint8 (y, x, 3), of a rendered image; NaN pixels are black.
 
@@ -128,18 +130,19 @@ def to_rgb(
     `auto_exposure`.  `matrix` "srgb" or "paper" (Eq. 36).  `gamma` "srgb" (the standard's curve) or a number
     (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same for the three colours, so
     that bright things keep their hue.  `dither`: noise below one step against banding, the same at every
-    call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
+    call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).  `eye`: as an eye that has
+    got used to the dark sees, which has few colours in moonlight and none under stars (`dark_eye.mesopic`).
     """
     check_exposure(exposure)
     if (dims := solar_relative(image).dims)[:-1] != ("y", "x"):
         found = ", ".join(map(str, dims))
         raise UserError(f"image has dimensions ({found}), not (y, x, wavelength): cut rows and columns as isel(x=[0])")
     factor = auto_exposure(image) if exposure == "auto" else exposure
-    return developed(display_light(image, matrix, glare), float(factor), gamma, roll_off, dither)
+    return developed(display_light(image, matrix, glare, eye), float(factor), gamma, roll_off, dither)
 
 
 def display_light(
-    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True
+    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True, eye: bool = False
 ) -> np.ndarray:
     """What a display is to show, before any exposure: linear RGB (y, x, 3), float32, within its primaries; see
     `to_rgb`. NaN pixels are 0."""
@@ -147,6 +150,9 @@ def display_light(
     if glare and (sun := glare_of_sun(image)) is not None:
         share, irradiance = sun
         xyz += share[..., None] * to_xyz(irradiance)
+    if eye:
+        luminance = np.float32(solar_illuminance_lx() / (4 * np.pi * image.attrs.get("sun_distance_au", 1.0) ** 2))
+        xyz = mesopic(luminance * xyz) / luminance
     return into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
 
 
