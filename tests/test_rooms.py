@@ -42,6 +42,7 @@ ORDER = (
     "lighting",
     "rendering",
     "films",
+    "satellites",
     "observations",
     "comparison",
     "stations",

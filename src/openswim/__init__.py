@@ -51,8 +51,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film", "irradiance",
-    "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
+    "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -176,7 +176,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
 @click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
 @click.option("--path", type=click.Path(path_type=Path),
-              help="Where the camera is at which time: CSV (time,lat,lon,height_m, and azimuth,altitude,roll,fov as you "
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
               "like) or GPX. The film then follows it.")  # fmt: skip
 @click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
 @click.option("--from", "start", help="First time, UTC, ISO 8601.")
@@ -319,6 +319,8 @@ def correct_clouds(**options: Any) -> None:
 @click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
 @click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
 @click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aeronet", type=click.Path(path_type=Path), multiple=True,
+              help="Of --clear: aerosol, water vapour and ozone by files of AERONET.")  # fmt: skip
 @click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
 @click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
 @click.option(
@@ -336,6 +338,23 @@ def irradiance(**options: Any) -> None:
     from openswim.cli.irradiance import IrradianceRequest, run
 
     run(IrradianceRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--like", type=click.Path(path_type=Path), required=True,
+              help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
+@click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
+@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
+@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, help=".nc or .tif to write.")
+@_debug
+def satellite(**options: Any) -> None:
+    """The clouds of a model's FILES as an imager in space sees them, beside what it saw."""
+    from openswim.cli.satellite import SatelliteRequest, run
+
+    run(SatelliteRequest(**options))
 
 
 @cli.command()
@@ -382,6 +401,11 @@ def aerosol_types() -> None:
 )  # fmt: skip
 @click.option("--irregular", is_flag=True, help="Particles of size parameters above 3-8 are irregular, as dust is.")
 @click.option("--type", "type_name", help="Fit the phase function of a named type in place of --mode and --index.")
+@click.option(
+    "--aeronet", type=click.Path(path_type=Path), multiple=True,
+    help="File of AERONET's inversions (.all, .pfn), in place of --mode and --index; may be given often.",
+)  # fmt: skip
+@click.option("--time", help="Of --aeronet: UTC; the nearest row.  [default: the mean of all]")
 @click.option("--wavelengths", default="615,546,450", show_default=True, help="Wavelengths in nm.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the fit to this file.")
 @click.option("--plot", "plot_path", type=click.Path(path_type=Path), help="Also draw the fit as this picture (.png).")

@@ -1,8 +1,8 @@
 """The weather between two model times: clouds carried by the wind from both sides and blended.
 
-Cross-fading two states shows every cloud twice. Here each field of the earlier state is moved forward, each of the
-later one backward, to where the wind takes it at the time asked for (semi-Lagrangian, Staniforth and Cote 1991). The two
-are blended by their nearness in time. Clouds so drift, shear and grow.
+Cross-fading two states shows every cloud twice. Here fields of the earlier state are moved forward, and those of the
+later one backward, to where the wind takes them at the time asked for (semi-Lagrangian, Staniforth and Cote 1991).
+The two are blended by their nearness in time. Clouds so drift, shear and grow.
 """
 
 from __future__ import annotations
