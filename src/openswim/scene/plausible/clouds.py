@@ -1,0 +1,109 @@
+"""Clouds that weigh no more than clouds do, where clouds are, of particles of their sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.scene.plausible.samples import sampled, times_text
+from openswim.scene.variables import HYDROMETEORS
+
+_MOST_PATH_KG_M2 = 12.0  # of water in the mean of a domain; hurricanes have 5
+_MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
+_MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
+_HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in
+          ("black_carbon", "dust", "organic_matter", "sea_salt", "smoke", "sulphate")))  # fmt: skip
+_HIGHEST_CLOUD_M = 20_000.0  # where the mean of all water may be, or the lowest level of a file with water
+_RADII_M = {  # medians of species' effective radii
+    "liquid": (0.5e-6, 100e-6), "ice": (0.5e-6, 1e-3), "rain": (5e-6, 1e-2), "snow": (5e-6, 5e-2),
+    "graupel": (10e-6, 5e-2),
+}  # fmt: skip
+_BARE, _BARE_SHARE = 1e-3, 0.3  # cloud fractions that are none, and how much of the water may be there
+_SIZED_KG_M3 = 1e-7  # contents from which on a size matters
+_FAINT_KG_M3 = 1e-7  # the most content of a species that is next to nothing
+
+
+def water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
+    """Clouds that weigh no more than clouds do, where clouds are, of particles of their sizes."""
+    notes = []
+    paths: dict[str, float] = {}
+    raised = 0.0
+    for species in HYDROMETEORS:
+        name = f"{species}_content"
+        if name not in data:
+            continue
+        content = sampled(data[name].values)
+        high = np.broadcast_to(heights, content.shape)
+        paths[name] = float(np.trapezoid(content, high, axis=0).mean())
+        raised += float(np.trapezoid(content * high, high, axis=0).mean())
+        most = float(data[name].max())
+        if most > _MOST_KG_M3[species]:
+            raise UserError(
+                f"scene: {name} is {most:.3g} kg m-3 at most; clouds have up to {_MOST_KG_M3[species] / 5:g}: is it in "
+                "g/kg or g m-3 (1000 times too large)?"
+            )
+        if 0 < most < _FAINT_KG_M3 and species in ("liquid", "rain"):
+            notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
+        notes += _sizes(data, species, content)
+    hazes = [sampled(data[name].values) for name in _HAZES if name in data]
+    if hazes:
+        haze = np.sum(hazes, axis=0)
+        depth = float(np.trapezoid(haze, np.broadcast_to(heights, haze.shape), axis=0).mean())
+        if depth > _MOST_HAZE:
+            raise UserError(
+                f"scene: aerosol has an optical depth of {depth:.3g} at 550 nm in the mean of the domain; the thickest "
+                "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
+            )
+    total = sum(paths.values())
+    if total > _MOST_PATH_KG_M2:
+        name = max(paths, key=lambda each: paths[each])
+        raise UserError(
+            f"scene: {total:.3g} kg m-2 of cloud and precipitation in the mean of the domain, {paths[name]:.3g} of it "
+            f"{name}; hurricanes have 5: is it in g/kg or g m-3 (1000 times too large)?"
+        )
+    if paths and float(np.min(heights[0])) > _HIGHEST_CLOUD_M:
+        raise UserError(
+            f"scene: the lowest level lies at {np.min(heights[0]) / 1e3:.1f} km, above all clouds: is pressure in hPa "
+            "(100 times too small), are heights in metres?"
+        )
+    if total > 0 and raised / total > _HIGHEST_CLOUD_M:
+        raise UserError(
+            f"scene: clouds lie at {raised / total / 1e3:.0f} km in the mean, above the troposphere: are heights in "
+            "metres, and levels in order?"
+        )
+    return notes
+
+
+
+def cover(data: xr.Dataset) -> list[str]:
+    """A note on water where the cloud fraction knows no cloud: it is not seen there."""
+    clouds = [sampled(data[name].values) for name in ("liquid_content", "ice_content") if name in data]
+    if not clouds or "cloud_area_fraction" not in data or data["cloud_area_fraction"].ndim != 3:
+        return []
+    total = np.asarray(np.sum(clouds, axis=0, dtype=np.float64))
+    bare = float(total[sampled(data["cloud_area_fraction"].values) < _BARE].sum())
+    share = bare / max(float(total.sum()), 1e-30)
+    told = f"the cloud fraction is zero where {100 * share:.0f} % of the cloud's water is: do they belong together?"
+    return [told] if share > _BARE_SHARE else []
+
+
+
+def _sizes(data: xr.Dataset, species: str, content: NDArray[np.float32]) -> list[str]:
+    """Radii of particles where there are any; where they are zero, a default stands in for them."""
+    name = f"{species}_effective_radius"
+    there = content > _SIZED_KG_M3
+    if name not in data or not there.any():
+        return []
+    radius = sampled(data[name].values)[there]
+    known, (low, high) = radius[radius > 0], _RADII_M[species]
+    middle = float(np.median(known)) if known.size else low
+    if not low <= middle <= high:
+        smell = times_text(middle / np.sqrt(low * high))
+        raise UserError(
+            f"scene: {name} is {middle:.3g} m in the median of its cloud; it must be {low:g} to {high:g} m, some "
+            f"{smell}: is it in metres?"
+        )
+    lacking = 1 - known.size / radius.size
+    return [f"{name} is zero in {100 * lacking:.0f} % of the cloud: default sizes there"] if lacking > 0.01 else []
