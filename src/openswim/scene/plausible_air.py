@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.atmosphere import us_standard_pressure_temperature
-from openswim.scene.plausible.samples import sampled, times_text
 
 _GAS_CONSTANT, _GRAVITY = 287.05, 9.80665
 _KNOWN_TO_M = 80_000.0  # up to here pressure is compared with the standard atmosphere
@@ -20,6 +19,7 @@ _ROUNDING = 2e-5  # of the largest pressure: that of files packed in 16 bits
 _THIN_M, _HIGH_PA = 50.0, 2000.0  # thinner or higher layers tell no temperature
 _LAYER_K, _COLUMN_K = (60.0, 1000.0), (150.0, 450.0)  # of layers and of columns, from thickness and pressures
 _DEEP_M = 2000.0  # thinner domains may have a pressure of their own: that of their dynamics
+_SAMPLES = 64  # columns each way that stand for all where a mean is asked for
 
 
 def check_temperature(temperature: NDArray[np.float32], height_m: NDArray[np.float32]) -> None:
@@ -97,3 +97,16 @@ def warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[A
 def _falls(pressure: NDArray[np.float32]) -> bool:
     rounding = np.float32(_ROUNDING * pressure[0].max())
     return all(bool((above <= below + rounding).all()) for below, above in pairwise(pressure))
+
+
+def times_text(factor: float) -> str:
+    """ "1000 times too large", "100 times too small" of a factor that is near a power of ten; else ""."""
+    power = round(float(np.log10(max(abs(factor), 1e-30))))
+    return "" if power == 0 else f"{10.0 ** abs(power):g} times too {'large' if power > 0 else 'small'}"
+
+
+
+def sampled(field: NDArray[Any]) -> NDArray[Any]:
+    """Some columns of a field (..., y, x), spread evenly."""
+    rows, columns = (max(1, size // _SAMPLES) for size in field.shape[-2:])
+    return field[..., ::rows, ::columns]
