@@ -54,7 +54,6 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
     return notes + _water(data, heights) + _cover(data) + high_bottom(grid.height_m[0], terrain)
 
 
-
 def _places(grid: Grid) -> list[str]:
     """Cells of a shape that models have."""
     if not grid.curved:
@@ -66,7 +65,6 @@ def _places(grid: Grid) -> list[str]:
         return []
     units = "degrees" if grid.in_degrees else "m"
     return [f"cells of {dx:.3g} x {dy:.3g} {units}: are both coordinates in the same unit?"]
-
 
 
 def high_bottom(lowest_m: NDArray[Any], terrain_m: NDArray[Any] | None) -> list[str]:
@@ -128,7 +126,6 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
     return notes
 
 
-
 def _cover(data: xr.Dataset) -> list[str]:
     """A note on water where the cloud fraction knows no cloud: it is not seen there."""
     clouds = [sampled(data[name].values) for name in ("liquid_content", "ice_content") if name in data]
@@ -139,7 +136,6 @@ def _cover(data: xr.Dataset) -> list[str]:
     share = bare / max(float(total.sum()), 1e-30)
     told = f"the cloud fraction is zero where {100 * share:.0f} % of the cloud's water is: do they belong together?"
     return [told] if share > _BARE_SHARE else []
-
 
 
 def _sizes(data: xr.Dataset, species: str, content: NDArray[np.float32]) -> list[str]:

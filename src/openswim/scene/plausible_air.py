@@ -34,7 +34,6 @@ def check_temperature(temperature: NDArray[np.float32], height_m: NDArray[np.flo
             )
 
 
-
 def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32], heights: NDArray[np.float32]) -> None:
     """Near that of the standard atmosphere, falling with height, by as much as air of a sane temperature makes it."""
     for level, height in zip(pressure, height_m, strict=True):
@@ -75,7 +74,6 @@ def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32],
         )
 
 
-
 def warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[Any]) -> list[str]:
     """A note where air would have to be warmer or colder to fill its layers; weather models agree within 2 %."""
     sample, warm = np.maximum(sampled(pressure), 1e-3), sampled(temperature)
@@ -93,7 +91,6 @@ def warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[A
     return [f"pressure, temperature and heights disagree: layers are as thick as those of air {odd:.3g} times as warm"]
 
 
-
 def _falls(pressure: NDArray[np.float32]) -> bool:
     rounding = np.float32(_ROUNDING * pressure[0].max())
     return all(bool((above <= below + rounding).all()) for below, above in pairwise(pressure))
@@ -103,7 +100,6 @@ def times_text(factor: float) -> str:
     """ "1000 times too large", "100 times too small" of a factor that is near a power of ten; else ""."""
     power = round(float(np.log10(max(abs(factor), 1e-30))))
     return "" if power == 0 else f"{10.0 ** abs(power):g} times too {'large' if power > 0 else 'small'}"
-
 
 
 def sampled(field: NDArray[Any]) -> NDArray[Any]:
