@@ -14,7 +14,7 @@ from openswim.scene.atmosphere import us_standard_pressure_temperature
 _GAS_CONSTANT, _GRAVITY = 287.05, 9.80665
 _KNOWN_TO_M = 80_000.0  # up to here pressure is compared with the standard atmosphere
 _SPREAD, _SPREAD_PER_M = 0.7, 1 / 40_000.0  # of ln(p/standard): a plateau called sea level; winter high above the poles
-_WARMTH, _WARMTHS = (0.97, 1.04), (0.94, 1.07)  # of temperature to that of thickness: columns, layers; moist air 1.02
+_WARMTH, _WARMTHS = (0.98, 1.025), (0.94, 1.07)  # of temperature to that of thickness: columns, layers; moist air 1.02
 _ROUNDING = 2e-5  # of the largest pressure: that of files packed in 16 bits
 _THIN_M, _HIGH_PA = 50.0, 2000.0  # thinner or higher layers tell no temperature
 _LAYER_K, _COLUMN_K = (60.0, 1000.0), (150.0, 450.0)  # of layers and of columns, from thickness and pressures
