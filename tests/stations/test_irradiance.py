@@ -121,3 +121,16 @@ def test_what_users_get_wrong(change, message):
 
 def test_series_of_one_scene_stands_for_all_times():
     assert [share.tolist() for _, share in Series.of(CLEAR).weights(DAY[:2])] == [[1.0, 1.0]]
+
+
+def test_all_times_of_a_models_file_are_a_series(tmp_path):
+    from tests.readers.conftest import WRFSpec, write_wrf
+
+    write_wrf(tmp_path / "wrfout_d01", WRFSpec(times=("2005-08-28_18:00:00", "2005-08-28_19:00:00")))
+    series = Series.open(tmp_path / "wrfout_d01")
+    assert [str(time) for time in series.times] == ["2005-08-28T18:00:00.000", "2005-08-28T19:00:00.000"]
+    assert series.scene(1).time == series.times[1]
+    quarter = np.array(["2005-08-28T18:15"], "datetime64[m]")
+    assert [(which, float(share[0])) for which, share in series.weights(quarter)] == [(0, 0.75), (1, 0.25)]
+    vapour = series.scene(0).data.precipitable_water
+    assert 0 < float(vapour.min()) < 80
