@@ -31,7 +31,7 @@ def _scene(water: float = 0.0, ice: float = 0.0, **more) -> Scene:
     crs = f"+proj=lcc +lat_1=15 +lat_2=25 +lat_0={LAT} +lon_0={LON} +R=6371000"
     scene = Scene.from_arrays({}, axis, axis, z, crs=crs, time=NOON, fields=fields,
                               atmosphere=Atmosphere.us_standard(), **more)  # fmt: skip
-    if "surface_albedo" not in more:
+    if "surface_albedo" not in more and "surface_albedo" in scene.data:
         scene.data = scene.data.drop_vars("surface_albedo")
     return scene
 
