@@ -1,4 +1,4 @@
-"""Python blocks of the README and of docs/light.md and irradiance.md run as pasted, on a small file of ours."""
+"""Python blocks of the README and of pages in docs run as pasted, on a small file of ours."""
 
 from __future__ import annotations
 
@@ -65,3 +65,21 @@ def test_irradiance_of_a_model_and_of_a_clear_sky(folder: Path) -> None:
     east, noon = found["day"].ghi.values
     assert 250 < east < 400  # a clear June morning and noon
     assert 850 < noon < 1000
+
+
+def test_reflectance_of_an_imager(folder: Path) -> None:
+    found = run("docs/satellites.md")
+    picture = found["picture"]
+    known = np.isfinite(picture.reflectance_factor.values[0])
+    assert known.any()
+    assert (picture.reflectance_factor.values[0][known] > 0.005).all()
+    assert found["red"].error < 0.003
+
+
+def test_rays_and_spectra(folder: Path) -> None:
+    found = run("docs/running.md")
+    assert found["radiance"].shape == (3, 1)
+    assert found["reflected"].shape == (2, 1)
+    assert found["zenith"].shape == (7,)
+    assert (found["radiance"] > 0).all()
+    assert (found["sky"] > found["zenith"]).all()

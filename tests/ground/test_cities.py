@@ -28,7 +28,7 @@ def test_the_users_map_goes_before(tmp_path):
 
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     tags[33550] = (0.01, 0.01, 0.0)
-    tags[33922] = (0.0, 0.0, 0.0, 0.0, 10.0, 0.0)
+    tags[33922] = (0.0, 0.0, 0.0, 10.0, 0.0, 0.0)
     tags.tagtype[33550] = tags.tagtype[33922] = 12
     tags[34735] = (1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326)
     tags.tagtype[34735] = 3

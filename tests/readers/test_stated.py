@@ -109,3 +109,16 @@ def test_the_layout_on_dimensions_of_other_names(tmp_path, dims):
     scene = open_scene(tmp_path / "other.nc")
     np.testing.assert_allclose(scene.data.liquid_number, np.where(cloud > 0, 3e8, 0.0), rtol=1e-5)
     assert any("not used: extinction_haze" in note for note in scene.notes)
+
+
+def test_what_a_file_says_of_itself_may_be_endless(analysis, tmp_path):
+    """A unit of ten megabytes does not fill the terminal."""
+    analysis.t.attrs["units"] = "x y\n" * 2_500_000
+    analysis.clwc.attrs["units"] = "kg kg**-1"
+    analysis.valid_time.attrs["units"] = "x\n" * 1_000_000
+    analysis.to_netcdf(tmp_path / "long.nc")
+    with pytest.raises(UserError) as caught:
+        open_scene(tmp_path / "long.nc")
+    assert "long.nc" in str(caught.value)
+    assert len(str(caught.value)) < 800
+    assert "\n" not in str(caught.value)

@@ -127,12 +127,27 @@ def to_rgb(
     if bits not in (8, 16):
         raise UserError(f"bits {shown(bits)}: a picture has 8 or 16 a colour")
     factor = exposure_for(image, exposure)
+    return developed(display_light(image, matrix, glare), factor, gamma, roll_off, dither, bits)
+
+
+def display_light(
+    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True
+) -> np.ndarray:
+    """What a display is to show, before any exposure: linear RGB (y, x, 3), float32, within its primaries; see
+    `to_rgb`. NaN pixels are 0."""
     xyz = np.nan_to_num(to_xyz(image))
     if glare and (sun := glare_of_sun(image)) is not None:
         share, irradiance = sun
         xyz += share[..., None] * to_xyz(irradiance)
-    xyz *= np.float32(factor)
-    linear = into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
+    return into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
+
+
+def developed(
+    light: np.ndarray, exposure: float, gamma: float | Literal["srgb"] = "srgb", roll_off: bool = True,
+    dither: bool = True, bits: int = 8,
+) -> np.ndarray:  # fmt: skip
+    """The picture, uint8 or, of 16 `bits`, uint16 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
+    linear = light * np.float32(exposure)
     if roll_off:
         linear = shoulder(linear)
     return quantise(encode(np.clip(linear, 0, 1), gamma), dither, bits)

@@ -15,8 +15,8 @@ from openswim.scene.ground import Ground
 F64 = NDArray[np.float64]
 
 # The picture of the Earth at night (NASA) was toned for the eye; its grey is turned back so that middles of large towns
-# have some 45 nW cm-2 sr-1 over cells of 20 km, and dark land next to nothing
-_SCALE_NW, _GROWTH, _GREY_PER_INDEX = 1.0, 0.045, 2.0
+# have some 30 nW cm-2 sr-1 over cells of 20 km, villages some tenths, and dark land next to nothing
+_SCALE_NW, _GROWTH, _GREY_PER_INDEX = 0.3, 0.06, 2.0
 W_M2_SR = 1e-5  # of 1 nW cm-2 sr-1
 BAND_NM = (500.0, 900.0)  # in which such radiance is measured
 # Lamps, half of them sodium and half of them white diodes of 3000 K; any unit
@@ -49,7 +49,7 @@ def _rasters(ground: Ground) -> list:
     from openswim.ground.raster import Raster
 
     if ground not in _MAPS:
-        _MAPS[ground] = [Raster(path, (0,)) for path in paths("lights", ground.lights)]
+        _MAPS[ground] = [Raster(path, (1,)) for path in paths("lights", ground.lights)]
     return _MAPS[ground]
 
 

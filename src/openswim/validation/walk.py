@@ -12,6 +12,7 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.progress import Quiet, job, use
 from openswim.scene.phase import HenyeyGreenstein
+from openswim.stations.files import kind_of
 from openswim.validation import (
     cases3d,
     clearsky,
@@ -23,6 +24,7 @@ from openswim.validation import (
     sky_glow,
     slab_tables,
     slabs,
+    spectral,
     sunpos,
 )
 from openswim.validation.clearsky import ClearSky
@@ -31,6 +33,7 @@ from openswim.validation.reference import Reference, Row, Solver, read_reference
 from openswim.validation.slabs import Slab, radiance
 
 SUFFIXES = (".nc", ".nc4", ".csv")
+STATION_SUFFIXES = (".dat", ".gz", ".txt", ".cdf")
 
 
 class Family(NamedTuple):
@@ -52,6 +55,7 @@ FAMILIES = (
     Family(clearsky.is_sky_table, clearsky.compare_sky_table),
     Family(sunpos.matches, sunpos.compare),
     Family(colours.matches, colours.compare),
+    Family(spectral.matches, spectral.compare),
     Family(measured.matches, measured.compare),
     Family(night_places.is_star_table, night_places.compare_stars),
     Family(night_places.is_planet_table, night_places.compare_planets),
@@ -94,7 +98,14 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
 def reference_files(directory: Path) -> list[Path]:
     """The files below a folder that may be references."""
     found = (Path(folder, name) for folder, _, names in os.walk(directory) for name in names)  # folders may vanish
-    return sorted(path for path in found if path.suffix in SUFFIXES and path.is_file())
+    return sorted(p for p in found if p.is_file() and (p.suffix in SUFFIXES or _is_station(p)))
+
+
+def _is_station(path: Path) -> bool:
+    """Whether this is a network's file of measured irradiance."""
+    with suppress(UserError):
+        return path.suffix in STATION_SUFFIXES and kind_of(path) is not None
+    return False
 
 
 def _read_all(directory: Path) -> tuple[list[Reference], list[str]]:

@@ -13,6 +13,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
+    covered_text,
     iso,
     labelled,
     naming,
@@ -149,6 +150,7 @@ class GRIBReader:
                 grid=f"{nx} x {ny}{levels}",
                 projection=NAMES[columns.layout.kind] + place_text(whole),
                 spacing=spacing_text(whole),
+                extent=covered_text(whole),
                 times=[iso(moment) for moment in _times(file)],
                 species=species,
                 surface=sorted(found),
