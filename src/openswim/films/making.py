@@ -67,8 +67,8 @@ def film(
     every_s : seconds from frame to frame, also between model times, where clouds are carried by the wind (`between`);
         without it each model time is a frame. from_time, to_time: only this part, UTC.
     path : a camera's path (or its CSV or GPX file), played at ``speed`` times its own speed; see `CameraPath.read`.
-    exposure : a factor from L' to display; "auto": one smooth curve for the film (`exposure_curve`); "sun" or a curve of
-        the sun's altitude: see `to_rgb`.
+    exposure : a factor from L' to display; "auto": one smooth curve for the film (`exposure_curve`); "sun" or a curve
+        of the sun's altitude: see `to_rgb`.
     keogram : also write the middle columns of all frames, side by side, as this picture.
     title : valid time, place and model at the foot of each frame.
 
