@@ -61,16 +61,12 @@ def exposure_of(image: xr.Dataset | xr.DataArray, exposure: Any) -> float | None
         return float(exposure)
     if exposure == "auto":
         return None
+    curve = SUN_CURVE if exposure == "sun" else _curve(exposure)
     altitude = image.attrs.get("sun_altitude_deg")
     if altitude is None:
         raise UserError(f"exposure {exposure!r} goes by the sun, whose altitude the image does not have: give a number")
-    return by_sun(exposure, float(altitude))
-
-
-def by_sun(exposure: str, altitude_deg: float) -> float:
-    """The factor by "sun" or a curve of the sun's altitude, geometric between its points."""
-    heights, values = np.array(sorted(SUN_CURVE if exposure == "sun" else _curve(exposure))).T
-    return float(np.exp(np.interp(altitude_deg, heights, np.log(values))))
+    heights, values = np.array(sorted(curve)).T
+    return float(np.exp(np.interp(float(altitude), heights, np.log(values))))
 
 
 def check_exposure(exposure: Any) -> None:

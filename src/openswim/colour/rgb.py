@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from openswim.arguments import check_kind, shown
-from openswim.colour.cie import xyz_weights
+from openswim.colour.cie import solar_illuminance_lx, xyz_weights
+from openswim.colour.dark_eye import mesopic
 from openswim.colour.exposure import auto_of, check_exposure, check_gamma, exposure_of
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
@@ -111,6 +112,7 @@ def to_rgb(
     dither: bool = True,
     glare: bool = True,
     bits: int = 8,
+    eye: bool = False,
 ) -> np.ndarray:
     """A picture, uint8 or, of 16 `bits`, uint16 (y, x, 3), of a rendered image; NaN pixels are black.
 
@@ -120,6 +122,8 @@ def to_rgb(
     (the standard's curve) or a number (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same
     for the three colours, so that bright things keep their hue.  `dither`: noise below one step against banding, the
     same at every call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
+    `eye`: as an eye that has got used to the dark sees, which has few colours in moonlight and none under stars
+    (`dark_eye.mesopic`).
     """
     if (dims := solar_relative(image).dims)[:-1] != ("y", "x"):
         found = ", ".join(map(str, dims))
@@ -127,11 +131,11 @@ def to_rgb(
     if bits not in (8, 16):
         raise UserError(f"bits {shown(bits)}: a picture has 8 or 16 a colour")
     factor = exposure_for(image, exposure)
-    return developed(display_light(image, matrix, glare), factor, gamma, roll_off, dither, bits)
+    return developed(display_light(image, matrix, glare, eye), float(factor), gamma, roll_off, dither, bits)
 
 
 def display_light(
-    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True
+    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True, eye: bool = False
 ) -> np.ndarray:
     """What a display is to show, before any exposure: linear RGB (y, x, 3), float32, within its primaries; see
     `to_rgb`. NaN pixels are 0."""
@@ -139,6 +143,9 @@ def display_light(
     if glare and (sun := glare_of_sun(image)) is not None:
         share, irradiance = sun
         xyz += share[..., None] * to_xyz(irradiance)
+    if eye:
+        luminance = np.float32(solar_illuminance_lx() / (4 * np.pi * image.attrs.get("sun_distance_au", 1.0) ** 2))
+        xyz = mesopic(luminance * xyz) / luminance
     return into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
 
 
@@ -146,7 +153,7 @@ def developed(
     light: np.ndarray, exposure: float, gamma: float | Literal["srgb"] = "srgb", roll_off: bool = True,
     dither: bool = True, bits: int = 8,
 ) -> np.ndarray:  # fmt: skip
-    """The picture, uint8 or, of 16 `bits`, uint16 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
+    """The picture, uint8 or uint16 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
     linear = light * np.float32(exposure)
     if roll_off:
         linear = shoulder(linear)
