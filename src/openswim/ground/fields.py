@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.interpolation import corners
-from openswim.scene.spectra import at_wavelengths
+from openswim.scene.interpolation import at_wavelengths, corners
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground.noise import fractal_lumps, fractal_noise, resolved_share
-from openswim.scene.spectra import at_wavelengths
+from openswim.scene.interpolation import at_wavelengths
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.scene.spectra import at_wavelengths
+from openswim.scene.interpolation import at_wavelengths
 
 FloatArray = NDArray[np.float64]
 

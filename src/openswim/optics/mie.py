@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.scene.interpolation import at_wavelengths
 from openswim.scene.phase import TablePhase
-from openswim.scene.spectra import at_wavelengths
 from openswim.tables import named_arrays
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Bilinear interpolation between the nodes of a grid or the pixels of an image."""
+"""Linear interpolation: between the nodes of a grid or the pixels of an image, and between wavelengths."""
 
 from __future__ import annotations
 
@@ -26,3 +26,14 @@ def corners(
     i = i % nx if all_round else i
     weights = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u])
     return np.stack([j, j, above, above]), np.stack([i, right, i, right]), weights
+
+
+def at_wavelengths(known_nm: FloatArray, known: FloatArray, wavelengths_nm: FloatArray) -> FloatArray:
+    """Spectra (..., nknown) interpolated linearly to (..., nwl); the ends hold beyond."""
+    if known_nm.size == 1:
+        return np.repeat(known, wavelengths_nm.size, axis=-1)
+    order = np.argsort(known_nm)
+    position = np.interp(wavelengths_nm, known_nm[order], np.arange(known_nm.size))
+    lower = np.minimum(position.astype(int), known_nm.size - 2)
+    share = position - lower
+    return known[..., order[lower]] * (1 - share) + known[..., order[lower + 1]] * share
