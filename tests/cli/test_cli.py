@@ -386,7 +386,7 @@ def test_help_loads_nothing_heavy() -> None:
 @pytest.mark.parametrize("page", ["README.md", "docs/running.md"])
 def test_command_lines_of_the_pages_are_understood(world, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every `openswim render` line in a block of a page, as it is pasted."""
-    monkeypatch.setattr("openswim.scene.choosing.only", lambda scene, *names: scene)  # of a scene that has none
+    monkeypatch.setattr("openswim.optics.choosing.only", lambda scene, *names: scene)  # of a scene that has none
     text = (Path(__file__).parents[2] / page).read_text("utf-8")
     blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     lines = [line for block in blocks for line in block.split("\n")]

@@ -92,8 +92,8 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
+    from openswim.optics.choosing import only
     from openswim.optics.species import for_wavelengths
-    from openswim.scene.choosing import only
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
     given = request.albedo_maps or request.height_maps or request.town_lights

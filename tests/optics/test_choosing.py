@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from openswim.errors import UserError
-from openswim.scene import Scene, only
+from openswim.optics.choosing import only
+from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 
 SHAPE = (3, 4, 5)
