@@ -33,4 +33,4 @@ class Solver(Options):
         check_wavelengths(wavelengths)
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
         matter = matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
-        return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)
+        return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)

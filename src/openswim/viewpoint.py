@@ -36,6 +36,7 @@ from openswim.transport.montecarlo.reference import PATHS, ReferenceView
 F64 = NDArray[np.float64]
 
 _QUADRATURE = 32  # .3 % off 64 under broken clouds, where 8 are 5 %
+_LAST_VISIBLE_NM = 700.0  # broadband irradiance is told from shorter wavelengths, which meet no bands of gases
 _SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
 
 
@@ -162,16 +163,18 @@ class Viewpoint:
         direct = view.transmittance[-1] * (not view.hit[-1])
         wl = field.wavelengths_nm
         spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, day.distance_au)
-        gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
-        diffuse = spectral["relative_diffuse_horizontal"].values
-        wide = broadband(direct, diffuse, wl, altitude, day.distance_au, **gases)
-        out: dict[str, Any] = {
-            "global_horizontal_irradiance_w_m2": wide.global_horizontal,
-            "direct_normal_irradiance_w_m2": wide.direct_normal,
-            "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
-            "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
-        }
-        out = {name: round(float(value), 2) for name, value in out.items()}
+        out: dict[str, Any] = {}
+        visible = wl <= _LAST_VISIBLE_NM
+        if visible.any():
+            gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
+            diffuse = spectral["relative_diffuse_horizontal"].values[visible]
+            wide = broadband(direct[visible], diffuse, wl[visible], altitude, day.distance_au, **gases)
+            out = {
+                "global_horizontal_irradiance_w_m2": round(float(wide.global_horizontal), 2),
+                "direct_normal_irradiance_w_m2": round(float(wide.direct_normal), 2),
+                "direct_horizontal_irradiance_w_m2": round(float(wide.direct_horizontal), 2),
+                "diffuse_horizontal_irradiance_w_m2": round(float(wide.diffuse_horizontal), 2),
+            }
         for part in ("global", "direct", "diffuse"):
             out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = [
                 float(v) for v in spectral[f"{part}_horizontal"].values
@@ -224,7 +227,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
         "view": camera.name,
         "source": lit.scene.source,
-        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm)]),
+        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm, lit.scene.atmosphere)]),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

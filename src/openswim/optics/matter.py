@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.cover import cloud_cover
+from openswim.optics.gas_bands import Terms, terms_of
 from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
@@ -26,21 +27,22 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """The background air around a scene, at wavelengths (nwl,)."""
+    """The background air around a scene, at the terms (nwl,) that stand for wavelengths."""
 
     atmosphere: Atmosphere
-    wavelengths_nm: F64
+    terms: Terms
 
     def at(self, height_m: ArrayLike) -> Background:
         """Its coefficients at heights (nz,) above sea level."""
-        return background(self.atmosphere, self.wavelengths_nm, height_m)
+        return background(self.atmosphere, self.terms.nm, height_m, self.terms)
 
 
 @dataclass(frozen=True, eq=False)
 class Matter:
     """Species on a grid, and the air around it, in the frame in which light travels.
 
-    grid: None for a clear sky. species: a list, or of large domains whatever makes them anew, one after the other.
+    terms: what is solved for, `wavelengths_nm` (nwl,) of each. grid: None for a clear sky. species: a list, or of large
+    domains whatever makes them anew, one after the other.
     cover (nz, ny, nx): share of each cell that is cloud; None where cloud fills its cells. air: None for none.
     highest_m: level above all that is on levels. cut: whether the grid is a part of a domain that goes on.
     wider: what lies on a wider, coarser grid around this one.
@@ -48,7 +50,7 @@ class Matter:
 
     frame: Frame
     grid: Grid | None
-    wavelengths_nm: F64
+    terms: Terms
     species: Iterable[OpticalSpecies]
     cover: F32 | None
     air: Air | None
@@ -57,21 +59,25 @@ class Matter:
     wider: Matter | None = None
 
     @property
+    def wavelengths_nm(self) -> F64:
+        """Of each term (nwl,): what is solved for."""
+        return self.terms.nm
+
+    @property
     def levels(self) -> list[Matter]:
         """This matter and that on the wider grids around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
 
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
-        wavelengths = self.wavelengths_nm[which]
+        terms = self.terms.at(which)
         species: Iterable[OpticalSpecies]
         if isinstance(self.species, EachSpecies):
             species = self.species.at(which)
         else:
             species = [one.at(which) for one in self.species]
         return replace(
-            self, wavelengths_nm=wavelengths, species=species,
-            air=None if self.air is None else replace(self.air, wavelengths_nm=wavelengths),
+            self, terms=terms, species=species, air=None if self.air is None else replace(self.air, terms=terms),
             wider=None if self.wider is None else self.wider.at(which),
         )  # fmt: skip
 
@@ -102,14 +108,15 @@ def matter_of(
     it, so that droplets are divided by size alike.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    terms = terms_of(wavelengths, any(level.atmosphere is not None for level in scene.levels))
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
     out = None
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
-        species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
+        species = EachSpecies(level, terms.nm, cover, names[n] if n < len(names) else None)
         out = Matter(
-            frame, level.grid, wavelengths, list(species) if keep else species, cover,
-            None if level.atmosphere is None else Air(level.atmosphere, wavelengths), _highest_m(level), level.cut, out,
+            frame, level.grid, terms, list(species) if keep else species, cover,
+            None if level.atmosphere is None else Air(level.atmosphere, terms), _highest_m(level), level.cut, out,
         )  # fmt: skip
     assert out is not None
     return out

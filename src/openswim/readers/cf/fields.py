@@ -18,7 +18,7 @@ from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
 from openswim.scene import Grid, Optics
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
-from openswim.scene.cf import AEROSOL, PROFILES
+from openswim.scene.cf import AEROSOL, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.phase import by_wavelength, phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
@@ -136,6 +136,8 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     columns = {}
     for name, (target, attributes) in PROFILES.items():
         columns[target] = _converted(name, data[name], attributes["units"])
+    if VAPOUR_PROFILE in data.variables:
+        columns["vapour_kg_m3"] = _converted(VAPOUR_PROFILE, data[VAPOUR_PROFILE], "kg m-3")
     return Atmosphere(**columns, aerosol=aerosol)
 
 

@@ -24,7 +24,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.fields.absent import no_ground, no_species
 from openswim.scene import Grid, Scene
-from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES, VAPOUR_PROFILE
 from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
@@ -41,6 +41,7 @@ _HELPERS = {
     GRID_MAPPING,
     AEROSOL,
     *PROFILES,
+    VAPOUR_PROFILE,
 }
 _NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"
 

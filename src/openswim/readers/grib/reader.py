@@ -24,6 +24,7 @@ from openswim.readers.common.opening import reading
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.absent import low_top, no_ground, no_species
+from openswim.readers.fields.air import with_vapour
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
 from openswim.readers.grib.fields import (
@@ -88,6 +89,8 @@ class GRIBReader:
             data = labelled(fields, ground(columns, terrain))
             columns.notes += no_species(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns)
+            if columns.kind and air.dry_density_kg_m3 is not air.density_kg_m3:
+                atmosphere = with_vapour(atmosphere, height, air.density_kg_m3 - air.dry_density_kg_m3)
             return Scene(
                 columns.selection.grid(height),
                 data,

@@ -159,6 +159,9 @@ def _read(
         _say_absent(columns, surface, fields, grid)
         optics = {} if aerosol is None else {"aerosol": aerosol.optics}
         atmosphere, cut = _background(aerosol, notes), columns.laid.selection.cut
+        if levels.specific_humidity is not None:
+            vapour = levels.specific_humidity * levels.density_kg_m3
+            atmosphere = air.with_vapour(atmosphere, np.asarray(grid.height_m), vapour)
         scene = Scene(grid, labelled(fields, surface), atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
