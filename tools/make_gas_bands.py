@@ -30,6 +30,8 @@ OUT = Path(__file__).parents[1] / "src/openswim/optics/data/gas_bands.csv"
 HALF_WIDTH_NM, STEP_NM = 10.0, 5.0
 CENTRE_NM = np.arange(565.0, 1701.0, STEP_NM)
 MOST_TERMS, ENOUGH = 4, 0.005  # and the RMS error of transmittance, as weighted, at which fewer do
+# below this wavelength there is one term, whose cost is that of no gas, where 1 % and more is absorbed
+ONE_TERM_NM, LITTLE = 675.0, 0.01
 NOTHING, NEXT_TO_NOTHING = 0.003, 0.0005  # absorption on 1.5 times the way down that counts as none; by one of the two
 FACTOR_NM = np.arange(880.0, 1501.0, 10.0)  # 1 beyond
 # fmt: off
@@ -183,9 +185,10 @@ def main(source: str) -> None:
     worst = 0.0
     for centre in CENTRE_NM:
         target = lowtran.transmittance(centre, VAPOUR, AIR)
-        if 1 - target[7, 4] < NOTHING:
+        visible = centre < ONE_TERM_NM
+        if 1 - target[7, 4] < (LITTLE if visible else NOTHING):
             continue
-        for count in range(1, MOST_TERMS + 1):
+        for count in range(1, 2 if visible else MOST_TERMS + 1):
             found, rms = terms(target, count)
             if rms < ENOUGH:
                 break
