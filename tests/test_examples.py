@@ -1,4 +1,4 @@
-"""Python blocks of the README and of docs/light.md run as pasted, on a small file in place of the user's own."""
+"""Python blocks of the README and of docs/light.md and irradiance.md run as pasted, on a small file of ours."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def run(page: str) -> dict[str, Any]:
 def test_the_readme_shows_a_sky(folder: Path) -> None:
     image = run("README.md")["image"]
     assert image.radiance.dims == ("y", "x", "wavelength")
-    assert image.attrs["time"] == "2005-08-28T18:00:00Z"
+    assert image.attrs["valid_time"] == "2005-08-28T18:00:00Z"
     assert (image.attrs["latitude"], image.attrs["longitude"]) == (24.5, -90)
     assert np.isfinite(image.radiance).all()
     assert image.radiance.min() > 0  # at noon nothing is black
@@ -56,3 +56,12 @@ def test_one_solve_serves_many_cameras(folder: Path) -> None:
     assert found["evening"].viewpoint(found["camera"]).sun == pytest.approx((280, 5), abs=0.2)
     for lit in (found["lit"], found["again"]):
         assert openswim.render(lit, found["viewpoint"].camera).radiance.equals(image.radiance)
+
+
+def test_irradiance_of_a_model_and_of_a_clear_sky(folder: Path) -> None:
+    found = run("docs/irradiance.md")
+    assert found["light"].poa_global.shape == (2, 1)
+    assert found["both"].ghi.shape == (1,)
+    east, noon = found["day"].ghi.values
+    assert 250 < east < 400  # a clear June morning and noon
+    assert 850 < noon < 1000

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
-FOUNDATION = ("errors", "arguments", "progress", "tables")  # which any room may use; their arrows are not drawn
+# which any room may use; their arrows are not drawn
+FOUNDATION = ("errors", "machine", "workshops", "interrupts", "inputs", "arguments", "progress", "compiling", "tables")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 
@@ -34,7 +35,9 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(1, 1.55, 1.5, "how far off we are"),
-    "observations": Place(1, 3.55, 1.6, "cameras by their frames"),
+    "comparison": Place(1, 3.45, 1.6, "frames beside skies"),
+    "stations": Place(1, 5.1, 1.3, "light through time"),
+    "observations": Place(1.9, 4.05, 1.6, "cameras by their frames"),
     "rendering": Place(1, 6.6, 1.5, "openswim.render"),
     "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.6, 8.9, 1.35, "light on disk"),
@@ -44,6 +47,8 @@ HOUSE = {
     "images": Place(4.75, 4.25, 1.35, "labelled data"),
     "observer": Place(4.75, 5.8, 1.35, "where one stands"),
     "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
+    "sun_disc": Place(6.1, 2.35, 1.35, "the sun in pixels"),
+    "heavens": Place(3.7, 3.3, 1.5, "moon, stars, night"),
     "solver": Place(4.75, 8.9, 1.35, "asks transport"),
     "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
@@ -57,7 +62,7 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
-    ("validation", "cameras"): 3.1, ("validation", "readers"): 3.2, ("kept_light", "lights"): 3.3,
+    ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
@@ -94,9 +99,9 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations",
-         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer",
-         "images", CONDUCTORS}  # fmt: skip
+USERS = {"cli", "observations", "comparison", "stations", "films",
+         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
+         "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
 BOX = 46  # px, height of a room

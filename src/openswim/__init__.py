@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
+    from openswim.comparison import compare as compare
     from openswim.errors import UserError as UserError
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from openswim.rendering import render as render
     from openswim.scene import Scene as Scene
     from openswim.solver import Solver as Solver
+    from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
     "Camera": "openswim.cameras",
@@ -33,6 +35,8 @@ _HOME = {
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "compare": "openswim.comparison",
+    "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
@@ -43,8 +47,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "light", "load_camera", "open_light",
-    "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "irradiance", "light", "load_camera",
+    "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -1,5 +1,16 @@
 """Errors that are the user's to mend."""
 
+_LONGEST, _END = 600, 150  # characters of a message, and of what is kept of its end
+
 
 class UserError(Exception):
-    """Bad input or a wrong request: one line that says what, where, and what to do (exit code 2)."""
+    """Bad input or a wrong request: one line that says what, where, and what to do (exit code 2).
+
+    What a file says of itself may be very long: of a long message its beginning and its end are kept.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        text = str(message)
+        if len(text) > _LONGEST:
+            text = f"{text[: _LONGEST - _END]} ... {text[-_END:]}"
+        super().__init__(text)

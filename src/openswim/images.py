@@ -35,6 +35,10 @@ def dataset(
             "solar_relative_radiance": (
                 dims, pixels.image(relative), {"long_name": "4 pi L / E_TOA (Albers et al. 2020, Eq. 2)", "units": "1"},
             ),
+            "solid_angle": (
+                ("y", "x"), pixels.solid_angle_sr.astype(np.float32),
+                {"long_name": "solid angle of the pixel; its sum with radiance is irradiance", "units": "sr"},
+            ),
             "solar_irradiance": (
                 ("wavelength",), toa,
                 {"long_name": "solar spectral irradiance at the top of the atmosphere", "units": "W m-2 nm-1"},

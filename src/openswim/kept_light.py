@@ -16,6 +16,7 @@ from openswim.arguments import check_kind, paths
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
 from openswim.lights.daylight import Daylight
+from openswim.machine import free_memory
 from openswim.optics.matter import matter_of
 from openswim.progress import job
 from openswim.scene import Ground, Scene
@@ -24,6 +25,7 @@ from openswim.solver import Solver
 from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
+from openswim.workshops import sweep
 
 KIND, VERSION = "openswim light", 1
 _CHUNK = 1 << 23  # bytes of an array that are written together
@@ -74,6 +76,8 @@ def read_light(
 
     check_kind("light", path, (str, os.PathLike), "give the name of a folder that lit.save(...) has written")
     if not Path(path).is_dir():
+        sweep(Path(path).parent)  # a folder whose writer died as it gave it its name
+    if not Path(path).is_dir():
         raise UserError(f"{path}: no folder of kept light: give one that lit.save(...) has written")
     try:
         root = zarr.open_group(str(path), mode="r")
@@ -100,7 +104,7 @@ def _read(
     if len(json.dumps(about)) > _LONGEST_TEXT:
         raise ValueError("its description is too long")
     nbytes = sum(array.nbytes for _, array in root["arrays"].members(max_depth=None) if hasattr(array, "nbytes"))
-    free = _free_memory()
+    free = free_memory()
     if nbytes > _MOST_MEMORY * free:
         raise UserError(
             f"{path}: kept light of {nbytes / 1e9:.1f} GB does not fit into {free / 1e9:.1f} GB of free memory"
@@ -170,17 +174,6 @@ def fingerprint(scene: Scene) -> str:
         found.update(repr(sorted((str(k), str(v)) for k, v in about.items())).encode() + bytes([level.cut]))
         found.update(repr(_ground(level)).encode())
     return found.hexdigest()
-
-
-def _free_memory() -> float:
-    """Bytes."""
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024.0 * int(line.split()[1])
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (OSError, ValueError, AttributeError):
-        return float("inf")
 
 
 def _first_line(error: Exception) -> str:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.ground.surface import settled
+from openswim.heavens.eyes import LitBy
+from openswim.heavens.lamps import Lamps, lamps_of
 from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
@@ -18,6 +21,7 @@ from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
+from openswim.transport import Field
 from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
@@ -85,10 +89,33 @@ def light(
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one)."""
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = _checked_wavelengths(wavelengths_nm)
+    scene = settled(scene)
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)
-    field = solver_of(solver).solve(scene, day.direction, wavelengths)
-    return LitScene(scene, field, day, None if sun is not None else when)
+    chosen = solver_of(solver)
+    lamps = None if sun is not None or when is None else _lamps(scene, when, day, wavelengths)
+    at = None if sun is not None else when
+    if lamps is None or chosen.name == "reference" or _is_day(lamps):
+        field = chosen.solve(scene, day.direction, wavelengths)
+        return LitScene(scene, field, day, at, lamps=None if lamps is None else lamps.unsolved())
+    lights = []
+    for lamp in lamps.every:
+        found = (chosen.solve_starlit(scene, wavelengths) if lamp.direction is None
+                 else chosen.solve(scene, lamp.direction, wavelengths))  # fmt: skip
+        assert isinstance(found, Field)
+        lights.append(LitBy(lamp.name, found, lamp.strength))
+    return LitScene(scene, lights[0].field, day, at, lamps=lamps, lights=tuple(lights))
+
+
+def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
+    """The lights over the middle of a scene."""
+    frame = scene_frame(scene)
+    return lamps_of(when, (frame.lat, frame.lon) if frame.curved else scene.place, frame, day, wavelengths)
+
+
+def _is_day(lamps: Lamps) -> bool:
+    """Whether the whole sun alone lights the scene."""
+    return [lamp.name for lamp in lamps.every] == ["sun"] and bool((lamps.every[0].strength == 1).all())
 
 
 def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:
@@ -98,4 +125,6 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
     another scene than is given.
     """
-    return LitScene(*read_light(path, scene))
+    scene, field, day, when = read_light(path, None if scene is None else settled(scene))
+    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).unsolved()
+    return LitScene(scene, field, day, when, lamps=lamps)

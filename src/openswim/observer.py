@@ -18,6 +18,7 @@ from openswim.transport.engine.interpolation import bilinear
 F64 = NDArray[np.float64]
 
 SPACE_M = 1e5
+_ROUGH_M = 50.0  # by which the ground that is seen may lie below a model's terrain
 
 
 def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
@@ -26,10 +27,15 @@ def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
     if not np.isfinite(height) or height < 0:
         raise UserError(f"the observer is {-height:g} m under the ground: give --height of 0 m or more")
     camera.check_frame(scene_frame(scene).curved)
-    if scene.grid is None or scene.grid.periodic or _aloft(camera):
+    if scene.grid is None or scene.grid.periodic or camera.height_m >= SPACE_M:
         return
     levels = scene.levels[:1] if solver == "reference" else scene.levels
-    if _index(levels, *place_of(camera)) is None:
+    found = grid_place(levels, *place_of(camera))
+    if found is not None and camera.above == "sea level" and "surface_altitude" in levels[found[0]].data:
+        level, ix, iy = found
+        terrain = np.ascontiguousarray(levels[level].data["surface_altitude"].values)
+        check_above_ground(camera, float(bilinear(terrain, np.array([ix]), np.array([iy]))[0]) - _ROUGH_M)
+    if found is None and not _aloft(camera):
         raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
 
 
@@ -38,26 +44,36 @@ def _aloft(camera: Camera) -> bool:
     return camera.height_m >= SPACE_M or camera.above == "sea level"
 
 
+def check_above_ground(camera: Camera, ground_m: float) -> None:
+    """Complain where a camera whose height counts from sea level is in the ground."""
+    if camera.above == "sea level" and camera.height_m < ground_m:
+        raise UserError(
+            f"the camera at {camera.height_m:g} m above sea level is in the ground, which lies at {ground_m:.0f} m "
+            "there: give a --height above it"
+        )
+
+
 def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) -> float:
-    """Height of the ground under the camera (m)."""
+    """Height of the ground under the camera (m); 0 under one that is in space, or not over the domain."""
     grid = scene.grid
     if grid is None or field.medium is None:
         return field.ground_m
-    if grid.periodic or _aloft(camera):
+    if grid.periodic or camera.height_m >= SPACE_M:
         return 0.0
     x, y = place_of(camera)
     landscape = None if isinstance(field, ReferenceField) else field.landscape
     if landscape is not None:
         return landscape.ground_m(y, x)
     media = [field.medium] if isinstance(field, ReferenceField) else field.media
-    found = _index(scene.levels[: len(media)], x, y)
-    assert found is not None  # _check_observer has looked
+    found = grid_place(scene.levels[: len(media)], x, y)
+    if found is None:  # above sea level, or `check_observer` would have complained
+        return 0.0
     level, ix, iy = found
     fineness = media[level].fineness
     return float(bilinear(media[level].terrain_m, np.array([ix * fineness]), np.array([iy * fineness]))[0])
 
 
-def _index(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
+def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float, float] | None:
     """The finest of nested scenes that covers a place, and the place's fractional indices in it."""
     for level, scene in enumerate(levels):
         grid = scene.grid

@@ -130,6 +130,26 @@ def track(items: Iterable[Item], label: str, total: float | None = None) -> Iter
             meter.advance()
 
 
+_spoken = False  # whether the command line runs, which tells what it does
+
+
+@contextmanager
+def spoken() -> Iterator[None]:
+    """Within the block what is told is written, whether someone watches or not."""
+    global _spoken
+    before, _spoken = _spoken, True
+    try:
+        yield
+    finally:
+        _spoken = before
+
+
+def tell(line: str) -> None:
+    """A line on stderr for the command line, a terminal or a notebook; silent elsewhere. Any thread may call it."""
+    if _spoken or _someone_watches():
+        print(line, file=sys.stderr, flush=True)
+
+
 def _someone_watches() -> bool:
     """A terminal, a notebook, or OPENSWIM_PROGRESS=1 (0: never)."""
     forced = os.environ.get("OPENSWIM_PROGRESS", "")

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from openswim.ground.surface import surface_of
+from openswim.errors import UserError
+from openswim.ground.surface import settled, surface_of
 from openswim.optics.limits import check_wavelengths
-from openswim.optics.matter import matter_of
+from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
 from openswim.scene.scene import Scene
 from openswim.transport import Field, ReferenceField, solve
 from openswim.transport.medium.plan import lit_in_parts
 from openswim.transport.plan import Plan
+
+F64 = NDArray[np.float64]
+
+NADIR = np.array([0.0, 0.0, -1.0])  # a sun there lights nothing
 
 
 class Solver(Options):
@@ -29,8 +34,26 @@ class Solver(Options):
 
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew.
         """
-        wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-        check_wavelengths(wavelengths)
-        large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
-        matter = matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
+        wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
+        matter = self._matter(scene, wavelengths, plan)
         return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)
+
+    def solve_starlit(self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0)) -> Field | ReferenceField:
+        """The field of light of ``scene`` under an even sky of L' = 1 beyond its air, without a sun."""
+        if self.name == "reference":
+            raise UserError("solver reference follows no light from the night's sky: take fast")
+        wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
+        matter = self._matter(scene, wavelengths, None).starlit()
+        return solve(self, matter, surface_of(scene, matter.wavelengths_nm), NADIR)
+
+    def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
+        large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
+        return matter_of(scene, wavelengths, not large, () if plan is None else plan.species)
+
+
+def _checked(wavelengths_nm: ArrayLike) -> F64:
+    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    check_wavelengths(wavelengths)
+    return wavelengths

@@ -17,17 +17,30 @@ import openswim
 from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.cameras.pixels import Pixels
+from openswim.colour.photometry import illuminance_lx
 from openswim.errors import UserError
-from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
+from openswim.fluxes import (
+    broadband,
+    gases_above,
+    quadrature_directions,
+    scene_vapour_cm,
+    spectral_irradiance,
+    vapour_left,
+)
+from openswim.heavens.eyes import Eyes, LitBy
+from openswim.heavens.lamps import Lamps, toa_irradiance
+from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.images import add_errors, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
-from openswim.observer import SPACE_M, check_observer, ground_below, place_of
+from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, ground_below, place_of
+from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
+from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
 from openswim.transport.lit.lit_grid import Once
@@ -36,7 +49,6 @@ from openswim.transport.montecarlo.reference import PATHS, ReferenceView
 F64 = NDArray[np.float64]
 
 _QUADRATURE = 32  # .3 % off 64 under broken clouds, where 8 are 5 %
-_LAST_VISIBLE_NM = 700.0  # broadband irradiance is told from shorter wavelengths, which meet no bands of gases
 _SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
 
 
@@ -51,20 +63,31 @@ class LitScene:
     irradiances: dict[bytes, dict[str, Any]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )  # of places that a picture has been made from
+    lamps: Lamps | None = None  # which lights there are; None where no time is known
+    lights: tuple[LitBy, ...] = ()  # each solved, `field` the first's; none where it is the whole sun's alone
 
     def viewpoint(self, camera: Camera) -> Viewpoint:
         """A camera in this light: aimed once, it hands out pictures, tiles and rays, from any thread."""
         check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
         check_observer(self.scene, camera, self.field.solver.name)
         ground_m = ground_below(self.scene, self.field, camera)
+        check_above_ground(camera, ground_m)
         pixels = camera.pixels()
         return Viewpoint(self, camera, ground_m, pixels, camera.rays(self.field.frame, ground_m, pixels))
+
+    def strength(self, name: str) -> F64 | float:
+        """What a light's solar-relative radiance counts (nw,); 0 for one that is not solved for."""
+        if not self.lights:
+            return float(name == "sun")
+        return next((light.strength for light in self.lights if light.name == name), 0.0)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Keep the light and its scene as a Zarr folder, from which `openswim.open_light` makes the same pictures.
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
+        if self.lights:
+            raise UserError(f"{path}: light of moon, night sky or eclipse is not kept yet: save the light of a day")
         save_light(self.scene, self.field, self.daylight, self.time, path)
 
 
@@ -97,8 +120,18 @@ class Viewpoint:
         relative, view = self._seen(_part(self.pixels, around), self._number[around], own[around])
         pixels = _part(self.pixels, np.s_[top:bottom, left:right])
         field, day = self.lit.field, self.lit.daylight
-        distance_deg = pixels.angle_to_deg(*self.sun)[pixels.inside]
-        _add_disc(relative, view, self.lit, distance_deg, pixels)
+        if self.camera.view == "rays":
+            _add_disc(relative, view, pixels, self._disc, self.lit.strength("sun"))
+        else:
+            row, column, radiance = self.once("disc", self._drawn_disc)
+            here = (row >= top) & (row < bottom) & (column >= left) & (column < right)
+            number = (np.cumsum(pixels.inside) - 1).reshape(pixels.inside.shape)
+            relative[number[row[here] - top, column[here] - left]] += radiance[here].astype(np.float32)
+            if (heavens := self._heavens) is not None:
+                for each in self.once("moon and stars", lambda: heavens.drawn(self.camera, self.pixels, self._through)):
+                    part = each.part(top, bottom, left, right)
+                    relative[number[part.row, part.column]] += part.radiance.astype(np.float32)
+        self._add_night(relative, view, pixels)
         image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, self.attrs)
         if isinstance(view, ReferenceView):
             add_errors(image, pixels, view, field.solver.seed)
@@ -107,9 +140,18 @@ class Viewpoint:
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
         without the sun's disc."""
+        return np.asarray(self._eye.view(self._toward(azimuth_deg, altitude_deg)).radiance, float)
+
+    def sky(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
+        """Solar-relative radiance toward directions (n,), of which the sum counts, and the transmittance to space along
+        them, 0 where they end on the ground; both (n, nw)."""
+        eye, rays = self._eye, self._toward(azimuth_deg, altitude_deg)
+        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
+        return np.asarray(view.radiance, float), np.asarray(view.transmittance * ~view.hit[:, None], float)
+
+    def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
         azimuth, altitude = np.broadcast_arrays(np.atleast_1d(azimuth_deg), np.atleast_1d(altitude_deg))
-        direction = horizon_vector(azimuth, altitude) @ self._axes
-        return np.asarray(self._eye.view(Rays(self.rays.origin_m, direction)).radiance, float)
+        return Rays(self.rays.origin_m, horizon_vector(azimuth, altitude) @ self._axes)
 
     @cached_property
     def sun(self) -> tuple[float, float]:
@@ -118,23 +160,91 @@ class Viewpoint:
         return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 
     @property
+    def _disc(self) -> Disc:
+        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm)
+
+    def _drawn_disc(self) -> tuple[NDArray, NDArray, F64]:
+        row, column, radiance = drawn(self.camera, self.pixels, self._disc, self._through)
+        return row, column, radiance * self.lit.strength("sun")
+
+    @property
+    def _heavens(self) -> Heavens | None:
+        """What stands in the sky besides the sun; None where no time is known."""
+        return self.once("heavens", self._make_heavens)
+
+    def _make_heavens(self) -> Heavens | None:
+        lit, frame, at = self.lit, self.lit.field.frame, place_of(self.camera)
+        if lit.lamps is None or lit.time is None:
+            return None
+        lon, lat = at if frame.curved else lit.scene.place[::-1]
+        wl = lit.field.wavelengths_nm
+        return Heavens(
+            lit.lamps, lit.time, (lat, lon), float(frame.latlon(self.rays.origin_m)[2]), self._axes,
+            lit.scene.atmosphere, wl, toa_irradiance(wl, lit.daylight), self.sun[1],
+        )  # fmt: skip
+
+    def _add_night(self, relative: NDArray, view: Any, pixels: Pixels) -> None:
+        """The night's sky behind all else, into radiance (n, nw) of pixels; on single rays the moon as well."""
+        heavens = self._heavens
+        if heavens is None:
+            return
+        if self.sun[1] < DUSK_DEG:
+            direction = pixels.direction[pixels.inside] @ self._axes
+            relative += heavens.behind(direction, view.transmittance, view.hit).astype(np.float32)
+        if self.camera.view == "rays":
+            _add_disc(relative, view, pixels, heavens.moon_disc(), heavens.moon_strength())
+
+    def _through(self, local: F64, width_rad: float) -> tuple[NDArray, NDArray[np.bool_]]:
+        """What rays toward directions (n, 3) in the horizon frame go through: see `openswim.sun_disc.Through`."""
+        eye, rays = self._eye, Rays(self.rays.origin_m, local @ self._axes, width_rad)
+        eye = eye.every[0] if isinstance(eye, Eyes) else eye
+        if isinstance(eye, ReferenceField):
+            return eye.through(rays)[:2]
+        view = eye.of_others(rays).view(rays)
+        return view.transmittance, view.hit
+
+    @property
+    def gases(self) -> dict[str, float]:
+        """What `openswim.fluxes.broadband` asks of the gases above the camera; the scene's own water vapour where it
+        has any."""
+        height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
+        vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
+        if vapour_cm is not None:
+            vapour_cm *= vapour_left(height_m - self.ground_m)
+        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
+
+    @property
     def attrs(self) -> dict[str, Any]:
         """What is to be known of the image: place, time, sun, solver, and the irradiance at an observer near by."""
         return dict(self.once("attributes", self._attrs))
 
     def _attrs(self) -> dict[str, Any]:
         out = _attributes(self.lit, self.camera, *self.sun)
+        out |= {} if self._heavens is None else self._heavens.attrs()
         if self._near:
             kept, place = self.lit.irradiances, np.asarray(self.rays.origin_m, float).tobytes()
             if place not in kept:
                 kept[place] = self._irradiance()
             out |= kept[place]
+        if self._near and self.lit.scene.atmosphere is not None:
+            out["aerosol_optical_depth_550nm"] = round(self._aerosol_depth(), 5)
         return out
 
+    def _aerosol_depth(self) -> float:
+        """Vertical optical depth of all aerosol above the ground at the observer."""
+        scene = self.lit.scene
+        levels = scene.levels[:1] if isinstance(self.lit.field, ReferenceField) else scene.levels
+        found = None if scene.grid is None else grid_place(levels, *place_of(self.camera))
+        if found is None:
+            return aerosol_depth(levels[-1], self.ground_m)
+        return aerosol_depth(levels[found[0]], self.ground_m, found[1:])
+
     @property
-    def _eye(self) -> Eye | ReferenceField:
-        field = self.lit.field
-        return field if isinstance(field, ReferenceField) else self.once("eye", lambda: field.viewpoint(self.rays))
+    def _eye(self) -> Eye | Eyes | ReferenceField:
+        field, lights = self.lit.field, self.lit.lights
+        if isinstance(field, ReferenceField):
+            return field
+        return self.once("eye", lambda: Eyes.of(lights, self.rays) if lights else field.viewpoint(self.rays))
 
     @cached_property
     def _number(self) -> NDArray[np.int64]:
@@ -154,32 +264,40 @@ class Viewpoint:
 
     def _irradiance(self) -> dict[str, Any]:
         """Spectral and broadband irradiance on the horizontal at the observer."""
-        field, day, (azimuth, altitude) = self.lit.field, self.lit.daylight, self.sun
-        quadrature = quadrature_directions(_QUADRATURE, azimuth, altitude)
-        local = horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg)
-        rays = Rays(self.rays.origin_m, np.concatenate([local @ self._axes, day.direction[None]]))
-        eye = self._eye
+        field, day, eye = self.lit.field, self.lit.daylight, self._eye
+        quadrature = quadrature_directions(_QUADRATURE, *self.sun)
+        rays = Rays(self.rays.origin_m, horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg) @ self._axes)
         view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
-        direct = view.transmittance[-1] * (not view.hit[-1])
-        wl = field.wavelengths_nm
-        spectral = spectral_irradiance(view.radiance[:-1], quadrature, direct, altitude, wl, day.distance_au)
-        out: dict[str, Any] = {}
-        visible = wl <= _LAST_VISIBLE_NM
-        if visible.any():
-            gases = gases_above(self.lit.scene.atmosphere, float(field.frame.latlon(self.rays.origin_m)[2]))
-            diffuse = spectral["relative_diffuse_horizontal"].values[visible]
-            wide = broadband(direct[visible], diffuse, wl[visible], altitude, day.distance_au, **gases)
-            out = {
-                "global_horizontal_irradiance_w_m2": round(float(wide.global_horizontal), 2),
-                "direct_normal_irradiance_w_m2": round(float(wide.direct_normal), 2),
-                "direct_horizontal_irradiance_w_m2": round(float(wide.direct_horizontal), 2),
-                "diffuse_horizontal_irradiance_w_m2": round(float(wide.diffuse_horizontal), 2),
-            }
+        beam = beam_of(self._disc, self._through)
+        wl, altitude = field.wavelengths_nm, beam.altitude_deg
+        direct = beam.direct * self.lit.strength("sun")
+        spectral = spectral_irradiance(view.radiance, quadrature, direct, altitude, wl, day.distance_au)
+        gases = self.gases
+        diffuse = spectral["relative_diffuse_horizontal"].values
+        wide = broadband(beam.open, diffuse, wl, altitude, day.distance_au, visible=beam.visible, **gases)
+        out: dict[str, Any] = {
+            "global_horizontal_irradiance_w_m2": wide.global_horizontal,
+            "direct_normal_irradiance_w_m2": wide.direct_normal,
+            "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
+            "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
+        }
+        out = {name: round(float(value), 2) for name, value in out.items() if np.isfinite(value)}
         for part in ("global", "direct", "diffuse"):
             out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = [
                 float(v) for v in spectral[f"{part}_horizontal"].values
             ]
-        return out
+        lux = illuminance_lx(
+            spectral["relative_global_horizontal"].values + self._moonbeam(), wl, day.distance_au
+        )
+        return out | {"illuminance_lx": float(f"{lux:.4g}")}
+
+    def _moonbeam(self) -> F64 | float:
+        """The moon's direct light on the horizontal, over the sun's outside of the air."""
+        heavens, strength = self._heavens, self.lit.strength("moon")
+        if heavens is None or not np.any(strength):
+            return 0.0
+        beam = beam_of(heavens.moon_disc(), self._through)
+        return np.asarray(beam.direct * strength * max(np.sin(np.radians(beam.altitude_deg)), 0.0))
 
     def _seen(self, pixels: Pixels, number: NDArray[np.int64], own: NDArray[np.bool_]) -> tuple[NDArray, Any]:
         """Radiance of those pixels that are ``own``, and what they see; those around tell of outlines."""
@@ -196,15 +314,13 @@ class Viewpoint:
         return relative[wanted], dataclasses.replace(view, **rows)
 
 
-def _add_disc(relative: NDArray, view: Any, lit: LitScene, distance_deg: F64, pixels: Any) -> None:
-    """The sun's disc, limb-darkened and anti-aliased, dimmed by the full optical depth in front of it."""
-    inside = np.asarray(pixels.inside).ravel()
-    distance = distance_deg[inside] if distance_deg.size == inside.size else distance_deg
-    half = np.broadcast_to(np.asarray(pixels.half_width_deg), pixels.inside.shape).ravel()[inside]
-    radius = lit.daylight.angular_radius_deg
-    open_to = np.flatnonzero(~view.hit)
-    disc = disc_coverage(distance[open_to], half[open_to], radius, lit.field.wavelengths_nm)
-    relative[open_to] += (disc * view.transmittance[open_to]).astype(np.float32)
+def _add_disc(relative: NDArray, view: Any, pixels: Pixels, disc: Disc, strength: F64 | float) -> None:
+    """A disc, of sun or moon, in single rays, whose footprints are round and soft, dimmed by what each goes through."""
+    inside, open_to = pixels.inside, np.flatnonzero(~view.hit)
+    distance = pixels.angle_to_deg(disc.azimuth_deg, disc.altitude_deg)[inside]
+    half = np.broadcast_to(pixels.half_width_deg, inside.shape)[inside]
+    radiance = disc_coverage(distance[open_to], half[open_to], disc.radius_deg, disc.wavelengths_nm)
+    relative[open_to] += (strength * radiance * view.transmittance[open_to]).astype(np.float32)
 
 
 def _for_sums(field: ReferenceField) -> ReferenceField:
@@ -243,8 +359,9 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         }  # fmt: skip
     x, y = place_of(camera)
     attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
-    if lit.time is not None:
-        attrs["time"] = f"{np.datetime_as_string(np.datetime64(lit.time), 's')}Z"
+    for name, time in (("valid_time", lit.scene.time), ("light_time", lit.time)):  # of the weather, of the sun
+        if time is not None:
+            attrs[name] = f"{np.datetime_as_string(np.datetime64(time), 's')}Z"
     return attrs
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from openswim.cli.main import run
 from openswim.optics.aerosol import NAMES
-from openswim.scene.atmosphere import AerosolProfile
+from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.phase import phase_from_dict
 
 SMALL = ["aerosol", "fit", "--mode", "0.05,1.4", "--index", "1.45+0.01i", "--wavelengths", "600,450"]

@@ -36,7 +36,7 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     scene = SimpleNamespace(grid=None, wider=None, optics={}, notes=["no ice species in the file: none assumed"])
     scene.levels = [scene]
 
-    def open_scene(path, time=None, around=None, ground=None):
+    def open_scene(path, time=None, around=None, ground=None, **more):
         calls.times.append(time)
         calls.places.append(around)
         return scene

@@ -11,7 +11,8 @@ FACTS = {
     "latitude": 24.5,
     "longitude": -90.0,
     "height_m": 2.0,
-    "time": "2005-08-28T18:00:00",
+    "valid_time": "2005-08-28T18:00:00Z",
+    "light_time": "2005-08-28T18:00:00Z",
     "source": "wrfout_d01",
     "solver": "fast",
     "sun_altitude_deg": 61.23,
@@ -84,6 +85,24 @@ def test_png_metadata_says_what_was_rendered(image, tmp_path):
     assert text["Irradiance"] == "global 812 W/m2"
     assert text["Exposure"] == "0.5"
     assert "wrfout_d01" in text["Description"]
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ({"light_time": "2005-08-28T23:30:00Z"},
+         {"Weather": "2005-08-28 18:00:00 UTC", "Light": "2005-08-28 23:30:00 UTC, 5.5 h later"}),
+        ({"light_time": "2005-08-25T18:00:00Z"},
+         {"Weather": "2005-08-28 18:00:00 UTC", "Light": "2005-08-25 18:00:00 UTC, 3 days earlier"}),
+        ({"light_time": None}, {"Weather": "2005-08-28 18:00:00 UTC", "Light": "sun placed by hand"}),
+        ({"valid_time": None}, {"Time": "2005-08-28 18:00:00 UTC"}),
+    ],
+)  # fmt: skip
+def test_weather_lit_by_another_sun_says_so(image, tmp_path, times, said):
+    """Never is the time of the light taken for that of the clouds."""
+    save(image.assign_attrs(times), tmp_path / "sky.png")
+    text = text_of(tmp_path / "sky.png")
+    assert {name: text[name] for name in ("Time", "Weather", "Light") if name in text} == said
 
 
 @pytest.mark.parametrize(
@@ -160,8 +179,8 @@ def test_a_failed_write_leaves_the_old_file_and_no_debris(image, tmp_path, monke
     save(image, tmp_path / "sky.png")
     before = (tmp_path / "sky.png").read_bytes()
 
-    def full(self, path, **options):
-        path.write_bytes(b"half a pic")
+    def full(self, file, format, **options):
+        file.write(b"half a pic")
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Image.Image, "save", full)

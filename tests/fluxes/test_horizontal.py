@@ -72,9 +72,8 @@ def test_irradiance_of_a_simple_sky():
     assert found.global_horizontal.units == "W m-2 nm-1"
 
 
-def test_there_is_no_beam_after_sunset():
+def test_there_is_no_beam_on_the_ground_after_sunset():
     quadrature = Quadrature(np.zeros(1), np.full(1, 90.0), np.ones(1))
     found = spectral_irradiance(np.ones((1, 1)), quadrature, np.ones(1), -2.0, np.array([550.0]))
-    assert found.direct_normal.item() == 0
-    assert found.direct_horizontal.item() == 0
+    assert found.direct_horizontal.item() == 0  # though from high up it may still be seen
     assert found.diffuse_horizontal.item() > 0

@@ -15,7 +15,8 @@ from openswim.optics import aerosol_optics, aerosol_profile, aerosol_type, fit_d
 from openswim.optics.aerosol import NAMES, described_profile, spectral_albedo, spectral_phase
 from openswim.optics.species import background, scene_optics
 from openswim.scene import Grid
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import AerosolPhase, phase_from_dict
 from openswim.scene.phase.tables import TABULATED
 

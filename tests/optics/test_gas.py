@@ -14,7 +14,8 @@ from openswim.optics.rayleigh import (
     rayleigh_scattering_per_m,
 )
 from openswim.optics.species import background
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
 

@@ -10,6 +10,7 @@ from openswim import Scene, Solver
 from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.optics.gas_bands import WIDTH_NM, terms_of
+from openswim.optics.matter import matter_of
 from openswim.optics.species import background
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
@@ -104,6 +105,13 @@ def test_more_vapour_absorbs_more_and_none_nothing():
     assert terms.absorption_per_m(dry, height)[of_oxygen] == pytest.approx(
         terms.absorption_per_m(moist, height)[of_oxygen], rel=0.05
     )
+
+
+def test_precipitable_water_of_a_scene_counts():
+    scene = Scene.clear(45.0, 8.0, water_vapour_cm=3.0, terrain_m=500.0)
+    air = matter_of(scene, [940.0]).air
+    assert air is not None
+    assert air.atmosphere.precipitable_water_cm(500.0) == pytest.approx(3.0, rel=0.01)
 
 
 def test_terms_share_a_wavelength():

@@ -352,7 +352,7 @@ def test_not_scenes_at_all(tmp_path):
     xr.Dataset({"t2m": (("lat", "lon"), np.zeros((2, 2)))}).to_netcdf(tmp_path / "other.nc")
     said = {
         "missing.nc": "no such file",
-        "empty": "neither a netCDF",
+        "empty": "empty: copy or download",
         "text.nc": "neither a netCDF",
         "folder": "cannot be opened|not a Zarr",
         "plain": "not a Zarr",

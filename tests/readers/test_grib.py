@@ -120,13 +120,13 @@ def test_wind_points_along_the_earth(opened):
 
 def test_hrrr_species_smoke_and_ground(tmp_path):
     scene = open_scene(gf.write(tmp_path / "hrrr", gf.hrrr()))
-    assert scene.species == ["liquid", "ice", "rain", "snow", "graupel", "aerosol"]
+    assert scene.species == ["liquid", "ice", "rain", "snow", "graupel", "smoke"]
     density = scene.data.air_pressure / (gf.GAS * gf.TEMPERATURE_K)
     for name, ratio in (("rain", 2e-5), ("snow", 3e-5), ("graupel", 4e-5)):
         np.testing.assert_allclose(scene.data[f"{name}_content"] / density, ratio, rtol=1e-3)
     np.testing.assert_allclose(scene.data.liquid_number / density, 1e8, rtol=1e-3)
     smoke = 4500.0 * 1e-8 / np.arange(1, 13)
-    np.testing.assert_allclose(scene.data.aerosol_extinction[:, 3, 4], smoke, rtol=1e-3)
+    np.testing.assert_allclose(scene.data.extinction_smoke[:, 3, 4], smoke, rtol=1e-3)
     np.testing.assert_allclose(scene.data.snow_area_fraction, 0.25, atol=1e-3)
     assert not any("split by temperature" in note for note in scene.notes)
 

@@ -200,7 +200,7 @@ def test_a_classic_bomb(tmp_path):
 def test_a_compressed_bomb_is_refused(tmp_path):
     """Unwritten chunks cost nothing on disk: 800 million values in a file of some kilobytes."""
     path = _declared(tmp_path / "bomb.nc", {"level": 50, "latitude": 4000, "longitude": 4000}, (1, 1000, 1000))
-    _refused(path, "bomb.nc", "more than the file can hold")
+    _refused(path, "bomb.nc", "9.6 GB of values in a file of 0.042 MB")
 
 
 def test_text_bomb(tmp_path):
@@ -261,10 +261,16 @@ def test_laps_without_navigation(tmp_path):
 
 
 def test_laps_fill_below_the_ground_is_no_cloud(tmp_path):
+    """LAPS leaves out all five species there; where one alone is missing it is lost, not buried."""
     truth = laps(tmp_path)
     with netCDF4.Dataset(truth.paths[0], "a") as file:
         file["lwc"][0, :2] = 1e37
+    _refused(truth.paths, "lwc", "126 missing", "where other variables have values")
+    with netCDF4.Dataset(truth.paths[0], "a") as file:
+        for name in ("ice", "rai", "sno", "pic"):
+            file[name][0, :2] = 1e37
     scene = open_scene(truth.paths)
+    assert any("126 values" in note and "taken for ground" in note for note in scene.notes)
     assert not scene.data.liquid_content[:2].any()
     np.testing.assert_allclose(scene.data.liquid_content[2:], truth.fields["liquid_content"][2:], rtol=1e-5)
 

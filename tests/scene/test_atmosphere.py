@@ -9,7 +9,8 @@ import pytest
 
 from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_profile
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere, us_standard_pressure_temperature
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere, us_standard_pressure_temperature
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
 
@@ -111,3 +112,13 @@ def test_refuses_nonsense_aerosol(bad):
 def test_refuses_unsorted_heights():
     with pytest.raises(UserError, match="ascending"):
         Atmosphere(np.array([0.0, 0.0]), np.ones(2), np.ones(2), np.ones(2))
+
+
+def test_aerosol_of_another_depth_keeps_each_layers_share() -> None:
+    low, high = AerosolProfile(0.06, angstrom_exponent=1.3), AerosolProfile(0.02, angstrom_exponent=0.0)
+    air = Atmosphere.us_standard(aerosol=[low, high]).with_aerosol_depth(0.4, 450.0)
+    one, other = (float(layer.optical_depth_at(450.0)) for layer in air.layers)
+    assert float(air.aerosol_depth_at(450.0)) == pytest.approx(0.4)
+    assert one / other == pytest.approx(3.0 * (550 / 450) ** 1.3)
+    bare = Atmosphere.us_standard(aerosol=None).with_aerosol_depth(0.1)
+    assert float(bare.aerosol_depth_at(550.0)) == pytest.approx(0.1)

@@ -17,7 +17,8 @@ from pyproj import CRS
 from openswim.errors import UserError
 from openswim.readers import open_scene
 from openswim.scene import Grid, Optics, Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import HenyeyGreenstein, Mixture, TablePhase
 from openswim.scene.variables import VARIABLES, variable
 
@@ -54,6 +55,8 @@ ATMOSPHERES = st.one_of(
         )
     ),
 )
+# What Scene takes for possible is narrower than the range of a single value.
+SANE = {"_content": (0.0, 2e-4), "_effective_radius": (1e-5, 9e-5), "air_temperature": (220.0, 300.0)}
 LINES = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=30)
 
 
@@ -81,7 +84,11 @@ def scenes(draw) -> Scene:
         shape = (nz, ny, nx)[3 - len(spec.dims) :]
         unit = draw(arrays("f4", shape, elements=st.floats(0, 1, width=32)))
         high = min(spec.high, heights[-1].min()) if name == "surface_altitude" else spec.high
-        values = np.float32(spec.low) + unit * np.float32(high - spec.low)
+        low, high = next((sane for end, sane in SANE.items() if name.endswith(end)), (spec.low, high))
+        values = np.float32(low) + unit * np.float32(high - low)
+        if name == "air_pressure":
+            tall = heights if heights.ndim == 3 else heights[:, None, None]
+            values = np.broadcast_to(np.float32(1e5) * np.exp(-tall / 8000.0), shape).astype("f4")
         fields[name] = (
             spec.dims,
             np.clip(values, np.float32(spec.low), np.nextafter(np.float32(spec.high), 0)),

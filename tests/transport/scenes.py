@@ -66,8 +66,7 @@ def grid_scene(
     """A domain of nodes (nz, ny, nx), spacing (dx, dy, dz), centred on x = y = 0 and standing on z = 0."""
     nz, ny, nx = shape
     dx, dy, dz = cell_m
-    if air:
-        more["atmosphere"] = Atmosphere.us_standard()
+    more = {"atmosphere": Atmosphere.us_standard() if air else None, "surface_albedo": 0.0} | more
     return Scene.from_arrays(
         extinction,
         dx * (np.arange(nx) - (nx - 1) / 2),

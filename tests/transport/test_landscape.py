@@ -265,7 +265,8 @@ def test_far_mountains_stand_beyond_the_domain() -> None:
     """The Alps from a domain in the Po valley 120 km south: up to the angle that their height has there."""
     crs = CRS.from_proj4("+proj=lcc +lat_1=40 +lat_2=50 +lat_0=45.1 +lon_0=8.5 +R=6371000")
     x = 2000.0 * (np.arange(21) - 10)
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0))
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.full((21, 21), 120.0),
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     land = landscape(scene)
     assert landscape_of(surface_of(replace(scene, ground=Ground(mountains=False)), WAVELENGTH_NM), land.medium) is None
     frame = land.medium.frame
@@ -294,7 +295,8 @@ def test_a_global_elevation_model_is_the_far_field_too(tmp_path, monkeypatch, la
     monkeypatch.setattr(earth, "_relief_path", lambda: None)
     crs = CRS.from_proj4(f"+proj=lcc +lat_1={lat - 5} +lat_2={lat + 5} +lat_0={lat} +lon_0=179.9 +R=6371000")
     x = 1000.0 * (np.arange(11) - 5)
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.zeros((11, 11)))
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=np.zeros((11, 11)),
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     rows = 90.0 - (np.arange(1800) + 0.5) / 10
     height = np.where(rows > 0, 500.0 + 100.0 * (rows - 67.0), -200.0)
     image = np.broadcast_to(height[:, None], (1800, 3600)).astype(np.float32)

@@ -30,7 +30,8 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.lighting import daylight
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.procedural import demo_scene

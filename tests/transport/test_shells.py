@@ -14,7 +14,8 @@ from tests.transport.scenes import LAT, LON
 from openswim.cameras import Rays
 from openswim.optics import background
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.solver import Solver
 from openswim.transport import Field

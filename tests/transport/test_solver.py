@@ -25,7 +25,8 @@ from tests.transport.scenes import (
 from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, PhaseFunction
 from openswim.solver import Solver
 from openswim.transport import Field

@@ -34,6 +34,7 @@ FLAT_NEEDS_XY = "camera: this scene is flat: give x_m and y_m in metres (--x, --
 CURVED_NEEDS_LATLON = "camera: this scene is on the curved Earth: give lat and lon in degrees (--lat, --lon)"
 View = Literal["allsky", "panorama", "perspective", "fisheye", "pinhole", "map", "rays"]
 _PLACE = ("lat", "lon", "x_m", "y_m")
+EYE_ABOVE_GROUND_M = 0.01  # at least
 _NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
 
 
@@ -308,5 +309,6 @@ class Camera(RealCameras):
         require(curved == (self.x_m is None), CURVED_NEEDS_LATLON if curved else FLAT_NEEDS_XY)
 
     def height_above_sea_m(self, ground_height_m: float = 0.0) -> float:
-        """Height of the camera above sea level, metres."""
-        return self.height_m + (ground_height_m if self.above == "ground" else 0.0)
+        """Height of the camera above sea level, metres; an eye on the ground lies on it, not in it."""
+        height = self.height_m + (ground_height_m if self.above == "ground" else 0.0)
+        return max(height, ground_height_m + EYE_ABOVE_GROUND_M) if height >= ground_height_m else height

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, number, shown
+from openswim.arguments import check_kind, number, numbers, shown
 from openswim.cameras.camera import Camera
 from openswim.cameras.checks import check_shape
 from openswim.cameras.given import from_map
@@ -40,6 +40,7 @@ _TABLES = {
     "place": _PLACE,
     "frame": ("rows", "columns", "time_pattern", "utc_offset_h", "saturated_count"),
     "view": ("kind", *sorted({key for keys in _VIEWS.values() for key in keys})),
+    "response": ("encoding", "red_blue", "radiance_per_unit"),
     "obstacles": ("horizon_deg", "mask"),
     "calibration": None,
 }
@@ -57,6 +58,19 @@ class FrameSettings:
 
 
 @dataclass(frozen=True)
+class ResponseSettings:
+    """How counts follow from light, as far as it is known.
+
+    `encoding`: "srgb", "linear", or the exponent of a power law (None: by the kind of file); `red_blue`: by how much
+    ln(red / blue) of linear counts exceeds that of radiance; `radiance_per_unit`: W m-2 sr-1 nm-1 of full scale.
+    """
+
+    encoding: str | float | None = None
+    red_blue: float | None = None
+    radiance_per_unit: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
 class CameraFile:
     """All that a camera's TOML file says."""
 
@@ -64,6 +78,7 @@ class CameraFile:
     name: str = ""
     frames: FrameSettings = FrameSettings()
     calibration: dict[str, Any] = field(default_factory=dict)  # what a fit said of itself
+    response: ResponseSettings = ResponseSettings()
 
 
 def read_camera(path: str | os.PathLike[str], **place: Any) -> CameraFile:
@@ -104,6 +119,8 @@ def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     if camera.mask is not None:
         obstacles["mask"] = f"{path.stem}_mask.npy"
         beside.append((path.with_name(obstacles["mask"]), camera.mask.hidden))
+    response = {key: value for key, value in vars(content.response).items() if value is not None}
+    tables |= {"response": response} if response else {}
     tables |= {"obstacles": obstacles} if obstacles else {}
     tables |= {"calibration": content.calibration} if content.calibration else {}
     for name, array in beside:
@@ -166,7 +183,8 @@ def _camera(tables: dict[str, Any], path: Path, place: dict[str, Any]) -> Camera
     settings = _frame_settings(frame)
     name = tables.get("name", "")
     check_kind("name", name, str, 'write it in quotes, such as name = "roof"')
-    return CameraFile(camera, name, settings, tables.get("calibration", {}))
+    response = _response_settings(tables.get("response", {}))
+    return CameraFile(camera, name, settings, tables.get("calibration", {}), response)
 
 
 def _of_view(kind: Any, view: dict[str, Any], shape: tuple[Any, ...], options: dict[str, Any]) -> Camera:
@@ -279,6 +297,27 @@ def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
     if abs(numbers.get("utc_offset_h", 0.0)) > 15:
         raise UserError(f"[frame] utc_offset_h {numbers['utc_offset_h']:g} is not within -15..15 hours")
     return FrameSettings(pattern, numbers.get("utc_offset_h"), numbers.get("saturated_count"))
+
+
+def checked_encoding(value: Any) -> str | float | None:
+    """The encoding of counts: "srgb", "linear", an exponent, or None; raises UserError."""
+    if value is None or value in ("srgb", "linear"):
+        return None if value is None else str(value)
+    exponent = number("encoding", value) if not isinstance(value, str) else np.nan
+    if not 0.2 <= exponent <= 5:
+        raise UserError(f'encoding is {shown(value)}: write "srgb", "linear", or an exponent such as 2.2')
+    return exponent
+
+
+def _response_settings(table: dict[str, Any]) -> ResponseSettings:
+    red_blue = number("[response] red_blue", table["red_blue"]) if "red_blue" in table else None
+    scale = None
+    if "radiance_per_unit" in table:
+        given = np.atleast_1d(numbers("[response] radiance_per_unit", table["radiance_per_unit"])).astype(float)
+        if given.shape not in ((1,), (3,)) or not (np.isfinite(given) & (given > 0)).all():
+            raise UserError("[response] radiance_per_unit must be one or three numbers above 0 (W m-2 sr-1 nm-1)")
+        scale = tuple(float(value) for value in given)
+    return ResponseSettings(checked_encoding(table.get("encoding")), red_blue, scale)
 
 
 def _needed(table: dict[str, Any], key: str, where: str) -> Any:

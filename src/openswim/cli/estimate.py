@@ -111,13 +111,14 @@ def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estim
 
 
 def announce(
-    scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard"
+    scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard",
+    wavelengths: int = WAVELENGTHS,
 ) -> None:
     """Print the estimate of a large job to stderr."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
     if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
-    expected = estimate(scene, camera, solver, paths=paths, quality=quality)
+    expected = estimate(scene, camera, solver, wavelengths, paths, quality)
     if expected.large:
         click.echo(str(expected), err=True)

@@ -27,7 +27,7 @@ _COLOURS = (
 )  # fmt: skip
 
 
-def run(files: Sequence[Path], picture: Path | None, time: str | None) -> None:
+def run(files: Sequence[Path], picture: Path | None, time: str | None, allow_references: bool = False) -> None:
     """Print the description; draw the maps where a picture is asked for."""
     from openswim.readers import describe
 
@@ -35,22 +35,25 @@ def run(files: Sequence[Path], picture: Path | None, time: str | None) -> None:
         raise UserError(f"{picture}: maps are written as .png: choose such a name")
     if time is not None and picture is None:
         raise UserError("--time is the time of the maps: give --map FILE.png, or leave it out")
-    click.echo(str(describe(files)))
+    click.echo(str(describe(files, allow_references)))
     if picture is not None:
-        draw(files, picture, time)
+        draw(files, picture, time, allow_references)
         click.echo(f"{picture}: column maxima")
 
 
-def draw(files: Sequence[Path], picture: Path, time: str | None = None) -> None:
+def draw(files: Sequence[Path], picture: Path, time: str | None = None, allow_references: bool = False) -> None:
     """Write the maps of one time."""
+    import numpy as np
+
     from openswim.colour import check_writable
+    from openswim.colour.picture import write_picture
     from openswim.readers import files_of, open_scene
     from openswim.scene.files import written_whole
 
     check_writable(picture, files_of(files))
-    image = maps(open_scene(files, time))
+    image = maps(open_scene(files, time, allow_references=allow_references))
     with written_whole(picture) as partial:
-        image.save(partial, "PNG")
+        write_picture(np.asarray(image), partial, {})
 
 
 def maps(scene: Scene) -> Image.Image:

@@ -16,6 +16,8 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
+from openswim.interrupts import INTERRUPTED, watched
+from openswim.progress import spoken
 
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,7 +26,7 @@ SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
 
-DONE, OUR_FAULT, USERS_MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
 
 
 def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -42,6 +44,10 @@ _debug = click.option(
 )
 
 
+_allow_references = click.option(
+    "--allow-references", is_flag=True,
+    help="Follow what a file says lies in other files, out of its folder and in the network too.",
+)  # fmt: skip
 _quality = click.option(
     "--quality", type=click.Choice(QUALITIES),
     help="Of --solver fast: how finely light is solved for.  [default: standard]",
@@ -78,12 +84,13 @@ def demo(folder: Path) -> None:
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--map", "picture", type=click.Path(path_type=Path), help="Map column maxima in this PNG.")
 @click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
+@_allow_references
 @_debug
-def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> None:
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_references: bool) -> None:
     """Say what FILES hold, and what will be assumed where they lack something."""
     from openswim.cli.info import run
 
-    run(files, picture, time)
+    run(files, picture, time, allow_references)
 
 
 @cli.command()
@@ -123,6 +130,15 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
 )  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -130,6 +146,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None) -> Non
     "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
+@_allow_references
 @click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
@@ -169,6 +186,72 @@ def calibrate(**options: Any) -> None:
     from openswim.cli.calibrate import CalibrateRequest, run
 
     run(CalibrateRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="MODEL FRAME...")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), required=True,
+              help="TOML file of the camera.")  # fmt: skip
+@click.option("--clear", is_flag=True, help="No MODEL: beside the clear sky of the frames' place and time.")
+@click.option("--clear-frame", type=click.Path(path_type=Path),
+              help="A frame of the camera under a clear sky: gives its response and white balance.")  # fmt: skip
+@click.option("--lat", type=float, help="Latitude of the camera, in place of its file's.")
+@click.option("--lon", type=float, help="Longitude of the camera, in place of its file's.")
+@click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]")
+@click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime).")
+@click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC.")
+@click.option("--aod", type=float, help="Aerosol optical depth at 550 nm.  [default: the model's; of --clear .1]")
+@click.option("--albedo", type=float, help="Of the ground below the clear sky.  [default: the model's; of --clear .15]")
+@click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]")
+@click.option("--sun-mask", "sun_mask_deg", type=float, help="Degrees around the sun without scores.  [default: 12]")
+@click.option("--lowest", "lowest_deg", type=float, help="Altitude below which there are none.  [default: 5]")
+@click.option("--encoding", help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]")
+@click.option("--ghi", "ghi_w_m2", type=float, help="Global irradiance beside the camera, W/m2: fixes its scale.")
+@click.option("--dhi", "dhi_w_m2", type=float, help="Diffuse irradiance beside the camera, W/m2: fixes its scale.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("openswim-compare"), show_default=True,
+              help="Folder for pages and netCDF files; frames that it has already are not done again.")  # fmt: skip
+@_debug
+def compare(files: tuple[Path, ...], **options: Any) -> None:
+    """Compare a camera's FRAMEs with the sky that MODEL has at their place and time.
+
+    Writes a page and a netCDF file for each frame; of several frames also their scores over time.
+    """
+    from openswim.cli.compare import CompareRequest, run
+
+    run(CompareRequest(files, **options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1)
+@click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
+@click.option("--lat", type=float, help="Latitude, degrees north.")
+@click.option("--lon", type=float, help="Longitude, degrees east.")
+@click.option("--height", "height_m", type=float, default=2.0, show_default=True, help="Metres above the ground.")
+@click.option("--ground", "ground_m", type=float, help="Of --clear: height of the ground above sea level, m.")
+@click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
+@click.option("--end", help="Last time, UTC.")
+@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
+@click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
+@click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
+@click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
+@click.option(
+    "--station", type=click.Path(path_type=Path),
+    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC, ARM, or a table with utc and ghi.",
+)  # fmt: skip
+@click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
+              help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture of model and station, .png.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write, .nc or .csv.")
+@_debug
+def irradiance(**options: Any) -> None:
+    """Global, direct and diffuse irradiance through time, from a model's FILES or for a clear sky."""
+    from openswim.cli.irradiance import IrradianceRequest, run
+
+    run(IrradianceRequest(**options))
 
 
 @cli.command()
@@ -234,7 +317,8 @@ def aerosol_fit(**options: Any) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code; errors are one line on stderr."""
-    code = run(arguments)
+    with watched():
+        code = run(arguments)
     gc.freeze()  # looking for garbage among all that was imported would take a third of a second
     sys.exit(code)
 
@@ -243,7 +327,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     state: dict[str, bool] = {}
     try:
-        cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
+        with spoken():
+            cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
         return _fail(str(error), USERS_MISTAKE, state)
     except click.exceptions.NoArgsIsHelpError as error:

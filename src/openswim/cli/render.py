@@ -49,8 +49,12 @@ class RenderRequest:
     error_percent: float | None = None
     checkpoint: Path | None = None
     exposure: float | None = None
+    allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
     height_maps: tuple[Path, ...] = ()
+    aerosol: str | None = None
+    aod: float | None = None
+    wavelengths: str | None = None
 
 
 def run(request: RenderRequest) -> None:
@@ -77,29 +81,54 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
-    from openswim.lighting import WAVELENGTHS_NM
     from openswim.optics.species import for_wavelengths
 
-    solver = solver_of(request)
+    solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
     given = request.albedo_maps or request.height_maps
     ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
     scene = openswim.open_scene(
-        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground
+        request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
+        allow_references=request.allow_references,
     )
-    scene = for_wavelengths(scene, np.array(WAVELENGTHS_NM))
+    scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
     whole = request.fov_deg is not None or request.camera_file is not None
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
-    announce(scene, camera, solver.name, request.paths, solver.quality)
+    announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, **sun)
+    image = openswim.render(scene, camera, solver=solver, wavelengths_nm=wavelengths, **sun)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def wavelengths_of(text: str | None) -> tuple[float, ...]:
+    """The wavelengths (nm) to render."""
+    from openswim.lighting import WAVELENGTHS_NM
+
+    if text is None:
+        return WAVELENGTHS_NM
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"--wavelengths {text}: give numbers divided by commas, such as 640,550,470 (nm)") from None
+    if len(set(found)) < len(found):
+        raise UserError(f"--wavelengths {text}: give each once")
+    return found
+
+
+def with_aerosol_of(request: RenderRequest, scene: "Scene", time: Any = None) -> "Scene":
+    """The scene with the aerosol that the options choose, if they choose one."""
+    if request.aerosol is None and request.aod is None:
+        return scene
+    from openswim.optics.chosen import with_aerosol
+
+    place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
+    return with_aerosol(scene, request.aerosol, request.aod, time, place)
 
 
 def sun_of(text: str | None) -> dict[str, Any]:
@@ -242,6 +271,9 @@ def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
 def report(image: "xr.Dataset") -> None:
     """Print what the image says of itself: the sun, and the irradiance at the observer."""
     attributes = image.attrs
+    weather, light = attributes.get("valid_time"), attributes.get("light_time")
+    if weather and light and weather != light:
+        click.echo(f"note: weather of {weather}, light of {light}: clouds do not move between them", err=True)
     if "sun_altitude_deg" in attributes:
         click.echo(
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
@@ -258,6 +290,9 @@ def report(image: "xr.Dataset") -> None:
         click.echo(
             f"paths: {attributes['paths_per_pixel']} a pixel, mean error {attributes['mean_error_percent']:.2g} %{cut}"
         )
+    if "aerosol_optical_depth_550nm" in attributes:
+        depth = float(attributes["aerosol_optical_depth_550nm"])
+        click.echo(f"aerosol: optical depth {depth:.3g} at 550 nm above the observer's ground")
     line = irradiance_line(image)
     if line:
         click.echo(line)

@@ -14,14 +14,15 @@ def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
     """What is known of a rendered image, by name: view, place, time, sun, irradiance and so on.
 
     Read from the attributes view, view_azimuth_deg, view_altitude_deg, field_of_view_deg; latitude, longitude or
-    x_m, y_m; height_m, height_above; time; sun_altitude_deg, sun_azimuth_deg; global_, direct_ and
-    diffuse_horizontal_irradiance_w_m2; source; solver.  What the image lacks is left out.
+    x_m, y_m; height_m, height_above; valid_time of the weather, light_time of the sun; sun_altitude_deg,
+    sun_azimuth_deg; global_, direct_ and diffuse_horizontal_irradiance_w_m2; source; solver.  What the image lacks is
+    left out.
     """
     attrs = image.attrs
     found = {
         "View": _view(attrs),
         "Place": _place(attrs),
-        "Time": f"{str(attrs['time'])[:19].replace('T', ' ')} UTC" if attrs.get("time") else "",
+        **_times(attrs),
         "Sun": _sun(attrs),
         "Irradiance": _irradiance(attrs),
         "Source": str(attrs.get("source", "")),
@@ -59,6 +60,18 @@ def _height(attrs: dict[Any, Any]) -> str:
     return (
         f", {height / 1000:,.0f} km above {above}" if height >= 20_000 else f", {height:.0f} m above {above}"
     )
+
+
+def _times(attrs: dict[Any, Any]) -> dict[str, str]:
+    """When it was: one time, or that of the weather and that of the light where the sun is another time's."""
+    weather, light = (str(attrs.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
+    if weather == light or not weather:
+        return {"Time": f"{light} UTC" if light else ""}
+    if not light:
+        return {"Weather": f"{weather} UTC", "Light": "sun placed by hand"}
+    hours = (np.datetime64(light) - np.datetime64(weather)) / np.timedelta64(1, "h")
+    apart = f"{abs(hours):.3g} h" if abs(hours) < 48 else f"{abs(hours) / 24:.3g} days"
+    return {"Weather": f"{weather} UTC", "Light": f"{light} UTC, {apart} {'later' if hours > 0 else 'earlier'}"}
 
 
 def _sun(attrs: dict[Any, Any]) -> str:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -76,20 +77,21 @@ def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> N
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    drawn = Image.fromarray(picture)
+    drawn, encoded = Image.fromarray(picture), BytesIO()  # Pillow's own writer does not tell of a full disk
     description = "; ".join(f"{key}: {value}" for key, value in entries.items())
     suffix = path.suffix.lower()
     if suffix == ".png":
         text = PngInfo()
         for key, value in {"Software": "OpenSWIm", "Description": description, **entries}.items():
             text.add_itxt(key, value)
-        drawn.save(path, pnginfo=text)
+        drawn.save(encoded, "PNG", pnginfo=text)
     elif suffix in (".jpg", ".jpeg"):
         exif = Image.Exif()
         exif[270], exif[305] = description, "OpenSWIm"  # ImageDescription, Software
-        drawn.save(path, quality=95, subsampling=0, exif=exif)
+        drawn.save(encoded, "JPEG", quality=95, subsampling=0, exif=exif)
     else:
-        drawn.save(path, compression="tiff_deflate", tiffinfo={270: description, 305: "OpenSWIm"})
+        drawn.save(encoded, "TIFF", compression="tiff_deflate", tiffinfo={270: description, 305: "OpenSWIm"})
+    path.write_bytes(encoded.getbuffer())
 
 
 def _write_netcdf(image: xr.Dataset, path: Path) -> None:

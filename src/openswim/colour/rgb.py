@@ -29,9 +29,10 @@ BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.03
 
 MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
 HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shoulder takes 1.1 to .849
-# 13 stops more than by day, as f/1.8, ISO 3200 and 1/30 s by hand give: clear skies show their twilight until the sun
-# is at -8 degrees, a dim one at -10, none at -13
-MOST_EXPOSURE = 1e4
+# Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
+# what it goes to falls from a third of white to less than a tenth
+DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
+MOST_EXPOSURE = 1e9
 SHOULDER = 0.5  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
@@ -95,9 +96,9 @@ def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
     """The factor from L' to display light that a photographer would choose.
 
     The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts:
-    their 98th percentile stays at 1.1, which the shoulder brings below white; at night the factor ends at 1e4, and
-    the picture is dark.  Pixels outside the image, black
-    space (below .2 % of the bright parts) and the sun's disc do not count.
+    their 98th percentile stays at 1.1, which the shoulder brings below white.  At night it goes to less than a
+    tenth, as from a tripod.  Pixels outside the image, black space (below .2 % of the bright parts) and the sun's
+    disc do not count.
     """
     data = solar_relative(image)
     pixels = data.size / data.sizes["wavelength"]
@@ -110,7 +111,9 @@ def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
     bright = np.percentile(valid, 98.0)
     scene = valid[(valid > 0.002 * bright) & (valid < 30 * bright)]
     typical = np.exp(np.log(scene).mean())
-    return float(min(MIDDLE / typical, HIGHLIGHT / np.percentile(scene, 98.0), MOST_EXPOSURE))
+    late = np.clip(np.log(DUSK / typical) / np.log(DUSK / NIGHT), 0, 1)
+    middle = MIDDLE * (NIGHT_MIDDLE / MIDDLE) ** late
+    return float(min(middle / typical, HIGHLIGHT / np.percentile(scene, 98.0), MOST_EXPOSURE))
 
 
 def to_rgb(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_WATER_CM, WATER_SCALE_M = 1.5, 2000.0
+LONGEST_NODE_NM = 700.0
 AEROSOL_ANGSTROM = 1.3  # where a single wavelength cannot tell
 AEROSOL_ALBEDO = 0.93
 AEROSOL_FORWARD = 0.75  # share of its scattered light that aerosol sends down, Rayleigh air sending 1/2
@@ -57,16 +58,27 @@ class _Sky:
         return ozone_optical_depth(wavelength_nm, self.ozone_cm) * self.airmass
 
 
-def gases_above(atmosphere: Atmosphere | None, height_m: float) -> dict[str, float]:
-    """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone, and precipitable water as
-    of the US standard, 1.5 cm that thin with a scale height of 2 km. None of each without an atmosphere."""
+def gases_above(
+    atmosphere: Atmosphere | None, height_m: float, water_vapour_cm: float | None = None
+) -> dict[str, float]:
+    """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone and precipitable water.
+
+    water_vapour_cm: the precipitable water above that height; None: that of the US standard, 1.5 cm at sea level that
+    thin with a scale height of 2 km. None of each without an atmosphere.
+    """
     if atmosphere is None:
         return {"water_vapour_cm": 0.0, "ozone_du": 0.0, "pressure_pa": 0.0}
+    standard = SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M))
     return {
-        "water_vapour_cm": SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M)),
+        "water_vapour_cm": standard if water_vapour_cm is None else water_vapour_cm,
         "ozone_du": atmosphere.ozone_column_du(height_m),
         "pressure_pa": float(atmosphere.at(height_m)[0]),
     }
+
+
+def vapour_left(height_above_ground_m: float) -> float:
+    """Share of the precipitable water above the ground that is above a height over it."""
+    return float(np.exp(-max(height_above_ground_m, 0.0) / WATER_SCALE_M))
 
 
 def broadband(
@@ -78,17 +90,23 @@ def broadband(
     water_vapour_cm: float = SEA_LEVEL_WATER_CM,
     ozone_du: float = 300.0,
     pressure_pa: float = SEA_LEVEL_PA,
+    visible: float | None = None,
 ) -> Broadband:
     """Broadband irradiance from the beam's transmittance and the diffuse horizontal light over E_TOA, (nwl,).
 
-    Both include ozone, as the model's clear sky does.  `water_vapour_cm` is the precipitable water,
+    Both include ozone, as the model's clear sky does.  `visible` is the share of the sun's disc in sight, toward
+    which the transmittance is (all of it by default, above the horizon).  `water_vapour_cm` is the precipitable water,
     `pressure_pa` that of the air at the plane (`gases_above` tells them).  Global irradiance agrees with the
     spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
     is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength
     instead of three adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological
-    one, which lifts the visible share of the light by 8 % under overcast.
+    one, which lifts the visible share of the light by 8 % under overcast.  Wavelengths beyond 700 nm, which meet bands
+    of gases, are left out; where there are no others nothing is known (NaN).
     """
     order = np.argsort(wavelengths_nm)
+    order = order[np.asarray(wavelengths_nm, dtype=float)[order] <= LONGEST_NODE_NM]
+    if order.size == 0:
+        return Broadband(np.nan, np.nan, np.nan, np.nan)
     nodes = np.asarray(wavelengths_nm, dtype=float)[order]
     sine = float(np.sin(np.radians(sun_altitude_deg)))
     sky = _Sky(max(sine, 0.02), airmass(sun_altitude_deg), pressure_pa / SEA_LEVEL_PA, ozone_du / 1000)
@@ -101,7 +119,7 @@ def broadband(
     depth = -np.log(np.clip(np.asarray(direct_transmittance, dtype=float)[order], 1e-60, None))
     excess = depth - sky.rayleigh(nodes) - sky.ozone(nodes)
     beam = np.exp(-sky.rayleigh(wavelength) - _excess_beyond(wavelength, nodes, excess))
-    normal = float(energy @ (beam * gases)) * (sine > 0)
+    normal = float(energy @ (beam * gases)) * float(sine > 0 if visible is None else visible)
 
     scattered = np.asarray(relative_diffuse, dtype=float)[order] * np.exp(sky.ozone(nodes))
     clear, cloud = _diffuse(wavelength, nodes, scattered, excess, sky)

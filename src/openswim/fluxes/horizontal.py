@@ -106,13 +106,14 @@ def spectral_irradiance(
     """Global, direct and diffuse horizontal, and direct normal spectral irradiance, W m-2 nm-1 (wavelength).
 
     `radiance` (n, nwl): solar-relative radiance L' of the sky in the quadrature's directions, without the
-    sun's disc; `direct_transmittance` (nwl,): of the beam from space to the plane.  E = E_TOA / (4 pi) sum w
+    sun's disc; `direct_transmittance` (nwl,): of the beam from space to the plane, 0 where ground hides the
+    sun.  E = E_TOA / (4 pi) sum w
     L' sin h (Albers et al. 2020, Eq. 2 and Sect. 3.1).  `relative_*` are the same over E_TOA.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, dtype=float))
     sine = np.sin(np.radians(quadrature.altitude_deg))
     diffuse = (quadrature.solid_angle_sr * sine) @ np.asarray(radiance, dtype=float) / (4 * np.pi)
-    direct = np.asarray(direct_transmittance, dtype=float) * (sun_altitude_deg > 0)
+    direct = np.asarray(direct_transmittance, dtype=float)
     horizontal = direct * max(np.sin(np.radians(sun_altitude_deg)), 0.0)
     top = solar_irradiance(wavelengths) / distance_au**2
     result = xr.Dataset(coords={"wavelength": ("wavelength", wavelengths, {"units": "nm"})})

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.inputs import check_ordinary
 from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.interpolation import corners
 
@@ -218,14 +219,16 @@ def _opened(path: Path) -> Any:
         raise UserError(f"{path}: reading GeoTIFF needs rasterio: pip install 'openswim[geotiff]'") from None
     import warnings
 
-    if not path.exists():
-        raise UserError(f"{path}: no such file")
+    check_ordinary(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            return rasterio.open(path)
+            file = rasterio.open(path)
     except rasterio.errors.RasterioError as error:
         raise UserError(f"{path}: not an image that GDAL can read ({_first_line(error)})") from None
+    if not file.count:
+        raise UserError(f"{path}: no image, but several or none within: give a GeoTIFF (gdal_translate)")
+    return file
 
 
 def _georeference(path: Path, file: Any) -> tuple[Any, Affine]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
 from openswim.ground.sample import SurfaceSample
+from openswim.scene.aerosol import central_ground_m
 from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
 from openswim.scene.scene import Scene
@@ -105,6 +107,22 @@ class SceneSurface:
 def surface_of(scene: Scene, wavelengths_nm: ArrayLike) -> SceneSurface:
     """The ground of a scene and of the wider ones around it."""
     return SceneSurface(scene, np.atleast_1d(np.asarray(wavelengths_nm, float)))
+
+
+def settled(scene: Scene) -> Scene:
+    """The scene, and the wider ones around it, with a background aerosol that counts from the ground of the place."""
+    if scene.atmosphere is None or scene.atmosphere.above_ground(0.0) is scene.atmosphere:
+        return scene
+    terrain = surface_of(scene, 550.0).terrain_m
+    spacing = (1.0, 1.0) if scene.grid is None else scene.grid.spacing_m()
+    return _above_ground(scene, central_ground_m(terrain, spacing))
+
+
+def _above_ground(scene: Scene, ground_m: float) -> Scene:
+    out = copy(scene)
+    out.atmosphere = None if scene.atmosphere is None else scene.atmosphere.above_ground(ground_m)
+    out.wider = scene.wider and _above_ground(scene.wider, ground_m)
+    return out
 
 
 def _ground_of(scene: Scene, rows: slice, columns: slice) -> Scene:

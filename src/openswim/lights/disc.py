@@ -17,6 +17,7 @@ _PIXEL_SIGMA = (
     1.2  # width of the pixel's Gaussian in half-pixels: a sum over any pixel grid is then right to .3 %
 )
 _REACH = 5.0  # the Gaussian ends at so many sigma
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 def _polynomial(wavelength_nm: np.ndarray) -> np.ndarray:
@@ -47,6 +48,21 @@ def disc_profile(r_over_radius: float | np.ndarray, wavelength_nm: float | np.nd
     powers = mu[..., None] ** np.arange(6) * (radius <= 1.0)[..., None]
     mean = 2.0 / (np.arange(6) + 2.0) @ coefficients  # 2 int_0^1 mu^k mu dmu
     return (powers @ (coefficients / mean)).reshape(radius.shape + wavelength.shape)
+
+
+def disc_points(count: int, wavelengths_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 2) on the disc in its radii, right and up, and the share (n, nwl) of its light that each stands for.
+
+    Each stands for as much of the disc, and no two are equally high: above any height there lies the share of
+    the light that is there, within 1/n.  Shares sum to 1 exactly.
+    """
+    table = np.linspace(-1.0, 1.0, 20_001)
+    below = 0.5 + (table * np.sqrt(1 - table**2) + np.arcsin(table)) / np.pi
+    number = np.arange(count)
+    up = np.interp((number + 0.5) / count, below, table)
+    right = (2 * ((0.5 + number * _GOLDEN) % 1.0) - 1) * np.sqrt(1 - up**2)
+    share = disc_profile(np.hypot(right, up), np.atleast_1d(wavelengths_nm))
+    return np.stack([right, up], axis=-1), share / share.sum(axis=0)
 
 
 def _scaled_bessel(x: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.times import Time, parse_time
@@ -43,6 +44,24 @@ def skyfield_time(time: Time) -> Any:
     t: datetime = stamp.astype(datetime)
     calendar = timescale().ut1 if stamp < FIRST_LEAP_SECONDS else timescale().utc
     return calendar(t.year, t.month, t.day, t.hour, t.minute, t.second + t.microsecond * 1e-6)
+
+
+def skyfield_times(times: NDArray[np.datetime64]) -> Any:
+    """`times` (n,), UTC, as `skyfield_time` has one."""
+    stamps = np.asarray(times).astype("datetime64[ms]")
+    if not ((stamps >= FIRST_TIME) & (stamps < LAST_TIME)).all():
+        raise UserError("times outside the ephemeris: give times from 1900-01-01 to 2053-10-08")
+    if stamps.size and stamps.min() < FIRST_LEAP_SECONDS <= stamps.max():
+        raise UserError("times before and after 1972 in one series: divide it there")
+    day = stamps.astype("datetime64[D]")
+    month = day.astype("datetime64[M]")
+    seconds = (stamps - day) / np.timedelta64(1, "s")
+    early = stamps.size and stamps.min() < FIRST_LEAP_SECONDS
+    calendar = timescale().ut1 if early else timescale().utc
+    year = month.astype("datetime64[Y]")
+    return calendar(
+        year.astype(int) + 1970, (month - year).astype(int) + 1, (day - month).astype(int) + 1, 0, 0, seconds
+    )
 
 
 def observer(lat: float, lon: float, height_m: float = 0.0) -> Any:

@@ -28,6 +28,7 @@ class Moon:
     azimuth_deg: float  # clockwise from north
     refracted_altitude_deg: float
     distance_km: float
+    sun_distance_au: float  # of the moon from the sun
     angular_radius_deg: float
     phase_angle_deg: float  # at the moon, from sun to observer: 0 full, 180 new
     illuminated: float  # share of the disc
@@ -51,7 +52,8 @@ def moon_position(time: Time, lat: float, lon: float, height_m: float = 0.0) -> 
     then = t.tdb - moon.light_time
     from_moon = -_unit(moon.position.km)
     at_moon = bodies()["moon"].at(t.ts.tdb_jd(then))
-    sun_of_moon = _unit(at_moon.observe(bodies()["sun"]).position.km)
+    sun_at_moon = at_moon.observe(bodies()["sun"]).position
+    sun_of_moon = _unit(sun_at_moon.km)
     axes = moon_axes(then)
     phase = np.arctan2(np.linalg.norm(np.cross(from_moon, sun_of_moon)), from_moon @ sun_of_moon)
     return Moon(
@@ -59,6 +61,7 @@ def moon_position(time: Time, lat: float, lon: float, height_m: float = 0.0) -> 
         azimuth_deg=float(azimuth.degrees),
         refracted_altitude_deg=float(refracted_altitude_deg(altitude.degrees, standard_pressure_pa(height_m))),
         distance_km=float(distance.km),
+        sun_distance_au=float(np.linalg.norm(sun_at_moon.au)),
         angular_radius_deg=float(np.degrees(np.arcsin(MOON_RADIUS_KM / distance.km))),
         phase_angle_deg=float(np.degrees(phase)),
         illuminated=float((1 + np.cos(phase)) / 2),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.scene.atmosphere import AerosolProfile
+from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.optics import Optics
 from openswim.scene.phase import AerosolPhase, AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, phases_at
 from openswim.scene.phase.tables import TABULATED, aerosol_tables
@@ -85,15 +85,19 @@ def aerosol_profile(
     name: str = "continental",
     optical_depth: float = 0.05,
     scale_height_m: float = 1500.0,
-    base_height_m: float = 0.0,
+    base_height_m: float | None = None,
+    profile: Mapping[float, float] | None = None,
 ) -> AerosolProfile:
-    """The 1-D profile of a named type, with its optical depth at 550 nm above the base."""
+    """The layer of a named type, with its optical depth at 550 nm above the base (default: the ground of the place), or
+    of a `profile` = {height above sea level in m: relative extinction}."""
     kind = aerosol_type(name)
     return AerosolProfile(
         optical_depth=optical_depth,
         angstrom_exponent=kind.angstrom_exponent,
         scale_height_m=scale_height_m,
         base_height_m=base_height_m,
+        profile=profile,
+        name=name,
         single_scattering_albedo=kind.single_scattering_albedo,
         phase=kind.phase,
     )
@@ -105,6 +109,7 @@ def described_profile(saved: Mapping[str, Any]) -> AerosolProfile:
     if (name := given.pop("aerosol_type", None)) is None:
         return AerosolProfile.from_dict(given)
     kind = aerosol_type(str(name))
+    given.setdefault("name", str(name))
     lacking = {key for key in ("angstrom_exponent", "single_scattering_albedo", "phase") if key not in given}
     return replace(AerosolProfile.from_dict(given), **{key: getattr(kind, key) for key in lacking})
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.cover import cloud_cover
 from openswim.optics.gas_bands import Terms, terms_of
+from openswim.optics.layers import ground_of_place_m
 from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
 from openswim.scene.frame import Frame, scene_frame
 from openswim.scene.grid import Grid
@@ -27,14 +28,17 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """The background air around a scene, at the terms (nwl,) that stand for wavelengths."""
+    """The background air around a scene, at the terms (nwl,) that stand for wavelengths. starlit: an even sky of L' = 1
+    shines above it."""
 
     atmosphere: Atmosphere
     terms: Terms
+    starlit: bool = False
 
     def at(self, height_m: ArrayLike) -> Background:
         """Its coefficients at heights (nz,) above sea level."""
-        return background(self.atmosphere, self.terms.nm, height_m, self.terms)
+        found = background(self.atmosphere, self.terms.nm, height_m, self.terms)
+        return replace(found, starlit=True) if self.starlit else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +71,13 @@ class Matter:
     def levels(self) -> list[Matter]:
         """This matter and that on the wider grids around it."""
         return [self] if self.wider is None else [self, *self.wider.levels]
+
+    def starlit(self) -> Matter:
+        """The same under an even sky."""
+        return replace(
+            self, air=None if self.air is None else replace(self.air, starlit=True),
+            wider=None if self.wider is None else self.wider.starlit(),
+        )  # fmt: skip
 
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
@@ -110,16 +121,25 @@ def matter_of(
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     terms = terms_of(wavelengths, any(level.atmosphere is not None for level in scene.levels))
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
-    out = None
+    out, ground_m = None, ground_of_place_m(scene)
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
         species = EachSpecies(level, terms.nm, cover, names[n] if n < len(names) else None)
+        air = None if level.atmosphere is None else Air(_with_vapour(level).above_ground(ground_m), terms)
         out = Matter(
-            frame, level.grid, terms, list(species) if keep else species, cover,
-            None if level.atmosphere is None else Air(level.atmosphere, terms), _highest_m(level), level.cut, out,
+            frame, level.grid, terms, list(species) if keep else species, cover, air, _highest_m(level), level.cut, out,
         )  # fmt: skip
     assert out is not None
     return out
+
+
+def _with_vapour(scene: Scene) -> Atmosphere:
+    """The scene's atmosphere, with the mean of its precipitable water where it has no profile of vapour."""
+    assert scene.atmosphere is not None
+    if scene.atmosphere.vapour_kg_m3 is not None or "precipitable_water" not in scene.data:
+        return scene.atmosphere
+    ground_m = float(np.nanmean(scene.data["surface_altitude"])) if "surface_altitude" in scene.data else 0.0
+    return scene.atmosphere.with_precipitable_water(0.1 * float(np.nanmean(scene.data["precipitable_water"])), ground_m)
 
 
 def _highest_m(scene: Scene) -> float:

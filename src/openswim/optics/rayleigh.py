@@ -26,6 +26,13 @@ def depolarisation_factor(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
     return 6 * (king - 1) / (3 + 7 * king)
 
 
+def refractivity(wavelength_nm: ArrayLike, co2_ppm: float = CO2_PPM) -> NDArray[np.float64]:
+    """n - 1 of dry air at 288.15 K, 1013.25 hPa (Bodhaine et al. 1999, Eqs 18 and 19)."""
+    inverse_square = (np.asarray(wavelength_nm, float) / 1e3) ** -2
+    of_300_ppm = 8060.51 + 2480990.0 / (132.274 - inverse_square) + 17455.7 / (39.32957 - inverse_square)
+    return np.asarray(of_300_ppm * 1e-8 * (1 + 0.54 * (co2_ppm * 1e-6 - 3e-4)))
+
+
 def rayleigh_cross_section_m2(wavelength_nm: ArrayLike, co2_ppm: float = CO2_PPM) -> NDArray[np.float64]:
     """Scattering cross section per molecule of dry air, m2 (Bodhaine et al. 1999, Eqs 18, 19, 22); 250-1000
     nm.
@@ -33,9 +40,7 @@ def rayleigh_cross_section_m2(wavelength_nm: ArrayLike, co2_ppm: float = CO2_PPM
     About 0.1 % over the range. Optical depths .2209/.0999/.0615 at 450/546/615 nm and 1013.25 hPa.
     """
     wavelength_um = np.asarray(wavelength_nm, float) / 1e3
-    inverse_square = wavelength_um**-2
-    refractivity = 8060.51 + 2480990.0 / (132.274 - inverse_square) + 17455.7 / (39.32957 - inverse_square)
-    index_squared = (1 + refractivity * 1e-8 * (1 + 0.54 * (co2_ppm * 1e-6 - 3e-4))) ** 2
+    index_squared = (1 + refractivity(wavelength_nm, co2_ppm)) ** 2
     lorentz = (index_squared - 1) / (index_squared + 2)
     wavelength_m = wavelength_um * 1e-6
     strength = 24 * np.pi**3 / (wavelength_m**4 * STANDARD_NUMBER_PER_M3**2)

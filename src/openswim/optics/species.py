@@ -14,8 +14,10 @@ from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
 from openswim.optics.cover import CLOUD, cloud_cover
 from openswim.optics.gas_bands import Terms
+from openswim.optics.layers import beside_background, layers_optics
 from openswim.optics.ozone import ozone_cross_section_m2
 from openswim.optics.rayleigh import depolarisation_factor, rayleigh_scattering_per_m
+from openswim.scene.particles import relative_extinction
 from openswim.scene.phase import PhaseFunction, Rayleigh, phases_at
 
 if TYPE_CHECKING:
@@ -65,15 +67,18 @@ class OpticalSpecies:
 
 @dataclass
 class Background:
-    """Spherically symmetric air at heights `height_m` (nz,); coefficients (nwl, nz) in 1/m."""
+    """Spherically symmetric air at heights `height_m` (nz,); coefficients (nwl, nz) in 1/m. The aerosol's albedo
+    (nwl,) and phase functions are those of its whole column. starlit: see `Air`."""
 
     height_m: FloatArray
     rayleigh_per_m: FloatArray
     absorption_per_m: FloatArray
     aerosol_per_m: FloatArray
+    aerosol_scattering_per_m: FloatArray
     aerosol_albedo: FloatArray
     aerosol_phase: list[PhaseFunction]
     rayleigh_phase: PhaseFunction
+    starlit: bool = False
 
 
 def for_wavelengths(scene: Scene, wavelengths_nm: FloatArray) -> Scene:
@@ -189,17 +194,21 @@ def _aerosol(scene: Scene, wavelengths: FloatArray) -> list[OpticalSpecies]:
     extinction = _field(scene, "aerosol_extinction")
     if extinction is None:
         return []
-    profile = None if scene.atmosphere is None else scene.atmosphere.aerosol
+    layers = () if scene.atmosphere is None else scene.atmosphere.layers
+    profile = layers[0] if layers else None
     character = aerosol.type_of_profile(profile)
     own = scene.optics.get("aerosol")
-    exponent = own.angstrom_exponent if own is not None else None
-    exponent = character.angstrom_exponent if exponent is None else exponent
+    if own is not None and (own.angstrom_exponent is not None or own.relative_extinction is not None):
+        relative = relative_extinction(wavelengths, REFERENCE_NM, own.angstrom_exponent or 0.0, own.relative_extinction)
+    else:
+        spectrum = None if profile is None else profile.relative_extinction
+        relative = relative_extinction(wavelengths, REFERENCE_NM, character.angstrom_exponent, spectrum)
     return [
         OpticalSpecies(
             name="aerosol",
             kind="aerosol",
-            extinction_per_m=extinction,
-            relative_extinction=(wavelengths / REFERENCE_NM) ** -exponent,
+            extinction_per_m=beside_background(scene, "aerosol", extinction),
+            relative_extinction=relative,
             single_scattering_albedo=aerosol.spectral_albedo(character, wavelengths)
             if own is None
             else _albedo("aerosol", own, wavelengths),
@@ -216,8 +225,10 @@ def _direct(scene: Scene, name: str, wavelengths: FloatArray) -> OpticalSpecies:
     return OpticalSpecies(
         name=name,
         kind=optics.kind,
-        extinction_per_m=extinction,
-        relative_extinction=(wavelengths / REFERENCE_NM) ** -(optics.angstrom_exponent or 0.0),
+        extinction_per_m=beside_background(scene, name, extinction),
+        relative_extinction=relative_extinction(
+            wavelengths, REFERENCE_NM, optics.angstrom_exponent or 0.0, optics.relative_extinction
+        ),
         single_scattering_albedo=_albedo(name, optics, wavelengths),
         phase=phases_at(optics.phase, wavelengths),
     )
@@ -256,22 +267,21 @@ def background(
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     height = np.atleast_1d(np.asarray(height_m, float))
-    profile = None if atmosphere is None else atmosphere.aerosol
-    character = aerosol.type_of_profile(profile)
-    scattering = absorption = particles = np.zeros((wavelengths.size, height.size))
+    particles = layers_optics(() if atmosphere is None else atmosphere.layers, wavelengths, height)
+    scattering = absorption = np.zeros((wavelengths.size, height.size))
     if atmosphere is not None:
         pressure, temperature, ozone = atmosphere.at(height)
         scattering = rayleigh_scattering_per_m(wavelengths, pressure, temperature)
         absorption = np.multiply.outer(ozone_cross_section_m2(wavelengths), ozone)
         if terms is not None:
             absorption += terms.absorption_per_m(atmosphere, height)
-        particles = particles if profile is None else profile.extinction_per_m(height, wavelengths)
     return Background(
         height_m=height,
         rayleigh_per_m=scattering,
         absorption_per_m=absorption,
-        aerosol_per_m=particles,
-        aerosol_albedo=aerosol.spectral_albedo(character, wavelengths),
-        aerosol_phase=aerosol.spectral_phase(character, wavelengths),
+        aerosol_per_m=particles.extinction_per_m,
+        aerosol_scattering_per_m=particles.scattering_per_m,
+        aerosol_albedo=particles.albedo,
+        aerosol_phase=particles.phase,
         rayleigh_phase=Rayleigh(float(depolarisation_factor(float(wavelengths.mean())))),
     )

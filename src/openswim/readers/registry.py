@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from openswim.errors import UserError
-from openswim.readers.common.base import Reader, unreadable
+from openswim.readers.common.base import Reader
+from openswim.readers.common.bounds import check_path
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
@@ -20,6 +21,7 @@ def readers() -> tuple[Reader, ...]:
     from openswim.readers.cf.reader import CFReader
     from openswim.readers.grib.reader import GRIBReader
     from openswim.readers.gridded.reader import GriddedReader
+    from openswim.readers.models.aerosol_depths import AerosolDepthsReader
     from openswim.readers.models.cosp import COSPReader
     from openswim.readers.models.ifs_columns import IFSColumnsReader
     from openswim.readers.models.laps import LAPSReader
@@ -31,17 +33,16 @@ def readers() -> tuple[Reader, ...]:
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         made = entry.load()
         others.append(made() if isinstance(made, type) else made)
-    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader())
+    special = (RAMSReader(), LAPSReader(), COSPReader(), IFSColumnsReader(), LESTextReader(), AerosolDepthsReader())
     return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
 
 
 def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
     """The files by the readers that know them; one that joins parts may know some by the company they keep only."""
+    for path in paths:
+        check_path(path)
     if len(paths) == 1:
         return {_reader_of(paths[0]): list(paths)}
-    for path in paths:
-        if not path.exists():
-            raise UserError(unreadable(path))
     known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
     groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
     if not groups:
@@ -57,8 +58,6 @@ def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
 
 
 def _reader_of(path: Path) -> Reader:
-    if not path.exists():
-        raise UserError(unreadable(path))
     for reader in readers():
         if reader.detects(path):
             return reader

@@ -15,6 +15,7 @@ from openswim import arguments
 from openswim.arguments import check_kind, number, numbers, shown
 from openswim.errors import UserError
 from openswim.readers.common.base import Reader, SceneInfo, Time
+from openswim.readers.common.bounds import references_allowed
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -30,6 +31,7 @@ def open_scene(
     around: tuple[float, float] | Neighbourhood | None = None,
     radius_km: float | None = None,
     ground: Ground | None = None,
+    allow_references: bool = False,
 ) -> Scene:
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
@@ -41,6 +43,8 @@ def open_scene(
         the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
         followed on up to a hemisphere (radius_km=10000). Domains without a place on Earth are laid around it.
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
+    allow_references : follow what the files say lies in others, wherever that is, in the network too. By default
+        references of kerchunk are followed below the folder of their JSON only, and no other file points anywhere.
     """
     if ground is not None:
         from openswim.ground.maps import maps_of
@@ -49,8 +53,9 @@ def open_scene(
         maps_of(ground)  # all files now, so that what is wrong with them is known before any work is done
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)
-    groups = by_reader(paths)
-    with np.errstate(all="ignore"):  # what comes of absurd numbers is checked in the end
+    # what comes of absurd numbers is checked in the end
+    with references_allowed(allow_references), np.errstate(all="ignore"):
+        groups = by_reader(paths)
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if place is not None and scene.cut and scene.wider is None and not place.from_space:
         scene.notes.append("nothing of the domain beyond this part is seen")
@@ -60,9 +65,9 @@ def open_scene(
     return scene
 
 
-def describe(path: Paths) -> SceneInfo:
+def describe(path: Paths, allow_references: bool = False) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
-    with np.errstate(all="ignore"):
+    with references_allowed(allow_references), np.errstate(all="ignore"):
         first, *others = [each for group in by_reader(files_of(path)).items() for each in _described(*group)]
     return replace(first, others=others)
 
@@ -82,7 +87,7 @@ def files_of(path: Paths) -> list[Path]:
     """The files that a name, a pattern with * ? [ ], or a list of these stands for; each once, in order."""
     found: list[Path] = []
     for each in map(Path, arguments.paths("path", path)):
-        if each.exists() or not any(mark in str(each) for mark in "*?["):
+        if os.path.lexists(each) or not any(mark in str(each) for mark in "*?["):
             found.append(each)
             continue
         hits = sorted(Path(each.anchor or ".").glob(str(each.relative_to(each.anchor) if each.anchor else each)))

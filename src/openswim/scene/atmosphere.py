@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.scene.particles import (
-    ANGSTROM_EXPONENTS,
-    WAVELENGTHS_NM,
-    check_albedo,
-    check_number,
-    check_phase,
-)
-from openswim.scene.phase import PhaseFunction, by_wavelength, phases_from_dict
+from openswim.scene.aerosol import AerosolProfile, Layers, layers_from, layers_of
 
 TOP_M = 100_000.0
-AEROSOL_TOP_M = 30_000.0
 DOBSON_PER_M2 = 2.6868e20
-_RANGES = {  # of an aerosol's properties
-    "optical_depth": (0.0, 1e6),
-    "angstrom_exponent": ANGSTROM_EXPONENTS,
-    "scale_height_m": (1.0, 1e9),
-    "base_height_m": (-1e4, 0.99 * AEROSOL_TOP_M),
-    "reference_nm": WAVELENGTHS_NM,
-}
 
 # US Standard Atmosphere 1976, Table 4: base of each layer in geopotential km and its lapse rate in K/km.
 _LAYER_BASE_KM = np.array([0.0, 11.0, 20.0, 32.0, 47.0, 51.0, 71.0])
@@ -65,83 +50,24 @@ _VAPOUR_PPM = np.array([
 # fmt: on
 _VAPOUR_KG_PER_PPM = 18.015e-9 / 8.31446  # kg m-3 per ppm and mol m-3 of gas: times p/T
 
-
-@dataclass(frozen=True)
-class AerosolProfile:
-    """A horizontally uniform aerosol that thins exponentially with height.
-
-    Extinction is ~ exp(-(z - base) / scale height) above the base, constant below it, zero above 30 km; the
-    optical depth is that of the column above the base. `single_scattering_albedo` and `phase` are one value
-    for all wavelengths, or a mapping {wavelength_nm: value} that is interpolated; `phase=None` means HG with
-    g = .65. `openswim.optics.aerosol_profile("dust", .3)` makes one of a named type.
-    """
-
-    optical_depth: float = 0.05
-    angstrom_exponent: float = 1.3
-    scale_height_m: float = 1500.0
-    base_height_m: float = 0.0
-    single_scattering_albedo: float | Mapping[float, float] = 0.95
-    phase: PhaseFunction | Mapping[float, PhaseFunction] | None = None
-    reference_nm: float = 550.0
-
-    def __post_init__(self) -> None:
-        for name, (low, high) in _RANGES.items():
-            check_number(f"aerosol {name}", getattr(self, name), low, high)
-        check_albedo("aerosol single_scattering_albedo", self.single_scattering_albedo)
-        if self.phase is not None:
-            check_phase("aerosol phase", self.phase)
-
-    def optical_depth_at(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Column optical depth (same shape as `wavelength_nm`) by the Angstrom power law."""
-        ratio = np.asarray(wavelength_nm, float) / self.reference_nm
-        return self.optical_depth * ratio**-self.angstrom_exponent
-
-    def extinction_per_m(self, height_m: ArrayLike, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Extinction coefficient (nwl, *height shape) in 1/m at heights above sea level."""
-        z = np.asarray(height_m, float)
-        above_base = np.maximum(z - self.base_height_m, 0.0)
-        column = -self.scale_height_m * np.expm1(-(AEROSOL_TOP_M - self.base_height_m) / self.scale_height_m)
-        shape = np.where(z <= AEROSOL_TOP_M, np.exp(-above_base / self.scale_height_m), 0.0) / column
-        depth = np.atleast_1d(self.optical_depth_at(wavelength_nm))
-        return depth.reshape(depth.shape + (1,) * z.ndim) * shape
-
-    def to_dict(self) -> dict[str, Any]:
-        """A JSON-ready description; `from_dict` is its inverse."""
-        saved = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        albedo, phase = self.single_scattering_albedo, self.phase
-        if isinstance(albedo, Mapping):
-            saved["single_scattering_albedo"] = {str(wl): float(value) for wl, value in albedo.items()}
-        if isinstance(phase, Mapping):
-            saved["phase"] = {"spectral": {str(wl): p.to_dict() for wl, p in phase.items()}}
-        elif phase is not None:
-            saved["phase"] = phase.to_dict()
-        return saved
-
-    @staticmethod
-    def from_dict(saved: Mapping[str, Any]) -> AerosolProfile:
-        """The profile that `to_dict` described."""
-        kwargs = dict(saved)
-        if isinstance(albedo := kwargs.get("single_scattering_albedo"), Mapping):
-            kwargs["single_scattering_albedo"] = by_wavelength("single_scattering_albedo", albedo)
-        if saved.get("phase") is not None:
-            kwargs["phase"] = phases_from_dict(saved["phase"])
-        return AerosolProfile(**kwargs)
+_DEFAULT = AerosolProfile()
 
 
 @dataclass(frozen=True)
 class Atmosphere:
-    """Gas profiles (n,) on ascending heights above sea level, and the background aerosol (None: no
-    aerosol). Without ``vapour_kg_m3`` there is the water vapour of the US standard, 1.42 cm above sea level, which
-    counts in bands of the near infrared alone."""
+    """Gas profiles (n,) on ascending heights above sea level, and the background aerosol: a layer, a list of layers
+    that are added, or None for no aerosol. Without ``vapour_kg_m3`` there is the water vapour of the US standard, 1.42
+    cm above sea level; it counts in bands of the near infrared."""
 
     height_m: NDArray[np.float64]
     pressure_pa: NDArray[np.float64]
     temperature_k: NDArray[np.float64]
     ozone_per_m3: NDArray[np.float64]
-    aerosol: AerosolProfile | None = field(default_factory=AerosolProfile)
+    aerosol: Layers = field(default_factory=AerosolProfile)
     vapour_kg_m3: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "aerosol", layers_of(self.aerosol))
         if self.vapour_kg_m3 is not None:
             vapour = np.asarray(self.vapour_kg_m3, np.float64)
             if vapour.shape != np.shape(self.height_m) or not (np.isfinite(vapour) & (vapour >= 0)).all():
@@ -159,7 +85,7 @@ class Atmosphere:
             raise UserError("atmosphere: pressure (Pa) and temperature (K) must be positive")
 
     @staticmethod
-    def us_standard(ozone_du: float = 300.0, aerosol: AerosolProfile | None = AerosolProfile()) -> Atmosphere:
+    def us_standard(ozone_du: float = 300.0, aerosol: Layers = _DEFAULT) -> Atmosphere:
         """US Standard Atmosphere 1976 every 500 m to 100 km, its ozone scaled to a column in Dobson units.
 
         Pressure agrees with the standard's tables within 0.1 % below 86 km and 0.5 % above.
@@ -171,6 +97,35 @@ class Atmosphere:
         ozone = np.exp(np.interp(height_m / 1e3, _OZONE_KM, np.log(_OZONE_1E18_PER_M3)))
         ozone *= ozone_du * DOBSON_PER_M2 / np.trapezoid(ozone, height_m)
         return Atmosphere(height_m, pressure, temperature, ozone, aerosol)
+
+    @property
+    def layers(self) -> tuple[AerosolProfile, ...]:
+        """The layers of the background aerosol; none without."""
+        given = self.aerosol
+        return () if given is None else (given,) if isinstance(given, AerosolProfile) else tuple(given)
+
+    def aerosol_depth_at(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+        """Optical depth of all layers together (same shape as `wavelength_nm`)."""
+        none = np.zeros(np.shape(wavelength_nm))
+        return sum((layer.optical_depth_at(wavelength_nm) for layer in self.layers), none)
+
+    def with_aerosol_depth(self, optical_depth: float, wavelength_nm: float = 550.0) -> Atmosphere:
+        """The same with this much aerosol in all: each layer keeps its share; the default's kind where there is
+        none."""
+        layers = self.layers or (AerosolProfile(),)
+        depths = np.array([float(layer.optical_depth_at(wavelength_nm)) for layer in layers])
+        shares = depths / depths.sum() if depths.sum() > 0 else np.full(len(layers), 1 / len(layers))
+        changed = []
+        for layer, share in zip(layers, shares, strict=True):
+            unit = float(replace(layer, optical_depth=1.0).optical_depth_at(wavelength_nm))
+            changed.append(replace(layer, optical_depth=float(optical_depth * share / unit)))
+        return replace(self, aerosol=changed)
+
+    def above_ground(self, ground_m: float) -> Atmosphere:
+        """The same, with layers that count from the ground of the place counting from this height above sea level."""
+        if all(layer.base_height_m is not None or layer.profile is not None for layer in self.layers):
+            return self
+        return replace(self, aerosol=[layer.above_ground(ground_m) for layer in self.layers])
 
     def at(self, height_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Pressure (Pa), temperature (K) and ozone (1/m3) at any heights; all gas ends at the profile's top.
@@ -199,6 +154,11 @@ class Atmosphere:
         log_vapour = np.log(np.maximum(self.vapour_kg_m3, 1e-30))
         return np.where(z <= self.height_m[-1], np.exp(np.interp(z, self.height_m, log_vapour)), 0.0)
 
+    def with_precipitable_water(self, cm: float, above_m: float) -> Atmosphere:
+        """The same with so much water vapour above a height."""
+        own = self.precipitable_water_cm(above_m)
+        return replace(self, vapour_kg_m3=self.vapour_kg_m3_at(self.height_m) * (cm / own if own > 0 else 0.0))
+
     def precipitable_water_cm(self, above_m: float = 0.0) -> float:
         """Water vapour above a height, as the depth of its water."""
         height = np.linspace(above_m, max(above_m, 30_000.0), 601)
@@ -214,7 +174,8 @@ class Atmosphere:
         """A JSON-ready description; `from_dict` is its inverse."""
         names = ("height_m", "pressure_pa", "temperature_k", "ozone_per_m3")
         saved: dict[str, Any] = {name: getattr(self, name).tolist() for name in names}
-        saved["aerosol"] = None if self.aerosol is None else self.aerosol.to_dict()
+        layers = [layer.to_dict() for layer in self.layers]
+        saved["aerosol"] = layers[0] if len(layers) == 1 else layers or None
         if self.vapour_kg_m3 is not None:
             saved["vapour_kg_m3"] = self.vapour_kg_m3.tolist()
         return saved
@@ -222,8 +183,7 @@ class Atmosphere:
     @staticmethod
     def from_dict(saved: Mapping[str, Any]) -> Atmosphere:
         kwargs = dict(saved)
-        if kwargs.get("aerosol") is not None:
-            kwargs["aerosol"] = AerosolProfile.from_dict(kwargs["aerosol"])
+        kwargs["aerosol"] = layers_from(kwargs.get("aerosol"))
         return Atmosphere(**kwargs)
 
 

@@ -19,7 +19,7 @@ from openswim.scene.variables import DIRECT_PREFIX
 
 LAYOUT = 1
 GRID_MAPPING = "crs"
-AEROSOL = "aerosol_background"
+AEROSOL = "aerosol_background"  # and aerosol_background_2 ... for more layers
 # file variable of each gas profile, with the Atmosphere field it holds
 PROFILES = {
     "profile_height": ("height_m", {"units": "m", "standard_name": "altitude", "positive": "up"}),
@@ -73,6 +73,8 @@ def in_layout(
         }
         if own.angstrom_exponent is not None:
             data[target].attrs["angstrom_exponent"] = float(own.angstrom_exponent)
+        if own.relative_extinction is not None:
+            data[target].attrs["relative_extinction"] = _albedo_attribute(own.relative_extinction)
     data.attrs = {"Conventions": "CF-1.11", "title": "OpenSWIm scene", "openswim_layout": LAYOUT, **history}
     if grid is not None:
         data.attrs |= {"earth_radius_m": float(grid.earth_radius_m), "periodic_sides": int(grid.periodic)}
@@ -135,11 +137,14 @@ def _with_atmosphere(data: xr.Dataset, atmosphere: Atmosphere | None) -> xr.Data
     if atmosphere.vapour_kg_m3 is not None:
         said = {"units": "kg m-3", "long_name": "density of water vapour"}
         data[VAPOUR_PROFILE] = (("profile",), atmosphere.vapour_kg_m3, said)
-    if atmosphere.aerosol is not None:
-        described = {
-            key: json.dumps(value) if isinstance(value, dict) else value
-            for key, value in atmosphere.aerosol.to_dict().items()
-            if value is not None
-        }
-        data[AEROSOL] = ((), np.int32(0), {"long_name": "uniform background aerosol"} | described)
+    for number, layer in enumerate(atmosphere.layers):
+        described = {key: _attribute(value) for key, value in layer.to_dict().items()}
+        name = AEROSOL if number == 0 else f"{AEROSOL}_{number + 1}"
+        data[name] = ((), np.int32(0), {"long_name": "uniform background aerosol"} | described)
     return data
+
+
+def _attribute(value: Any) -> Any:
+    if isinstance(value, dict):
+        return json.dumps(value)
+    return int(value) if isinstance(value, bool) else value

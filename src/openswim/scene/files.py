@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-import shutil
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+_PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store
 
 
 def check_target(
@@ -33,6 +35,8 @@ def check_target(
             target.lstat()  # fails where the name is too long
         if _others_folder(target):
             raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
+        if target.is_dir():
+            _check_own(target, name)
         if target.exists() and not os.access(target, os.W_OK):
             raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
         with tempfile.TemporaryFile(dir=target.parent):
@@ -64,34 +68,48 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     check_kind("output", path, (str, os.PathLike), "give a file's name")
     target = Path(path)
-    try:
-        if _others_folder(target):
-            raise UserError(f"{target}: is a folder: choose another name")
-        workshop = Path(tempfile.mkdtemp(prefix=".openswim-", dir=target.parent))
-    except OSError as error:
-        raise UserError(
-            f"{target}: cannot be written ({error.strerror}): choose a folder that exists and that "
-            "you may write to"
-        ) from error
-    try:
-        partial = workshop / target.name
-        yield partial
-        if target.is_dir() and partial.is_dir():
-            _replace_folder(partial, target, workshop / "previous")
-        else:
-            os.replace(partial, target)
-    except (OSError, RuntimeError) as error:  # the latter is netCDF4's of a full disk
-        why = getattr(error, "strerror", None) or error
-        raise UserError(f"{target}: cannot be written ({why}): free some space or choose another folder") from error
-    finally:
-        shutil.rmtree(workshop, ignore_errors=True)
+    with ExitStack() as stack:
+        try:
+            if _others_folder(target):
+                raise UserError(f"{target}: is a folder: choose another name")
+            made = stack.enter_context(workshop(target.parent))
+        except OSError as error:
+            raise UserError(
+                f"{target}: cannot be written ({error.strerror}): choose a folder that exists and that "
+                "you may write to"
+            ) from error
+        try:
+            partial = made / target.name
+            yield partial
+            if target.is_dir() and partial.is_dir():
+                _check_own(target)
+                replace_folder(partial, target, made)
+            else:
+                _settle(partial)
+                os.replace(partial, target)
+        except (OSError, RuntimeError) as error:  # the latter is netCDF4's of a full disk
+            why = getattr(error, "strerror", None) or error
+            raise UserError(
+                f"{target}: cannot be written ({why}): free some space or choose another folder"
+            ) from error
 
 
-def _replace_folder(new: Path, target: Path, aside: Path) -> None:
-    # a folder cannot be replaced in one step
-    os.replace(target, aside)
-    try:
-        os.replace(new, target)
-    except OSError:
-        os.replace(aside, target)
-        raise
+def _settle(partial: Path) -> None:
+    """Have a file on the disk, or hear that it is full, before it gets its name."""
+    if partial.is_file():
+        file = os.open(partial, os.O_RDWR)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
+
+
+def _check_own(store: Path, name: str = "output") -> None:
+    """Raise UserError where a Zarr store holds what is none of it, and would be lost with it."""
+    for folder, _, files in os.walk(store):
+        for file in files:
+            if not _PIECE.fullmatch(file):
+                foreign = os.path.relpath(os.path.join(folder, file), store)
+                raise UserError(
+                    f"{name} {store}: holds {foreign}, which is no part of a Zarr store: move it away"
+                )

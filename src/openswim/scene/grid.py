@@ -48,6 +48,7 @@ class Grid:
         object.__setattr__(self, "height_m", _heights(self.height_m, self.y.size, self.x.size))
         check_kind("grid: periodic", self.periodic, (bool, np.bool_), "give True or False")
         object.__setattr__(self, "earth_radius_m", number("grid: earth_radius_m", self.earth_radius_m))
+        check_places(self.x, self.y, self.crs)
         if self.periodic and self.crs is not None:
             raise UserError("grid: periodic sides need a flat grid: leave out crs, or set periodic=False")
         if not 1e3 < self.earth_radius_m < 1e9:
@@ -177,6 +178,17 @@ def extent_text(grid: Grid) -> str:
     if lon.min() < -180.0:
         lon = lon + 360.0
     return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+
+
+def check_places(x: NDArray[np.float64], y: NDArray[np.float64], crs: CRS | None) -> None:
+    """UserError for ascending angles (degrees) that are no longitudes and latitudes; metres are not looked at."""
+    if crs is None or not crs.is_geographic:
+        return
+    rounding = 0.01 * (y[-1] - y[0]) / (y.size - 1)
+    if y[0] < -90.0 - rounding or y[-1] > 90.0 + rounding:
+        raise UserError(f"grid: latitudes run from {y[0]:g} to {y[-1]:g}; they must lie within -90 to 90 degrees")
+    if x[0] < -540.0 or x[-1] > 720.0:
+        raise UserError(f"grid: longitudes run from {x[0]:g} to {x[-1]:g}; give degrees within -180 to 360")
 
 
 def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from openswim.arguments import numbers, shown
 from openswim.errors import UserError
-from openswim.scene.particles import ANGSTROM_EXPONENTS, check_albedo, check_number, check_phase
+from openswim.scene.particles import (
+    ANGSTROM_EXPONENTS,
+    RELATIVE_EXTINCTIONS,
+    check_albedo,
+    check_number,
+    check_phase,
+    check_spectrum,
+)
 from openswim.scene.phase import PhaseFunction
 from openswim.scene.variables import HYDROMETEORS
 
@@ -26,6 +33,7 @@ class Optics:
     kind : "liquid", "ice", "rain", "snow", "graupel", "aerosol" or "other".
     angstrom_exponent : the field is extinction at 550 nm, and follows this power; None: the same at all wavelengths
         (of "aerosol": as the background aerosol's).
+    relative_extinction : {wavelength_nm: value} in place of the power law, where that is too coarse.
 
     `openswim.optics.aerosol_optics` makes one from the name of an aerosol type.
     """
@@ -34,6 +42,7 @@ class Optics:
     phase: PhaseFunction | Mapping[float, PhaseFunction]
     kind: str = "other"
     angstrom_exponent: float | None = None
+    relative_extinction: Mapping[float, float] | None = None
 
     def __post_init__(self) -> None:
         given = self.single_scattering_albedo
@@ -49,3 +58,5 @@ class Optics:
             raise UserError(f"optics: kind {shown(self.kind)} is unknown: choose one of {', '.join(KINDS)}")
         if self.angstrom_exponent is not None:
             check_number("optics: angstrom_exponent", self.angstrom_exponent, *ANGSTROM_EXPONENTS)
+        if self.relative_extinction is not None:
+            check_spectrum("optics: relative_extinction", self.relative_extinction, *RELATIVE_EXTINCTIONS)

@@ -20,6 +20,7 @@ from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
 from openswim.scene.optics import Optics
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
+from openswim.scene.plausible import check_plausible
 from openswim.scene.times import parse_time
 from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 
@@ -71,7 +72,8 @@ class Scene:
         if self.wider is not None:
             _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
-        self.notes = [" ".join(note.split()) for note in [*self.notes, *repairs]]
+        odd = check_plausible(self.data, self.grid)
+        self.notes = list(dict.fromkeys(" ".join(note.split()) for note in [*self.notes, *repairs, *odd]))
         self.source = " ".join(self.source.split())
         self.time = parse_time(self.time)
         direct = [
@@ -137,7 +139,7 @@ class Scene:
     @classmethod
     def from_arrays(
         cls,
-        extinction_per_m: ArrayLike | Mapping[str, ArrayLike],
+        extinction_per_m: ArrayLike | Mapping[str, ArrayLike] | None,
         x_m: ArrayLike,
         y_m: ArrayLike,
         z_m: ArrayLike,
@@ -146,8 +148,8 @@ class Scene:
         phase: PhaseFunction | Mapping[Any, Any] | None = None,
         kind: str | Mapping[str, str] = "other",
         periodic: bool = False,
-        atmosphere: Atmosphere | None = None,
-        surface_albedo: ArrayLike = 0.0,
+        atmosphere: Atmosphere | Literal["default"] | None = "default",
+        surface_albedo: ArrayLike | None = None,
         wavelength_nm: ArrayLike | None = None,
         terrain_m: ArrayLike | None = None,
         crs: CRS | str | None = None,
@@ -160,18 +162,23 @@ class Scene:
         """A scene from plain arrays.
 
         extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
-            arrays by species name (an empty dict for none). A bare array is the species "cloud".
+            arrays by species name (None for none). A bare array is the species "cloud".
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
             z_m is (nz,) or (nz, ny, nx).
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
-        surface_albedo : scalar, (ny, nx), or (ny, nx, nwl) at wavelength_nm (default 615, 546, 450 nm).
-        terrain_m : (ny, nx) height of the ground above sea level; default sea level (z = 0).
+        atmosphere : gas and aerosol; None for none. By default the US standard atmosphere where a `crs` is given, as
+            for the same fields in a file, and none in flat scenes.
+        surface_albedo : scalar, (ny, nx), or (ny, nx, nwl) at wavelength_nm (default 615, 546, 450 nm). By default
+            that of the ground map where a `crs` is given, and black in flat scenes.
+        terrain_m : (ny, nx) height of the ground above sea level. By default that of the ground map where a `crs` is
+            given, and sea level (z = 0) in flat scenes.
         place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
         fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
         """
         given = {"x_m": x_m, "y_m": y_m, "z_m": z_m}
         x, y, z = (numbers(f"scene: {name}", values) for name, values in given.items())
         grid = Grid(x, y, z, _projection(crs), earth_radius_m, periodic)
+        extinction_per_m = {} if extinction_per_m is None else extinction_per_m
         extinctions = (
             extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         )
@@ -189,11 +196,17 @@ class Scene:
         if terrain_m is not None:
             arrays["surface_altitude"] = terrain_m
         data = xr.Dataset({name: _labelled(name, values, grid) for name, values in arrays.items()})
-        data["surface_albedo"] = _albedo(surface_albedo, grid)
+        notes = _taken(grid, data, atmosphere, surface_albedo)
+        if atmosphere == "default":
+            atmosphere = Atmosphere.us_standard() if grid.curved else None
+        if surface_albedo is None and not grid.curved and "surface_albedo" not in data:
+            surface_albedo = 0.0
+        if surface_albedo is not None:
+            data["surface_albedo"] = _albedo(surface_albedo, grid)
         data = _with_wavelengths(data, wavelength_nm)
         if place is not None:
             data = data.assign_coords(dict(zip(("latitude", "longitude"), _checked_place(place), strict=True)))
-        return cls(grid, data, atmosphere, optics, time, source)
+        return cls(grid, data, atmosphere, optics, time, source, notes)
 
     @classmethod
     def clear(
@@ -205,11 +218,13 @@ class Scene:
         terrain_m: float = 0.0,
         wavelength_nm: ArrayLike | None = None,
         time: np.datetime64 | None = None,
+        water_vapour_cm: float | None = None,
     ) -> Scene:
         """A cloudless sky over level ground at a place [degrees], without a grid.
 
         surface_albedo : scalar, or (nwl,) at wavelength_nm (default 615, 546, 450 nm).
         terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
+        water_vapour_cm : precipitable water above the ground, for broadband irradiance. Default: 1.5 cm at sea level.
         """
         lat, lon = _checked_place((lat, lon))
         albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
@@ -221,6 +236,8 @@ class Scene:
                 "surface_altitude": ((), np.float32(number("scene: terrain_m", terrain_m))),
             }
         )
+        if water_vapour_cm is not None:
+            data["precipitable_water"] = ((), np.float32(10.0 * number("scene: water_vapour_cm", water_vapour_cm)))
         data = _with_wavelengths(data, wavelength_nm).assign_coords(latitude=float(lat), longitude=float(lon))
         background = Atmosphere.us_standard() if isinstance(atmosphere, str) and atmosphere == "default" else atmosphere
         return cls(None, data, background, time=time, source="clear sky")
@@ -243,6 +260,21 @@ class Scene:
         from openswim.scene.cf import save_zarr
 
         save_zarr(self.to_dataset(), path)
+
+
+def _taken(grid: Grid, data: xr.Dataset, atmosphere: Any, surface_albedo: Any) -> list[str]:
+    """What stands in for what a curved scene of arrays is not told."""
+    if not grid.curved:
+        return []
+    ground = {
+        "surface albedo": surface_albedo is not None or "surface_albedo" in data,
+        "terrain height": "surface_altitude" in data,
+        "land and water": "land_area_fraction" in data,
+    }
+    absent = [what for what, given in ground.items() if not given]
+    notes = [f"not given: {', '.join(absent)}: of the ground map"] if absent else []
+    air = "gas and aerosol background: US standard atmosphere with the default aerosol"
+    return [*notes, air] if isinstance(atmosphere, str) else notes
 
 
 def _check_wider(grid: Grid | None, wider: Grid | None) -> None:

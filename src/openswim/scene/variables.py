@@ -89,6 +89,10 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
     "air_temperature": Variable(
         "K", "air temperature", 90.0, 1200.0, "air_temperature", hint="is it in degrees Celsius?"
     ),
+    "precipitable_water": Variable(
+        "kg m-2", "water vapour in the column above the ground", 0.0, 150.0, "atmosphere_mass_content_of_water_vapor",
+        SURFACE_DIMS, clip=True, hint="is it in mm or kg m-2?",
+    ),
     "surface_altitude": Variable(
         "m", "terrain height above sea level", -1000.0, 9000.0, "surface_altitude", SURFACE_DIMS
     ),

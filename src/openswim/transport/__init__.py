@@ -1,5 +1,10 @@
 """How light travels: a sweep through the grid along one direction, and a march along an eye ray."""
 
+# ruff: noqa: E402
+from openswim.compiling import provide_cache
+
+provide_cache()  # before any kernel is defined
+
 from openswim.transport.engine.kernel_cache import drop_stale
 from openswim.transport.field import Field
 from openswim.transport.montecarlo.reference import ReferenceField

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.cameras import Rays
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import Frame, scene_frame
 from openswim.validation.metrics import agreement, score
 from openswim.validation.phases import PhaseTables
@@ -32,7 +33,7 @@ class ClearSky:
     def __init__(
         self, solver: Solver, sza_deg: float, aod550: float, albedo: float, wavelengths_nm: Array
     ) -> None:
-        aerosol = AerosolProfile(optical_depth=aod550) if aod550 > 0 else None
+        aerosol = AerosolProfile(optical_depth=aod550, base_height_m=0.0) if aod550 > 0 else None
         atmosphere = Atmosphere.us_standard(ozone_du=300.0, aerosol=aerosol)
         scene = Scene.clear(_LAT, _LON, atmosphere, surface_albedo=albedo)
         self.frame: Frame = scene_frame(scene)

@@ -11,7 +11,8 @@ from openswim.cameras import Rays
 from openswim.fluxes import broadband, gases_above, quadrature_directions, spectral_irradiance
 from openswim.lights import Sun, sun_position
 from openswim.scene import Scene
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
 from openswim.validation.metrics import score

@@ -11,7 +11,17 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.progress import Quiet, job, use
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validation import cases3d, clearsky, colours, measured, slab_tables, slabs, sunpos
+from openswim.validation import (
+    cases3d,
+    clearsky,
+    colours,
+    measured,
+    night_lights,
+    night_places,
+    slab_tables,
+    slabs,
+    sunpos,
+)
 from openswim.validation.clearsky import ClearSky
 from openswim.validation.phases import PhaseTables, is_phase_table
 from openswim.validation.reference import Reference, Row, Solver, read_reference
@@ -40,6 +50,17 @@ FAMILIES = (
     Family(sunpos.matches, sunpos.compare),
     Family(colours.matches, colours.compare),
     Family(measured.matches, measured.compare),
+    Family(night_places.is_star_table, night_places.compare_stars),
+    Family(night_places.is_planet_table, night_places.compare_planets),
+    Family(night_places.is_orientation_table, night_places.compare_orientation),
+    Family(night_places.is_solar_eclipse_table, night_places.compare_solar_eclipses),
+    Family(night_places.is_eclipse_course, night_places.compare_eclipse_course),
+    Family(night_places.is_lunar_eclipse_table, night_places.compare_lunar_eclipses),
+    Family(night_lights.is_moonlight_table, night_lights.compare_moonlight),
+    Family(night_lights.is_zodiacal_table, night_lights.compare_zodiacal),
+    Family(night_lights.is_milky_way_table, night_lights.compare_milky_way),
+    Family(night_lights.is_airglow_table, night_lights.compare_airglow),
+    Family(night_lights.is_refraction_table, night_lights.compare_refraction),
 )
 
 

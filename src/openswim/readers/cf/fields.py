@@ -16,8 +16,10 @@ from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
-from openswim.scene import Grid, Optics
-from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.readers.fields.absent import DEFAULT_AEROSOL
+from openswim.scene import Grid, Optics, plausible
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.phase import by_wavelength, phases_from_dict
@@ -27,9 +29,12 @@ DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
 _PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
 _NO_OPTICS = "attributes not as docs/scene-format.md describes"
 _GLOBAL = ("openswim_layout", "earth_radius_m", "periodic_sides", "atmosphere")
-_OPTICAL = ("phase_function", "single_scattering_albedo", "angstrom_exponent", "aerosol_type", "kind")
+_OPTICAL = (
+    "phase_function", "single_scattering_albedo", "angstrom_exponent", "relative_extinction", "aerosol_type", "kind",
+)  # fmt: skip
+_OF_LAYERS = (*AerosolProfile.__dataclass_fields__, "aerosol_type")
+_WORDS = ("aerosol_type", "name")  # attributes of layers that are no JSON
 _ALIKE = 0.75
-_GAP_M = 500.0
 _STATE = ("air_pressure", "air_temperature")
 
 
@@ -79,25 +84,28 @@ def _optics(name: str, attributes: Mapping[Any, Any]) -> Optics:
         albedo = by_wavelength("single_scattering_albedo", albedo)
     phase = _json(name, "phase_function", attributes["phase_function"])
     exponent = attributes.get("angstrom_exponent")
-    return Optics(albedo, phases_from_dict(phase), str(attributes.get("kind", "other")), exponent)
+    spectrum = attributes.get("relative_extinction")
+    if spectrum is not None:
+        spectrum = by_wavelength("relative_extinction", _json(name, "relative_extinction", spectrum))
+    return Optics(albedo, phases_from_dict(phase), str(attributes.get("kind", "other")), exponent, spectrum)
 
 
 def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
-    """A note on ground far below the lowest level."""
-    if grid is None or "surface_altitude" not in data:
+    """What a scene of these fields will say of ground far below the lowest level."""
+    if grid is None:
         return []
+    if "surface_altitude" not in data:
+        return plausible.high_bottom(grid.height_m[0], None)
     terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
-    gap_m = float(np.median(grid.height_m[0] - terrain))
-    note = f"the lowest level is {gap_m:.0f} m above the ground: nothing is known of what is between"
-    return [note] * (gap_m > _GAP_M)
+    return plausible.high_bottom(grid.height_m[0], terrain)
 
 
 def misspelt(data: xr.Dataset) -> list[str]:
     """Notes on attributes that are not used, where one of a similar name would be."""
     looked_at: list[tuple[str, Mapping[Any, Any], tuple[str, ...]]] = [("", data.attrs, _GLOBAL)]
     for name, field in data.variables.items():
-        if name == AEROSOL:
-            looked_at.append((f"{name}: ", field.attrs, (*AerosolProfile.__dataclass_fields__, "aerosol_type")))
+        if is_layer(str(name)):
+            looked_at.append((f"{name}: ", field.attrs, _OF_LAYERS))
         elif name == "aerosol_extinction" or str(name).startswith(DIRECT_PREFIX):
             looked_at.append((f"{name}: ", field.attrs, _OPTICAL))
     return [
@@ -114,20 +122,17 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
         if data.attrs["atmosphere"] != "none":
             raise UserError(f'attribute atmosphere is {data.attrs["atmosphere"]!r}: "none", or leave it out')
         return None
-    aerosol: AerosolProfile | None = None
-    if AEROSOL in data.variables:
-        known = AerosolProfile.__dataclass_fields__
-        with naming(AEROSOL), reading(AEROSOL, _NO_OPTICS):
-            described = {
-                key: value if key == "aerosol_type" else _maybe_json(AEROSOL, key, value)
-                for key, value in data[AEROSOL].attrs.items()
-                if key in known or key == "aerosol_type"
-            }
-            aerosol = described_profile(described)
+    layers = [_layer(name, data[name].attrs) for name in _layer_names(data)]
+    aerosol = layers or None
     if not any(name in data.variables for name in PROFILES):
-        given = "the file's" if aerosol is not None else "the default"
-        notes.append(f"gas and aerosol background: US standard atmosphere with {given} aerosol")
-        return Atmosphere.us_standard() if aerosol is None else Atmosphere.us_standard(aerosol=aerosol)
+        if aerosol is None:
+            notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
+            return Atmosphere.us_standard()
+        depth = sum(layer.optical_depth for layer in layers)
+        notes.append(
+            f"gas and aerosol background: US standard atmosphere with the file's aerosol, optical depth {depth:.3g}"
+        )
+        return Atmosphere.us_standard(aerosol=aerosol)
     lacking = [name for name in PROFILES if name not in data.variables]
     if lacking:
         raise UserError(
@@ -139,6 +144,27 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     if VAPOUR_PROFILE in data.variables:
         columns["vapour_kg_m3"] = _converted(VAPOUR_PROFILE, data[VAPOUR_PROFILE], "kg m-3")
     return Atmosphere(**columns, aerosol=aerosol)
+
+
+def _layer_names(data: xr.Dataset) -> list[str]:
+    """Variables that describe layers of background aerosol, in order: aerosol_background, aerosol_background_2 ..."""
+    names = [str(name) for name in data.variables if is_layer(str(name))]
+    return sorted(names, key=lambda name: (len(name), name))
+
+
+def is_layer(name: str) -> bool:
+    """Whether a variable describes a layer of background aerosol."""
+    return name == AEROSOL or name.startswith(f"{AEROSOL}_")
+
+
+def _layer(name: str, attributes: Mapping[Any, Any]) -> AerosolProfile:
+    with naming(name), reading(name, _NO_OPTICS):
+        described = {
+            key: value if key in _WORDS else _maybe_json(name, key, value)
+            for key, value in attributes.items()
+            if key in _OF_LAYERS
+        }
+        return described_profile(described)
 
 
 def _in_si(name: str, field: xr.DataArray, state: dict[str, xr.DataArray], notes: list[str]) -> xr.DataArray:

@@ -11,20 +11,21 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, misspelt, optics_of
+from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, is_layer, misspelt, optics_of
 from openswim.readers.cf.grid import grid_of, upright
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
-    check_size,
     iso,
     naming,
     pick_time,
 )
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
-from openswim.readers.fields.absent import no_ground, no_species
+from openswim.readers.common.pieces import check_clock, lost_pieces
+from openswim.readers.fields.absent import no_ground, no_sizes, no_species
 from openswim.scene import Grid, Scene
-from openswim.scene.cf import AEROSOL, GRID_MAPPING, LAYOUT, PROFILES, VAPOUR_PROFILE
+from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES, VAPOUR_PROFILE
 from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
@@ -39,7 +40,6 @@ _HELPERS = {
     "time",
     "wavelength",
     GRID_MAPPING,
-    AEROSOL,
     *PROFILES,
     VAPOUR_PROFILE,
 }
@@ -75,9 +75,15 @@ class CFReader:
                 atmosphere = atmosphere_of(data, notes)
                 optics = optics_of(data)
             if "openswim_layout" not in data.attrs:
-                notes += no_species(fields) + no_ground(fields) + high_bottom(data, grid)
+                notes += no_species(fields) + no_sizes(fields) + no_ground(fields)
+            at = {} if valid is None or "time" not in whole.dims else {"time": pick_time(path, _times(whole), time)}
+            notes += lost_pieces(path, whole, [name for name in map(str, fields.data_vars)], at)
+            if valid is not None and "time" in whole.variables:
+                notes += check_clock(path, whole, "time", valid)
             unused = [
-                str(name) for name in data.variables if not is_known(str(name)) and name not in _HELPERS
+                name
+                for name in map(str, data.variables)
+                if not (is_known(name) or is_layer(name) or name in _HELPERS)
             ]
             if unused:
                 notes.append(f"variables not used: {', '.join(unused)}")
@@ -107,7 +113,7 @@ class CFReader:
             ]
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
-                notes += no_species(data) + no_ground(data) + high_bottom(data, grid)
+                notes += no_species(data) + no_sizes(data) + no_ground(data) + high_bottom(data, grid)
             notes += misspelt(data)
             return SceneInfo.on(
                 grid,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.bounds import check_container, check_header, check_name
 from openswim.readers.common.classic import classic_length
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from openswim.scene import Grid, Scene
-
-MAX_ELEMENTS = 2_000_000_000  # of one variable at one time: 8 GB as float32
-PLAUSIBLE_ELEMENTS = 20_000_000  # up to here no file is doubted
-_VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
 
 
 @runtime_checkable
@@ -88,17 +85,25 @@ class SceneInfo:
 
 
 def open_netcdf(path: Path) -> netCDF4.Dataset:
-    """Open a netCDF file; a UserError says what it is instead, or that it is damaged."""
+    """Open a netCDF file within bounds; a UserError says what it is instead, or that it is damaged."""
     import netCDF4
 
     try:
+        check_name(path)
         needed = classic_length(path)
         if needed is not None and path.stat().st_size < needed:
             size = path.stat().st_size
             raise UserError(f"{path}: truncated: {size} of {needed} bytes: copy or download it again")
-        return netCDF4.Dataset(os.fspath(path), "r")
+        check_container(path)
+        file = netCDF4.Dataset(os.fspath(path), "r")
     except (OSError, RuntimeError, ValueError) as error:
         raise UserError(unreadable(path)) from error
+    try:
+        check_header(path, file)
+    except UserError:
+        file.close()
+        raise
+    return file
 
 
 def unreadable(path: Path) -> str:
@@ -117,36 +122,6 @@ def unreadable(path: Path) -> str:
     if magic.startswith(b"GRIB"):
         return f"{path}: damaged GRIB file: copy or download it again"
     return f"{path}: neither a netCDF file nor a Zarr folder"
-
-
-def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:
-    """Refuse a variable whose declared size could not be held in memory, before reading it."""
-    elements = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
-    if elements > MAX_ELEMENTS:
-        declared = " x ".join(map(str, shape))
-        raise UserError(
-            f"{path}: {name} declares {declared} values, more than {MAX_ELEMENTS:.0e}: damaged header, "
-            "or crop the file first"
-        )
-    if elements > PLAUSIBLE_ELEMENTS and elements > _VALUES_PER_BYTE * _packed_bytes(path):
-        declared = " x ".join(map(str, shape))
-        raise UserError(f"{path}: {name} declares {declared} values, more than the file can hold: damaged header")
-
-
-def check_sizes(path: Path, data: xr.Dataset) -> None:
-    """Refuse a file with such a variable, for readers that take all of it at once."""
-    for name in data.variables:
-        check_size(path, str(name), data[name].shape)
-
-
-def _packed_bytes(path: Path) -> float:
-    """Size of a netCDF or HDF5 file; infinite for anything else, whose data may lie elsewhere."""
-    try:
-        with path.open("rb") as file:
-            packed = file.read(4) in (b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF")
-        return path.stat().st_size if packed else np.inf
-    except OSError:
-        return np.inf
 
 
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:

@@ -15,8 +15,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size, pick_time
+from openswim.readers.common.base import pick_time
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.opening import opened, reading
+from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.common.units import conversion
 from openswim.scene.times import Time, rounded
 
@@ -37,6 +39,7 @@ class Part:
     time_dims: tuple[str, ...]
     times: Times
     elapsed: bool = False  # times count from a start that the file does not date
+    clock: str = ""  # the variable that times are read from
 
 
 class FileSet:
@@ -95,9 +98,16 @@ class FileSet:
         """A variable by its name (and number of dimensions); None where there is none."""
         return next((f for f in self if f.name == name and ndim in (None, f.ndim)), None)
 
-    def unused(self, used: set[str]) -> list[str]:
-        """Names of variables on two or more dimensions that nobody asked for."""
-        return sorted({str(f.name) for f in self if f.ndim >= 2} - used)
+    def lost(self, used: set[str]) -> list[str]:
+        """Notes on pieces of used variables, and of the clock, that a Zarr store lacks at the chosen time."""
+        notes = []
+        for part, chosen in zip(self.parts, self._chosen, strict=True):
+            if chosen is None:
+                continue
+            notes += lost_pieces(part.path, part.data, sorted(used), chosen)
+            if part.clock and self.time is not None:
+                notes += check_clock(part.path, part.data, part.clock, self.time)
+        return notes
 
 
 @contextmanager
@@ -142,10 +152,11 @@ def _part(path: Path, data: xr.Dataset) -> Part:
     origin = str(data.attrs.get("origin_time", ""))  # PALM dates its start there
     if "since" not in units and not origin[:4].isdigit():
         seconds = stamps.astype(np.float64) * _seconds_of(path, units)
-        return Part(path, data, dims, np.datetime64(0, "ms") + _milliseconds(seconds), elapsed=True)
+        return Part(path, data, dims, np.datetime64(0, "ms") + _milliseconds(seconds), True, str(clock.name))
     if "since" not in units:
         units = f"{units or 'seconds'} since {origin[:19]}"
-    return Part(path, data, dims, dates_of(path, stamps, units, str(clock.attrs.get("calendar", "standard"))))
+    times = dates_of(path, stamps, units, str(clock.attrs.get("calendar", "standard")))
+    return Part(path, data, dims, times, clock=str(clock.name))
 
 
 def _choice(part: Part, time: np.datetime64 | None) -> dict[Any, int] | None:

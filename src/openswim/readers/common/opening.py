@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,9 @@ import xarray as xr
 
 from openswim.errors import UserError
 from openswim.readers.common.base import open_netcdf, unreadable
+from openswim.readers.common.bounds import check_group, may_point_anywhere
+from openswim.readers.common.references import LEFT_OUT, References, is_references, is_remote
 from openswim.scene.files import ZARR_MARKS
-
-_LONGEST_REFERENCES = 500_000_000  # bytes of a kerchunk JSON
 
 
 @contextmanager
@@ -27,9 +27,13 @@ def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
     """
     engine, target, options = _recognised(path)
     try:
+        if engine == "zarr":
+            check_group(path, _group(target, options))
         data = xr.open_dataset(
             target, engine=engine, decode_timedelta=False, decode_times=decode, chunks=None, **options
         )
+    except UserError:
+        raise
     except Exception as error:  # the back ends raise anything on damaged files
         raise UserError(f"{path}: cannot be opened{said(error, ValueError)}: damaged, or no netCDF or Zarr") from error
     with data:
@@ -64,10 +68,18 @@ def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
         if (path / "snapshots").is_dir() and ((path / "refs").is_dir() or (path / "repo").exists()):
             return _icechunk(path)
         raise UserError(unreadable(path))
-    if _is_references(path):
+    if is_references(path):
         return _references(path)
     open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
     return "netcdf4", path, {}
+
+
+def _group(store: Any, options: dict[str, Any]) -> Any:
+    import zarr
+
+    return zarr.open_group(
+        store, mode="r", zarr_format=options.get("zarr_format"), use_consolidated=options["consolidated"] or None
+    )
 
 
 def _is_consolidated(store: Path) -> bool:
@@ -80,31 +92,26 @@ def _is_consolidated(store: Path) -> bool:
         return False
 
 
-def _is_references(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            start = file.read(4096).lstrip()
-    except OSError:
-        return False
-    return start.startswith(b"{") and any(mark in start for mark in (b'"refs"', b".zgroup", b".zarray", b".zmetadata"))
-
-
 def _references(path: Path) -> tuple[str, Any, dict[str, Any]]:
+    """A store of what the references lead to; only those that are trusted go by way of fsspec, which follows any."""
+    with suppress(ImportError):  # registers how some files' pieces are packed
+        import kerchunk.codecs  # noqa: F401
+    anywhere = may_point_anywhere()
+    if path.is_dir() and not anywhere:
+        raise UserError(f"{path}: references in Parquet may lie anywhere: {LEFT_OUT}")
+    if path.is_file() and not (anywhere and is_remote(path)):
+        from zarr.storage import MemoryStore
+
+        store = MemoryStore(References(path, anywhere), read_only=True)
+        return "zarr", store, {"consolidated": False, "zarr_format": 2}
     try:
-        import kerchunk  # noqa: F401
+        from kerchunk.utils import refs_as_store
     except ImportError as error:
-        raise UserError(f"{path}: kerchunk references: pip install 'openswim[references]'") from error
-    source: Any = os.fspath(path)
-    if path.is_file():
-        if path.stat().st_size > _LONGEST_REFERENCES:
-            raise UserError(f"{path}: references of over 500 MB: write them as Parquet")
-        try:
-            source = json.loads(path.read_text("utf-8"))
-        except (ValueError, RecursionError) as error:
-            raise UserError(f"{path}: not JSON: truncated or damaged references: write them again") from error
-        if not isinstance(source, dict) or not isinstance(source.get("refs", source), dict):
-            raise UserError(f"{path}: not kerchunk references: a JSON object of them is needed: write them again")
-    return "kerchunk", source, {}
+        raise UserError(f"{path}: such references need pip install 'openswim[references]'") from error
+    try:
+        return "zarr", refs_as_store(os.fspath(path)), {"consolidated": False, "zarr_format": 2}
+    except ImportError as error:  # of what speaks with the servers
+        raise UserError(f"{path}: {error}: pip install what it names") from error
 
 
 def _icechunk(path: Path) -> tuple[str, Any, dict[str, Any]]:

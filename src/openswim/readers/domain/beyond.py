@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from openswim.readers.domain.cutting import is_large, part_of
 from openswim.readers.domain.mesh import mesh_of
@@ -28,5 +29,7 @@ def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neig
     assert wider.grid is not None
     if math.prod(wider.grid.size_m()) >= FARTHER**2 * math.prod(scene.grid.size_m()):
         scene.wider = wider
+        if scene.atmosphere is not None and wider.atmosphere is not None:  # one background for both
+            scene.atmosphere = replace(scene.atmosphere, aerosol=wider.atmosphere.aerosol)
         scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
     return scene

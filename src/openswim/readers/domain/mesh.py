@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.grid import EARTH_RADIUS_M, EDGE, Grid, great_circle_m
+from openswim.scene.grid import EARTH_RADIUS_M, EDGE, Grid, check_places, great_circle_m
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -28,6 +28,9 @@ class Mesh:
     y: F64
     crs: CRS | None
     earth_radius_m: float = EARTH_RADIUS_M
+
+    def __post_init__(self) -> None:
+        check_places(self.x, self.y, self.crs)
 
     @property
     def shape(self) -> tuple[int, int]:

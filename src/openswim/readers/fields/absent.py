@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.aerosol import DEFAULT_DEPTH
 from openswim.scene.variables import HYDROMETEORS
 
 SNOW_COVERS_KG_M2 = 15.0  # from which on snow hides the ground: ECMWF's TESSEL
@@ -20,6 +21,7 @@ INSTEAD = {
     "surface_albedo": "surface albedo from the ground map",
     "wind_east_10m": "default wind over water",
 }
+DEFAULT_AEROSOL = f"the default aerosol (optical depth {DEFAULT_DEPTH:g} at 550 nm above the ground)"
 FLAT_INSTEAD = {"surface_altitude": "sea level", "surface_albedo": "a grey ground of albedo .15"}
 
 
@@ -27,6 +29,17 @@ def no_species(found: Container[Any]) -> list[str]:
     """Which hydrometeors there are none of among the scene's variables found in a file."""
     absent = [species for species in HYDROMETEORS if f"{species}_content" not in found]
     return [f"no {', '.join(absent)} in the file: none assumed"] if absent else []
+
+
+def no_sizes(found: Container[Any]) -> list[str]:
+    """Which hydrometeors come without a number or an effective radius among the variables found in a file."""
+    unsized = [
+        species
+        for species in HYDROMETEORS
+        if f"{species}_content" in found
+        and not any(f"{species}_{what}" in found for what in ("number", "effective_radius"))
+    ]
+    return [f"no sizes of {', '.join(unsized)}: those of their content (docs/optics.md)"] if unsized else []
 
 
 def no_ground(

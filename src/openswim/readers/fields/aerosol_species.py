@@ -1,73 +1,80 @@
-"""Aerosol species as models carry them, and how much light a gram of each takes out of a beam.
+"""Aerosol species as models carry them, and what a gram of each does to light.
 
-Mass-extinction, single-scattering albedo and asymmetry at 550 nm follow the optical models that Bozzo et al. (2020,
-GMD 13, 1007) chose for the IFS (OPAC, Dubovik et al. 2002), rounded; growth with humidity is k (1 - RH)^-gamma,
-within 25 % of theirs from 40 to 90 %. docs/models.md has the table and what it cannot do.
+Mass extinction, albedo and asymmetry by humidity and wavelength are those of the IFS (Bozzo et al. 2020, GMD 13, 1007)
+for CAMS, and our own Mie theory for GOCART. Phase functions are by Mie theory for both. The tables are made by
+tools/make_model_aerosol.py; docs/models.md has what they cannot do.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.optics.aerosol import aerosol_optics
 from openswim.scene import Optics
-from openswim.scene.atmosphere import AerosolProfile
-from openswim.scene.phase import HenyeyGreenstein
+from openswim.scene.phase import AerosolPhase, Mixture, PhaseFunction
+from openswim.scene.phase.tables import model_tables
 
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 _DAMPEST = 0.95  # growth beyond is cloud
+_AT_NM = 550.0
 
 
 @dataclass(frozen=True)
 class AerosolSpecies:
-    """Optics of one species at 550 nm.
+    """A species of a model.
 
-    extinction_m2_g: in dry air, of the mass that the model counts; growth: exponent gamma of (1 - RH)^-gamma; albedo:
-    single scattering; asymmetry; angstrom: exponent.
+    kind: what it is called in a scene, which has one field for each kind. table: its name in the tables; "" where it is
+    like one of our own types (`like`), with `extinction_m2_g` in dry air at 550 nm, which grows as (1 - RH)^-growth.
+    factor: of the table's extinction by mass.
     """
 
-    label: str
-    extinction_m2_g: float
-    growth: float
-    albedo: float
-    asymmetry: float
-    angstrom: float
+    kind: str
+    table: str = ""
+    like: str = ""
+    extinction_m2_g: float = 0.0
+    growth: float = 0.0
+    factor: float = 1.0
+
+    def mass_extinction(self, relative_humidity: F32) -> F32:
+        """Extinction at 550 nm (m2/g, shape of the humidity)."""
+        humidity = np.clip(relative_humidity, 0.0, _DAMPEST)
+        if not self.table:
+            return np.asarray(self.extinction_m2_g * (1.0 - humidity) ** np.float32(-self.growth), np.float32)
+        tables = model_tables()
+        at = int(np.flatnonzero(tables["wavelength_nm"] == _AT_NM)[0])
+        rows = tables[f"{self.table}_extinction_m2_g"][:, at] * self.factor
+        if rows.size == 1:
+            return np.full(np.shape(humidity), rows[0], np.float32)
+        return np.interp(humidity, _humidities(self.table), rows).astype(np.float32)
 
 
-def _s(
-    label: str, extinction: float, growth: float, albedo: float, asymmetry: float, angstrom: float
-) -> AerosolSpecies:
-    return AerosolSpecies(label, extinction, growth, albedo, asymmetry, angstrom)
+def _s(kind: str, table: str) -> AerosolSpecies:
+    return AerosolSpecies(kind, table)
 
 
-_DUST_FINE = _s("dust", 2.5, 0.0, 0.985, 0.66, 0.0)
-_DUST_MIDDLE = _s("dust", 0.94, 0.0, 0.96, 0.63, -0.3)
-_DUST_COARSE = _s("dust", 0.41, 0.0, 0.93, 0.76, 0.0)
-_SALT_FINE = _s("sea salt", 1.36, 0.70, 1.0, 0.78, 1.4)  # these three per mass at 80 % humidity, as CAMS counts it
-_SALT_MIDDLE = _s("sea salt", 0.22, 0.48, 1.0, 0.81, -0.1)
-_SALT_COARSE = _s("sea salt", 0.060, 0.50, 1.0, 0.85, 0.0)
-_ORGANIC = _s("organic matter", 3.0, 0.43, 0.94, 0.67, 1.5)
-_ORGANIC_DRY = _s("organic matter", 3.3, 0.0, 0.91, 0.63, 1.55)
-_SOOT = _s("black carbon", 9.4, 0.0, 0.21, 0.33, 1.3)
-_SULPHATE = _s("sulphate", 4.1, 0.59, 1.0, 0.69, 1.7)
-_NITRATE = _s("nitrate", 3.5, 0.49, 1.0, 0.66, 1.6)
-_NITRATE_COARSE = _s("nitrate", 0.25, 0.44, 1.0, 0.84, 0.0)
-_AMMONIUM = _s("ammonium", 3.0, 0.59, 1.0, 0.69, 1.7)
-SMOKE = _s("smoke", 4.5, 0.2, 0.92, 0.63, 1.8)  # Reid et al. 2005 (ACP 5, 827): fresh to aged biomass smoke
-FINE_PARTICLES = _s("fine particles", 4.0, 0.35, 0.94, 0.65, 1.5)  # PM2.5 of mixed origin
+SMOKE = AerosolSpecies("smoke", like="smoke", extinction_m2_g=4.5, growth=0.2)  # Reid et al. 2005 (ACP 5, 827)
+DRY_SMOKE = AerosolSpecies("smoke", like="smoke", extinction_m2_g=4.5)
+FINE_PARTICLES = AerosolSpecies("fine_particles", like="continental", extinction_m2_g=4.0, growth=0.35)  # PM2.5
+_ORGANIC, _ORGANIC_DRY = _s("organic_matter", "organic"), _s("organic_matter", "organic_dry")
+_SOOT, _SULPHATE = _s("black_carbon", "black_carbon"), _s("sulphate", "sulphate")
+_AMMONIUM = AerosolSpecies("sulphate", "sulphate", factor=0.727)  # its mass in ammonium sulphate, as the IFS has it
+_NITRATE, _NITRATE_COARSE = _s("nitrate", "nitrate_1"), _s("nitrate", "nitrate_2")
 
 
 SPECIES: dict[str, AerosolSpecies] = {
-    # CAMS (ECMWF short names)
-    "aermr01": _SALT_FINE,
-    "aermr02": _SALT_MIDDLE,
-    "aermr03": _SALT_COARSE,
-    "aermr04": _DUST_FINE,
-    "aermr05": _DUST_MIDDLE,
-    "aermr06": _DUST_COARSE,
+    # CAMS (ECMWF short names); salt by its mass at 80 % humidity
+    "aermr01": _s("sea_salt", "sea_salt_1"),
+    "aermr02": _s("sea_salt", "sea_salt_2"),
+    "aermr03": _s("sea_salt", "sea_salt_3"),
+    "aermr04": _s("dust", "dust_1"),
+    "aermr05": _s("dust", "dust_2"),
+    "aermr06": _s("dust", "dust_3"),
     "aermr07": _ORGANIC,
     "aermr08": _ORGANIC_DRY,
     "aermr09": _SOOT,
@@ -79,17 +86,9 @@ SPECIES: dict[str, AerosolSpecies] = {
     "aermr19": _ORGANIC,
     "aermr20": _ORGANIC,
     # MERRA-2 and GEOS (GOCART): dust of .1-1, 1-1.8, 1.8-3, 3-6, 6-10 um, dry salt of .03-.1, .1-.5, .5-1.5, 1.5-5,
-    # 5-10 um; where OPAC has no such bin, 3 Q/(4 density radius) with Q = 2.3
-    "DU001": _s("dust", 1.9, 0.0, 0.97, 0.68, 0.2),
-    "DU002": _s("dust", 0.62, 0.0, 0.94, 0.70, -0.2),
-    "DU003": _s("dust", 0.34, 0.0, 0.91, 0.77, 0.0),
-    "DU004": _s("dust", 0.17, 0.0, 0.86, 0.81, 0.0),
-    "DU005": _s("dust", 0.09, 0.0, 0.81, 0.84, 0.0),
-    "SS001": _s("sea salt", 0.9, 1.0, 1.0, 0.6, 2.0),
-    "SS002": _s("sea salt", 2.5, 0.62, 1.0, 0.75, 0.9),
-    "SS003": _s("sea salt", 0.78, 0.55, 1.0, 0.77, 0.0),
-    "SS004": _s("sea salt", 0.24, 0.55, 1.0, 0.82, 0.0),
-    "SS005": _s("sea salt", 0.10, 0.55, 1.0, 0.85, 0.0),
+    # 5-10 um
+    **{f"DU00{k}": _s("dust", f"dust_{bin}") for k, bin in enumerate("abcde", 1)},
+    **{f"SS00{k}": _s("sea_salt", f"salt_{bin}") for k, bin in enumerate("abcde", 1)},
     "SO4": _SULPHATE,
     "BCPHOBIC": _SOOT,
     "BCPHILIC": _SOOT,
@@ -100,6 +99,17 @@ SPECIES: dict[str, AerosolSpecies] = {
     "NI003": _NITRATE_COARSE,
     "NH4A": _AMMONIUM,
 }
+# Species known by their optical depth alone: what their particles are like.
+BY_DEPTH: dict[str, tuple[str, ...]] = {
+    "dust": ("dust_1", "dust_2", "dust_3"),
+    "sea_salt": ("sea_salt_1", "sea_salt_2"),
+    "organic_matter": ("organic",),
+    "black_carbon": ("black_carbon",),
+    "sulphate": ("sulphate",),
+    "nitrate": ("nitrate_1",),
+}
+_SHARES = {"dust": (0.45, 0.2, 0.35), "sea_salt": (0.6, 0.4)}  # of a bin in the optical depth, as in CAMS on average
+LIKE = {"smoke": "smoke", "aerosol": "continental", "fine_particles": "continental"}
 
 
 def species_of_name(name: str) -> AerosolSpecies | None:
@@ -107,48 +117,100 @@ def species_of_name(name: str) -> AerosolSpecies | None:
     return SPECIES.get(name) or SPECIES.get(name.lower()) or SPECIES.get(re.sub(r"_mmr$", "", name))
 
 
-def extinction_per_m(species: AerosolSpecies, mass_kg_m3: F32, relative_humidity: F32 | None) -> F32:
-    """Extinction at 550 nm [m-1] of a mass per volume of air as the model counts it."""
-    dry_g = mass_kg_m3 * np.float32(1e3 * species.extinction_m2_g)
-    if species.growth == 0.0 or relative_humidity is None:
-        return np.asarray(dry_g, np.float32)
-    humidity = np.clip(relative_humidity, 0.0, _DAMPEST)
-    return (dry_g * (1.0 - humidity) ** np.float32(-species.growth)).astype(np.float32)
+@dataclass(frozen=True)
+class AerosolPart:
+    """One species on the model's levels: extinction at 550 nm (1/m), and its mean humidity by extinction."""
 
-
-@dataclass
-class AerosolSum:
-    """Species added up: extinction at 550 nm, and what its mean particle is like."""
-
+    species: AerosolSpecies
     extinction_per_m: F32
-    albedo: float
-    asymmetry: float
-    angstrom: float
-    labels: list[str]
-
-    @property
-    def optics(self) -> Optics:
-        """What its mean particle is like."""
-        return Optics(self.albedo, HenyeyGreenstein(self.asymmetry), "aerosol")
-
-    @property
-    def instead_of_background(self) -> AerosolProfile:
-        """A background aerosol of no depth, whose exponent the field takes."""
-        return AerosolProfile(optical_depth=0.0, angstrom_exponent=self.angstrom)
+    humidity: float
 
 
-def added_up(parts: list[tuple[AerosolSpecies, F32]]) -> AerosolSum:
-    """Sum of species' extinctions; albedo weighted by extinction, asymmetry by scattering, over the domain."""
-    total: F32 = np.sum(np.stack([extinction for _, extinction in parts]), axis=0, dtype=np.float32)
-    weights = np.array([float(extinction.sum(dtype=np.float64)) for _, extinction in parts])
-    if not weights.sum() > 0:
-        weights = np.ones(len(parts))
-    albedos = np.array([species.albedo for species, _ in parts])
-    scattering = weights * albedos
-    return AerosolSum(
-        total,
-        float(np.average(albedos, weights=weights)),
-        float(np.average([species.asymmetry for species, _ in parts], weights=scattering)),
-        float(np.average([species.angstrom for species, _ in parts], weights=weights)),
-        sorted({species.label for species, _ in parts}),
-    )
+def part_of_mass(species: AerosolSpecies, mass_kg_m3: F32, relative_humidity: F32 | None) -> AerosolPart:
+    """A species by its mass per volume of air as the model counts it; without humidity it is taken as dry."""
+    humidity = np.zeros((), np.float32) if relative_humidity is None else relative_humidity
+    extinction = np.asarray(mass_kg_m3 * np.float32(1e3) * species.mass_extinction(humidity), np.float32)
+    total = float(extinction.sum(dtype=np.float64))
+    damp = np.broadcast_to(np.clip(humidity, 0.0, _DAMPEST), extinction.shape)
+    mean = float((extinction * damp).sum(dtype=np.float64)) / total if total > 0 else 0.5
+    return AerosolPart(species, extinction, mean)
+
+
+def added_up(parts: Sequence[AerosolPart]) -> tuple[dict[str, F32], dict[str, Optics]]:
+    """Extinction at 550 nm by kind, and what the particles of each kind are like together."""
+    fields: dict[str, F32] = {}
+    for part in parts:
+        kind = part.species.kind
+        fields[kind] = fields[kind] + part.extinction_per_m if kind in fields else part.extinction_per_m
+    return fields, {kind: _optics([p for p in parts if p.species.kind == kind]) for kind in fields}
+
+
+def optics_by_depth(kind: str) -> Optics:
+    """What particles of a kind are like where only their optical depth is known; at 60 % humidity."""
+    if kind in LIKE:
+        return aerosol_optics(LIKE[kind])
+    tables = BY_DEPTH[kind]
+    shares = np.array(_SHARES.get(kind, (1.0,)))
+    return _mean_optics([(table, share, 0.6) for table, share in zip(tables, shares, strict=True)])
+
+
+def _optics(parts: Sequence[AerosolPart]) -> Optics:
+    species = parts[0].species
+    if not species.table:
+        return aerosol_optics(species.like)
+    weights = np.array([float(part.extinction_per_m.sum(dtype=np.float64)) for part in parts])
+    weights = weights / weights.sum() if weights.sum() > 0 else np.full(len(parts), 1 / len(parts))
+    return _mean_optics([(p.species.table, share, p.humidity) for p, share in zip(parts, weights, strict=True)])
+
+
+def _mean_optics(bins: Sequence[tuple[str, float, float]]) -> Optics:
+    """Of bins: table, share of the extinction at 550 nm, and humidity of each."""
+    tables = model_tables()
+    wavelengths = tables["wavelength_nm"]
+    at = int(np.flatnonzero(wavelengths == _AT_NM)[0])
+    extinction, albedo = ([_at_humidity(t, w, rh) for t, _, rh in bins] for w in ("extinction_m2_g", "albedo"))
+    share = np.array([s * e / e[at] for (_, s, _), e in zip(bins, extinction, strict=True)])  # (bins, nwl)
+    total = share.sum(axis=0)
+    scattered = share * np.array(albedo)
+    phases: dict[float, PhaseFunction] = {}
+    for w, wavelength in enumerate(wavelengths.tolist()):
+        weights: dict[str, float] = {}
+        for (table, _, humidity), own in zip(bins, scattered[:, w] / scattered[:, w].sum(), strict=True):
+            for row, part in _phase_rows(table, humidity).items():
+                weights[row] = weights.get(row, 0.0) + own * part
+        rows = {row: weight for row, weight in weights.items() if weight > 1e-4}
+        named = [AerosolPhase(row, wavelength) for row in rows]
+        sums = np.array(list(rows.values())) / sum(rows.values())
+        phases[wavelength] = named[0] if len(named) == 1 else Mixture(sums.tolist(), named)
+    keys = wavelengths.tolist()
+    return Optics(
+        dict(zip(keys, np.minimum(scattered.sum(axis=0) / total, 1.0).tolist(), strict=True)), phases, "aerosol",
+        relative_extinction=dict(zip(keys, total.tolist(), strict=True)),
+    )  # fmt: skip
+
+
+def _humidities(table: str) -> F64:
+    """Of the rows of a table of a species that grows."""
+    tables = model_tables()
+    every = tables["relative_humidity"].astype(float)
+    return every if len(tables[f"{table}_extinction_m2_g"]) == every.size else every[tables["with_phase"].astype(int)]
+
+
+def _at_humidity(table: str, what: str, humidity: float) -> F64:
+    """A spectrum (nwl,) of a species."""
+    rows = np.asarray(model_tables()[f"{table}_{what}"], float)
+    if len(rows) == 1:
+        return np.asarray(rows[0])
+    return np.array([np.interp(humidity, _humidities(table), column) for column in rows.T])
+
+
+def _phase_rows(table: str, humidity: float) -> dict[str, float]:
+    """Shares of the phase functions of a species at a humidity, by name."""
+    tables = model_tables()
+    if f"{table}_log_value" in tables:
+        return {table: 1.0}
+    numbers = tables["with_phase"].astype(int)
+    position = float(np.interp(humidity, tables["relative_humidity"][numbers], np.arange(numbers.size)))
+    lower = min(int(position), numbers.size - 2)
+    part = position - lower
+    return {f"{table}_{numbers[lower]}": 1 - part, f"{table}_{numbers[lower + 1]}": part}

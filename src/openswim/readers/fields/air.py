@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -57,6 +58,19 @@ def specific_humidity_of(vapour_pa: F32, pressure_pa: F32) -> F32:
     """Of air in which vapour has a fifth of the pressure at most."""
     vapour = np.minimum(vapour_pa, 0.2 * pressure_pa)
     return np.asarray(VAPOUR_RATIO * vapour / (pressure_pa - (1 - VAPOUR_RATIO) * vapour), np.float32)
+
+
+def precipitable_water_kg_m2(
+    vapour_kg_m3: Iterable[F32], height_m: NDArray[Any], ground_m: F32 | float
+) -> F32:
+    """Column of vapour (ny, nx) above the ground, from its density on levels upward, each (ny, nx): trapezoidal between
+    them and constant below the lowest; what lies below the ground does not count."""
+    column, below, low = np.zeros(1), None, ground_m
+    for vapour, height in zip(vapour_kg_m3, height_m, strict=True):
+        high = np.maximum(height, ground_m)
+        column = column + (vapour if below is None else 0.5 * (below + vapour)) * (high - low)
+        below, low = vapour, high
+    return np.asarray(column, np.float32)
 
 
 def hydrostatic_heights_m(pressure_pa: F32, virtual_k: F32, lowest_m: F32) -> F32:

@@ -25,6 +25,15 @@ class Category:
     effective_radius_m: F32 | None = None
 
 
+def known_sizes(name: str, values: F32, notes: list[str]) -> F32:
+    """Numbers or radii of a file; what is missing or negative is unknown (zero), and a note says so."""
+    lost = ~(values >= 0)
+    if not lost.any():
+        return values
+    notes.append(f"{name}: {int(lost.sum())} of {lost.size} values are missing or negative: unknown there")
+    return np.where(lost, np.float32(0), values)
+
+
 def together(kind: str, categories: Sequence[Category]) -> tuple[F32, F32 | None]:
     """Content of all, and the effective radius with which it takes out as much light as they do one by one.
 

@@ -25,6 +25,7 @@ class Meaning:
     factor: float = 1.0
 
 
+MASS, DEPTH = "mass of ", "depth of "  # of aerosol: mixing ratio of a species; optical depth at 550 nm of a kind
 CONTENT, NUMBER, RADIUS = "content", "number", "effective_radius"
 TOTAL = "total_content"  # liquid and ice in one
 
@@ -65,6 +66,7 @@ GRIB2: dict[tuple[int, int, int], Meaning] = {
     (0, 14, 0): Meaning("ozone_column"),
     (0, 19, 1): Meaning("albedo", factor=0.01),
     (0, 20, 0): Meaning("smoke_density"),
+    (0, 20, 2): Meaning("aerosol_mass"),  # of a species: see aerosol_meaning
     (0, 20, 102): Meaning("aerosol_depth"),
     (2, 0, 0): Meaning("land"),
     (10, 2, 0): Meaning("sea_ice"),
@@ -154,13 +156,39 @@ _DWD: dict[int, Meaning] = {
     36: Meaning("snow_content", "moist"),
     39: Meaning("graupel_content", "moist"),
 }
+# CAMS, table 210: mixing ratios of species, and optical depths at 550 nm
+_CAMS: dict[int, Meaning] = {n: Meaning(f"{MASS}aermr{n:02d}", "moist") for n in range(1, 12)}
+_CAMS |= {n: Meaning(f"{MASS}aermr{k}", "moist") for n, k in ((247, 16), (248, 17), (249, 18), (252, 19), (253, 20))}
+_CAMS |= {
+    n: Meaning(DEPTH + kind)
+    for n, kind in (
+        (207, "aerosol"), (208, "sea_salt"), (209, "dust"), (210, "organic_matter"), (211, "black_carbon"),
+        (212, "sulphate"), (250, "nitrate"),
+    )
+}  # fmt: skip
 NCEP, FNMOC = 7, 58
+# GRIB2's code table 4.233, as far as models use it
+_UNUSED = ("aermr12", "aermr13", "aermr14", "aermr15")
+_AEROSOL_TYPES = {
+    62000: "aerosol", 62001: "dust", 62004: "nitrate", 62006: "sulphate", 62008: "sea_salt", 62009: "black_carbon",
+    62010: "organic_matter", 62020: "smoke", 62021: "smoke",
+}  # fmt: skip
+
+
+def aerosol_meaning(meaning: Meaning, kind: int | None, at_550: bool, short_name: str) -> Meaning | None:
+    """A GRIB2 parameter of aerosol with the type (code table 4.233), wavelength and ecCodes' name of its message."""
+    if meaning.name == "aerosol_depth":
+        return Meaning(DEPTH + _AEROSOL_TYPES[kind]) if at_550 and kind in _AEROSOL_TYPES else None
+    if meaning.name == "aerosol_mass":  # which bin of which model it is, only its name tells
+        known = short_name.startswith("aermr") and short_name[5:].isdigit() and short_name not in _UNUSED
+        return Meaning(f"{MASS}{short_name}", "moist") if known else None
+    return meaning
 
 
 def grib2_meaning(centre: int, discipline: int, category: int, number: int) -> Meaning | None:
     """What a GRIB2 parameter is; None where a scene has no use for it."""
-    if (discipline, category) == (192, 128):  # ECMWF's GRIB1 table 128, carried over
-        return _ECMWF.get(number)
+    if discipline == 192 and category in (128, 210):  # ECMWF's GRIB1 tables, carried over
+        return (_ECMWF if category == 128 else _CAMS).get(number)
     if number >= 192 or category >= 192:
         return GRIB2_LOCAL.get((centre, discipline, category, number))
     return GRIB2.get((discipline, category, number))
@@ -170,6 +198,8 @@ def grib1_meaning(centre: int, table: int, number: int) -> Meaning | None:
     """What a GRIB1 parameter is; None where a scene has no use for it."""
     if table == 128:
         return _ECMWF.get(number)
+    if table == 210:
+        return _CAMS.get(number)
     if table == 201:
         return _DWD.get(number)
     if table > 3:

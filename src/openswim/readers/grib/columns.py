@@ -26,9 +26,11 @@ from openswim.readers.fields.air import (
     virtual_temperature_k,
     without_gaps,
 )
+from openswim.readers.fields.vapour import RELATIVE, checked_humidity
 from openswim.readers.grib.codes import CONTENT
 from openswim.readers.grib.file import Field, GRIBFile
 from openswim.readers.grib.grid import GribGrid
+from openswim.scene.checks import checked_values
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -68,6 +70,20 @@ class Columns:
                 if one.name == name and one.kind in kinds and one.instant == wanted:
                     return self.read(one)
         return None
+
+    def tell_lacking(self, name: str, fields: dict[float, Field], levels: Sequence[float]) -> None:
+        """A note on levels that have a temperature, but not this quantity."""
+        lacking = [level for level in levels if level not in fields]
+        if lacking:
+            listed = ", ".join(f"{level:g}" for level in lacking[:6]) + " ..." * (len(lacking) > 6)
+            self.notes.append(f"{name} is missing on {len(lacking)} of {len(levels)} levels ({listed}): none there")
+
+    def tell_gaps(self, name: str, values: F32) -> F32:
+        """Missing values as none, with a note."""
+        gaps = int(np.isnan(values).sum())
+        if gaps:
+            self.notes.append(f"{name}: {gaps} of {values.size} values are missing (bitmap, fill or NaN): none there")
+        return np.nan_to_num(values, copy=False)
 
     def stack(self, fields: dict[float, Field], levels: Sequence[float]) -> F32:
         """(nz, ny, nx) of a quantity on these levels; NaN on those it lacks."""
@@ -136,7 +152,7 @@ def terrain_of(columns: Columns) -> F32 | None:
             potential = _lone_hybrid(columns, "geopotential")
         height = None if potential is None else potential / np.float32(GRAVITY)
     if height is not None and np.isnan(height).any():
-        height = np.where(np.isnan(height), np.float32(0), height)
+        height = columns.tell_gaps("terrain height", height)
     return height
 
 
@@ -212,13 +228,17 @@ def _humidity(columns: Columns, levels: list[float], pressure: F32 | None, tempe
         fields = columns.levels_of(name)
         if not fields:
             continue
+        columns.tell_lacking(name, fields, levels)
         found = columns.stack(fields, levels)
-        if name == "humidity_mixing_ratio":
-            found = found / (1 + found)
-        elif name == "relative_humidity":
-            found = specific_humidity_of(found * saturation_pa(temperature - np.float32(273.15)), pressure)
-        without_gaps(found)
-        return np.asarray(np.clip(found, 0.0, 0.1, out=found), np.float32)
+        lacking = sum(level not in fields for level in levels)
+        gaps = without_gaps(found) - lacking * found[0].size
+        if gaps:
+            columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+        if name == "relative_humidity":
+            found = checked_values(name, found, RELATIVE, columns.notes)
+            return specific_humidity_of(found * saturation_pa(temperature - np.float32(273.15)), pressure)
+        found = checked_humidity(name, found, temperature, pressure, columns.notes)
+        return np.asarray(found / (1 + found) if name == "humidity_mixing_ratio" else found, np.float32)
     columns.notes.append("no humidity in the file: dry air assumed for density")
     return None
 

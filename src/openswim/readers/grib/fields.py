@@ -1,6 +1,8 @@
-"""What a GRIB file's columns hold for a scene: condensate by species, smoke, and the ground."""
+"""What a GRIB file's columns hold for a scene: condensate by species, and the ground."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,23 +11,18 @@ from openswim.errors import UserError
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2
 from openswim.readers.fields.air import wind_along_axes, without_gaps
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
+from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
-from openswim.scene import Optics
-from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.variables import HYDROMETEORS
 
 F32 = NDArray[np.float32]
 
 _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
-SMOKE = "smoke: 4.5 m2/g at 550 nm, single-scattering albedo .92 (Reid et al. 2005)"
 SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
 _SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
-SMOKE_EXTINCTION_M2_KG = 4500.0  # at 550 nm: scattering and absorption of aged smoke, Reid et al. 2005, Table 3
-_DEPTH_SCALE_M = 2000.0  # of aerosol known only by its optical depth
-_SMOKE_SCALE_M = 1000.0  # of smoke known only near the ground
 
 
 def condensate(columns: Columns, air: Air) -> dict[str, F32]:
@@ -42,7 +39,7 @@ def condensate(columns: Columns, air: Air) -> dict[str, F32]:
             fields = columns.levels_of(name)
             if not fields or f"{species}_{CONTENT}" not in found:
                 continue
-            values = np.maximum(_per_volume(columns, air, name, fields), np.float32(0))
+            values = known_sizes(name, _per_volume(columns, air, name, fields), columns.notes)
             if values.any():
                 found[name] = values
     _cover(columns, air, found)
@@ -55,7 +52,8 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
     """Cloud fraction of the levels; where a file of wide cells has none, from its humidity."""
     fields = columns.levels_of("cloud_cover")
     if fields:
-        values = np.nan_to_num(columns.stack(fields, air.levels))
+        columns.tell_lacking("cloud cover", fields, air.levels)
+        values = taken(columns, "cloud cover", fields, air.levels)
         if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
             raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
         found["cloud_area_fraction"] = np.clip(values, 0, 1)
@@ -89,18 +87,21 @@ def _per_volume(columns: Columns, air: Air, name: str, fields: dict[float, Field
     if outside:
         listed = ", ".join(f"{level:g}" for level in outside)
         columns.notes.append(f"{name} on levels {listed} is left out: no temperature there")
-    lacking = [level for level in air.levels if level not in fields]
-    inner = [k for k in lacking if min(fields) < k < max(fields)]
-    if inner:
-        columns.notes.append(f"{name} is missing on {len(inner)} levels between others ({inner[0]:g} ...): none there")
-    values = columns.stack(fields, air.levels)
-    gaps = without_gaps(values) - len(lacking) * values[0].size
-    if gaps:
-        columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    columns.tell_lacking(name, fields, air.levels)
+    values = taken(columns, name, fields, air.levels)
     per = next(iter(fields.values())).meaning.per
     if name.endswith(RADIUS) or per == "volume":
         return values
     return np.multiply(values, air.dry_density_kg_m3 if per == "dry" else air.density_kg_m3, out=values)
+
+
+def taken(columns: Columns, name: str, fields: dict[float, Field], levels: Sequence[float]) -> F32:
+    """A quantity on levels, zero where it is missing; a note says where a level that the file has holds gaps."""
+    values = columns.stack(fields, levels)
+    gaps = without_gaps(values) - sum(level not in fields for level in levels) * values[0].size
+    if gaps:
+        columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    return values
 
 
 def of_both_phases(columns: Columns) -> str | None:
@@ -126,49 +127,6 @@ def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:
         columns.notes.append(SPLIT)
 
 
-def smoke(columns: Columns, air: Air) -> F32 | None:
-    """Extinction [m-1] at 550 nm by smoke on levels (HRRR-Smoke's mass density)."""
-    fields = columns.levels_of("smoke_density")
-    if not fields:
-        return None
-    values = np.nan_to_num(columns.stack(fields, air.levels), nan=0.0)
-    return _smoke_extinction(columns, values)
-
-
-def smoke_near_ground(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
-    """Extinction [m-1] at 550 nm by smoke that is known only just above the ground (HRRR-Smoke's 8-m density)."""
-    for one in columns.fields:
-        if one.name == "smoke_density" and one.kind == "height above ground":
-            values = np.nan_to_num(columns.read(one))
-            columns.notes.append(f"smoke is given at {one.level:g} m only: taken to thin upward by 1/e in 1 km")
-            return _smoke_extinction(columns, values * np.exp(-_above(height_m, terrain) / _SMOKE_SCALE_M))
-    return None
-
-
-def _smoke_extinction(columns: Columns, density: F32) -> F32:
-    columns.notes.append(SMOKE)
-    return np.asarray(np.maximum(density, 0.0) * SMOKE_EXTINCTION_M2_KG, np.float32)
-
-
-def smoke_optics() -> Optics:
-    return Optics(0.92, HenyeyGreenstein(0.62), "aerosol")
-
-
-def _above(height_m: F32, terrain: F32 | None) -> F32:
-    return np.maximum(height_m - (np.float32(0) if terrain is None else terrain), np.float32(0))
-
-
-def aerosol_from_depth(columns: Columns, height_m: F32, terrain: F32 | None) -> F32 | None:
-    """Extinction [m-1] from an optical depth at 550 nm: falls off with a scale height of 2 km above the ground."""
-    depth = columns.on_ground("aerosol_depth", ("column",))
-    if depth is None:
-        return None
-    shape = np.exp(-_above(height_m, terrain) / _DEPTH_SCALE_M)
-    column = np.trapezoid(shape, height_m, axis=0)
-    columns.notes.append("aerosol from its optical depth at 550 nm, thinning with height by 1/e in 2 km")
-    return np.asarray(np.nan_to_num(depth) * shape / column, np.float32)
-
-
 def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
     """Terrain, land, snow, ice, albedo and wind, as far as the file has them."""
     found: dict[str, F32] = {}
@@ -177,7 +135,7 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
     for name, target in (("land", "land_area_fraction"), ("sea_ice", "sea_ice_area_fraction")):
         values = columns.on_ground(name, instant=False)
         if values is not None:
-            found[target] = np.clip(np.nan_to_num(values), 0.0, 1.0)
+            found[target] = np.clip(columns.tell_gaps(target, values), 0.0, 1.0)
     snow = _snow(columns)
     if snow is not None:
         found["snow_area_fraction"] = snow
@@ -187,8 +145,12 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
             albedo = albedo * 100
         if float(albedo.min()) > 0.0:
             found["surface_albedo"] = np.clip(albedo, 0.0, 1.0)
-        else:  # a mean over hours of night
+        elif float(albedo.min()) == 0.0:  # a mean over hours of night
             columns.notes.append("albedo is zero where it was night: surface albedo from the ground map")
+        else:
+            raise UserError(f"{columns.file.path}: albedo to {float(albedo.min()):g}: damaged")
+    elif albedo is not None:
+        columns.notes.append("albedo is missing in places: surface albedo from the ground map")
     found |= _wind(columns)
     return found
 
@@ -202,7 +164,7 @@ def _snow(columns: Columns) -> F32 | None:
             values = values * 100  # a fraction, though the parameter is in percent
         if name != "snow_cover":
             columns.notes.append(f"snow covers the ground fully from {full:g} {'m' if full < 1 else 'kg m-2'} on")
-        return np.asarray(np.clip(np.nan_to_num(values) / full, 0.0, 1.0), np.float32)
+        return np.asarray(np.clip(columns.tell_gaps(name, values) / full, 0.0, 1.0), np.float32)
     return None
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.grib.codes import Meaning, grib1_meaning, grib2_meaning
+from openswim.readers.grib.codes import Meaning, aerosol_meaning, grib1_meaning, grib2_meaning
 from openswim.readers.grib.sections import Damaged, Sections, fields_in, message, packing
 
 MAX_POINTS = 100_000_000  # of one field: 800 MB, decoded
@@ -130,7 +130,7 @@ class GRIBFile:
 
     def values(self, one: Field) -> NDArray[np.float32]:
         """(points,) values of a field in SI units, in the file's order; NaN where missing."""
-        from openswim.readers.grib.unpack import is_complex, unpacked
+        from openswim.readers.grib.kernels import is_complex, unpacked
 
         packed = packing(self._data, one.sections)
         own = packed is not None and is_complex(packed[0])
@@ -234,12 +234,13 @@ class GRIBFile:
             return grib1_meaning(centre, table, number), f"{table}.{number}"
         triple = [int(get(handle, k) or 0) for k in ("discipline", "parameterCategory", "parameterNumber")]
         meaning = grib2_meaning(centre, *triple)
-        if meaning is not None and meaning.name == "aerosol_depth" and not self._is_total_550(handle):
-            meaning = None
+        if meaning is not None and meaning.name.startswith("aerosol_"):
+            kind = get(handle, "aerosolType", int) or get(handle, "constituentType", int)
+            meaning = aerosol_meaning(meaning, kind, self._at_550(handle), str(get(handle, "shortName", str)))
         return meaning, ".".join(map(str, triple))
 
-    def _is_total_550(self, handle: Any) -> bool:
-        """Whether an optical depth is that of all aerosol, at about 550 nm."""
+    def _at_550(self, handle: Any) -> bool:
+        """Whether an optical depth is at about 550 nm."""
         ends = []
         for end in ("First", "Second"):
             value = self._key(handle, f"scaledValueOf{end}Wavelength")
@@ -247,8 +248,7 @@ class GRIBFile:
             if value is None or scale is None:
                 return False
             ends.append(float(value) * 10.0 ** -float(scale))
-        kind = self._key(handle, "aerosolType", int) or self._key(handle, "constituentType", int)
-        return kind == 62000 and 530e-9 <= ends[0] <= 570e-9 and ends[1] <= 590e-9
+        return 530e-9 <= ends[0] <= 570e-9 and ends[1] <= 590e-9
 
     def _valid(self, number: int, handle: Any) -> np.datetime64:
         date, clock = self._key(handle, "validityDate"), self._key(handle, "validityTime")

@@ -23,27 +23,25 @@ from openswim.readers.common.base import (
 from openswim.readers.common.opening import reading
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import low_top, no_ground, no_species
-from openswim.readers.fields.air import with_vapour
+from openswim.readers.fields.absent import low_top, no_ground, no_sizes, no_species
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.air import precipitable_water_kg_m2, with_vapour
 from openswim.readers.fields.cover import XU_RANDALL
+from openswim.readers.grib.aerosol import aerosol, kinds
 from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
 from openswim.readers.grib.fields import (
-    SMOKE,
     SPLIT,
-    aerosol_from_depth,
     condensate,
     cover_is_guessed,
     ground,
     of_both_phases,
-    smoke,
-    smoke_near_ground,
-    smoke_optics,
 )
 from openswim.readers.grib.file import Field, GRIBFile
 from openswim.readers.grib.grid import NAMES, grid_of
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.plausible import high_bottom
 from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
@@ -79,23 +77,30 @@ class GRIBReader:
         """
         with naming(path), reading(path), GRIBFile(path) as file:
             columns, valid = _columns(file, time, around)
-            if columns.kind:
-                air = air_of(columns)
-                fields: dict[str, Any] = _on_levels(columns, air)
+            air = air_of(columns) if columns.kind else None
+            fields: dict[str, Any]
+            if air is not None:
+                fields = _on_levels(columns, air)
                 height, terrain = air.height_m, air.terrain_m
             else:
-                fields, height, terrain = _on_flat_levels(columns)
-            optics = {"aerosol": smoke_optics()} if _smoky(columns) and "aerosol_extinction" in fields else {}
-            data = labelled(fields, ground(columns, terrain))
-            columns.notes += no_species(data) + no_ground(data) + low_top(height)
-            atmosphere = _atmosphere(columns)
-            if columns.kind and air.dry_density_kg_m3 is not air.density_kg_m3:
+                fields, (height, terrain) = {}, _flat_levels(columns)
+            haze = aerosol(columns, air, height, terrain)
+            fields |= haze.fields
+            surface = ground(columns, terrain)
+            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
+                vapour = (d - dry for d, dry in zip(air.density_kg_m3, air.dry_density_kg_m3, strict=True))
+                ground_m = 0.0 if terrain is None else terrain
+                surface["precipitable_water"] = precipitable_water_kg_m2(vapour, height, ground_m)
+            data = labelled(fields, surface)
+            columns.notes += no_species(data) + no_sizes(data) + no_ground(data) + low_top(height)
+            atmosphere = _atmosphere(columns, haze, height)
+            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
                 atmosphere = with_vapour(atmosphere, height, air.density_kg_m3 - air.dry_density_kg_m3)
             return Scene(
                 columns.selection.grid(height),
                 data,
                 atmosphere,
-                optics,
+                dict(haze.optics),
                 valid,
                 f"{path.name}: {_model(columns.fields)}",
                 list(dict.fromkeys(columns.notes)),
@@ -115,23 +120,23 @@ class GRIBReader:
             if columns.kind:
                 air = air_of(middle)
                 grid = middle.selection.grid(air.height_m)
+                middle.notes += high_bottom(air.height_m[0], air.terrain_m)
                 if of_both_phases(middle) is not None:
                     present |= {"liquid", "ice"}
                     middle.notes.append(SPLIT)
                 if present & {"liquid", "ice"} and cover_is_guessed(middle, air):
                     middle.notes.append(XU_RANDALL)
-                if middle.levels_of("smoke_density"):
-                    middle.notes.append(SMOKE)
+                _atmosphere(middle, aerosol(middle, air, air.height_m, air.terrain_m), air.height_m)
             else:
-                _on_flat_levels(middle)
+                flat = _flat_levels(middle)
+                _atmosphere(middle, aerosol(middle, None, *flat), flat[0])
             columns.notes += middle.notes
             species = [s for s in HYDROMETEORS if s in present]
-            species += ["smoke"] if "smoke_density" in names else []
-            species += ["aerosol"] if any(one.name == "aerosol_depth" for one in columns.fields) else []
+            species += kinds(columns)
             levels = f", {names['temperature']} {columns.kind} levels" if columns.kind else ", no levels"
             found = set(ground(columns, terrain_of(columns)))
-            columns.notes += no_species({f"{s}_content" for s in species}) + no_ground(found)
-            _atmosphere(columns)
+            contents = {f"{s}_content" for s in species}
+            columns.notes += no_species(contents) + no_sizes(contents | set(names)) + no_ground(found)
             whole = mesh.grid()
             unused = ", ".join(f"{code} ({count})" for code, count in file.unused.most_common(8))
             if unused:
@@ -217,44 +222,25 @@ def _on_levels(columns: Columns, air: Air) -> dict[str, Any]:
     fields |= condensate(columns, air)
     if not any(name.endswith("_content") for name in fields):
         columns.notes.append("no cloud or precipitation on levels in the file: a clear sky")
-    extinction = smoke(columns, air)
-    if extinction is None:
-        extinction = aerosol_from_depth(columns, air.height_m, air.terrain_m)
-    if extinction is not None:
-        fields["aerosol_extinction"] = extinction
     return fields
 
 
-def _on_flat_levels(columns: Columns) -> tuple[dict[str, Any], NDArray[Any], NDArray[np.float32] | None]:
+def _flat_levels(columns: Columns) -> tuple[NDArray[Any], NDArray[np.float32] | None]:
     terrain = terrain_of(columns)
     low = 0.0 if terrain is None else float(np.floor(terrain.min()))
-    height = np.broadcast_to(
-        (_FLAT_LEVELS_M + low).astype(np.float32)[:, None, None], (_FLAT_LEVELS_M.size, *columns.selection.shape)
-    )
-    extinction = aerosol_from_depth(columns, height, terrain)
-    if extinction is None:
-        extinction = smoke_near_ground(columns, height, terrain)
-    fields = {} if extinction is None else {"aerosol_extinction": extinction}
-    return fields, _FLAT_LEVELS_M + low, terrain
+    return _FLAT_LEVELS_M + low, terrain
 
 
-def _smoky(columns: Columns) -> bool:
-    return any(one.name == "smoke_density" for one in columns.fields)
-
-
-def _atmosphere(columns: Columns) -> Atmosphere:
+def _atmosphere(columns: Columns, haze: Haze, height_m: NDArray[Any]) -> Atmosphere:
     column = columns.on_ground("ozone_column", ("column", "surface"))
+    ozone: dict[str, float] = {}
     if column is not None and np.isfinite(column).any():
         mean = float(np.nanmean(column))
         dobson = mean if mean > 1.0 else mean / _KG_PER_DOBSON
         if 50.0 < dobson < 700.0:
-            columns.notes.append(
-                f"gas and aerosol background: US standard atmosphere with the file's ozone, {dobson:.0f} DU, and the "
-                "default aerosol"
-            )
-            return Atmosphere.us_standard(ozone_du=dobson)
-    columns.notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-    return Atmosphere.us_standard()
+            ozone["ozone_du"] = dobson
+            columns.notes.append(f"the file's ozone, {dobson:.0f} DU")
+    return Atmosphere.us_standard(aerosol=haze.background(height_m, columns.notes), **ozone)
 
 
 def _model(fields: list[Field]) -> str:

@@ -12,12 +12,13 @@ from openswim.errors import UserError
 from openswim.readers.common.fileset import FileSet, values
 from openswim.readers.common.units import conversion
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.air import filled_from_above
+from openswim.readers.fields.gaps import Gaps
 from openswim.readers.gridded.horizontal import Horizontal, horizontal
 from openswim.readers.gridded.names import CONTENTS, RADII, STATE, Quantity, matches
 
 F32 = NDArray[np.float32]
 PER_VOLUME = ("kg m-3",)
+_STAND_INS = {name for what in ("geopotential", "geopotential_height", "thickness") for name in STATE[what].names}
 
 
 class Columns:
@@ -31,6 +32,7 @@ class Columns:
         self.nz = sample.sizes[self.z_dim]
         self.levels: NDArray[np.intp] = np.arange(self.nz)  # of the file, upward; `turn_up` orders them
         self.used: dict[str, list[str]] = {}  # what was read for what
+        self.gaps = Gaps()
 
     @property
     def path(self) -> Path:
@@ -61,10 +63,11 @@ class Columns:
         found = self.find(quantity or STATE[what])
         if found is None:
             return None
-        values = self.read(what, found, (quantity or STATE[what]).units)
-        gaps = np.isnan(values)
-        inside = gaps & ~np.logical_and.accumulate(gaps, axis=0)
-        return np.where(inside, np.float32(np.nan), filled_from_above(values))
+        return self.gaps.state(_called(found), self.read(what, found, (quantity or STATE[what]).units))
+
+    def cloud(self, what: str, found: xr.DataArray, units: str) -> F32:
+        """A variable of which clouds are made, upward, in the wanted units; none of it below the terrain."""
+        return self.gaps.cloud(_called(found), self.read(what, found, units, cloud=True))
 
     def ground(self, what: str, quantity: Quantity) -> F32 | None:
         """A quantity on the ground; None where the file lacks it or has it nowhere."""
@@ -74,17 +77,30 @@ class Columns:
         field = self.laid.read(self.path, found, quantity.units)
         if np.isnan(field).all():
             return None
-        self.used.setdefault(what, []).append(str(found.attrs.get("called", found.name)))
+        self.used.setdefault(what, []).append(_called(found))
         return field
 
     def read(self, what: str, found: xr.DataArray, units: str, cloud: bool = False) -> F32:
         """A variable on levels, upward, in the wanted units; `cloud`: none of it beyond the domain."""
-        self.used.setdefault(what, []).append(str(found.attrs.get("called", found.name)))
+        self.used.setdefault(what, []).append(_called(found))
         found = found.transpose(self.z_dim, self.laid.y_dim, self.laid.x_dim)
         levels = self.levels
         if levels.size != self.nz or not np.array_equal(levels, np.arange(self.nz)):
             return self.laid.read(self.path, found, units, cloud)[levels]
         return self.laid.read(self.path, found, units, cloud)
+
+    @property
+    def read_names(self) -> set[str]:
+        """What the file calls the variables that have been read."""
+        return {name for names in self.used.values() for each in names for name in each.split(", ")}
+
+    def unused(self) -> list[str]:
+        """A note on variables on levels that are in none of the tables, or not in the units that these ask for."""
+        read = self.read_names
+        every = [f for f in self.files if f.ndim == 3 and self.z_dim in f.dims]
+        names = sorted({str(f.name) for f in every if not set(_called(f).split(", ")) <= read} - _STAND_INS)
+        more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+        return [f"variables on levels not used: {', '.join(names[:8])}{more}"] if names else []
 
     def keep(self, levels: NDArray[np.intp]) -> None:
         """Take only these of the present levels, in this order."""
@@ -94,6 +110,11 @@ class Columns:
         """A variable without dimensions."""
         found = self.files.get(name, ndim=0)
         return None if found is None else float(values(self.path, found, units))
+
+
+def _called(found: xr.DataArray) -> str:
+    """What the file calls a variable."""
+    return str(found.attrs.get("called", found.name))
 
 
 def _sample(files: FileSet) -> xr.DataArray:

@@ -12,7 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import cells_off, check_size
+from openswim.readers.common.base import cells_off
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import FileSet, values
 from openswim.readers.common.units import conversion
 from openswim.readers.domain.cutting import select

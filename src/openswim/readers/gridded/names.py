@@ -7,7 +7,7 @@ model uses which name: docs/models.md.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import xarray as xr
 
@@ -22,6 +22,11 @@ class Quantity:
     names: tuple[str, ...]
     standard_names: tuple[str, ...] = ()
     unitless: bool = False  # a file may leave out the units
+
+
+def _and_own(quantities: dict[str, Quantity], suffix: str = "") -> dict[str, Quantity]:
+    """Files may use a scene's own names (docs/scene-format.md), too, on dimensions of any name."""
+    return {what: replace(q, names=(*q.names, f"{what}{suffix}")) for what, q in quantities.items()}
 
 
 def _q(units: str, names: str, standard_names: str = "", unitless: bool = False) -> Quantity:
@@ -40,8 +45,9 @@ STATE: dict[str, Quantity] = {
     "density": _q("kg m-3", "AIRDENS rho rhoa air_density", "air_density"),
     "specific_humidity": _q("kg kg-1", "q hus QV qv QVAPOR qt", "specific_humidity humidity_mixing_ratio"),
     "relative_humidity": _q("1", "r RH rh hur relative_humidity", "relative_humidity"),
-    "cloud_fraction": _q("1", "cc CLOUD tca cl clc cloud_fraction", "cloud_area_fraction_in_atmosphere_layer", True),
-}
+    "cloud_fraction": _q("1", "cc CLOUD tca cl clc cloud_fraction cloud_area_fraction",
+                         "cloud_area_fraction_in_atmosphere_layer", True),
+}  # fmt: skip
 
 _WATER = "mass_fraction_of_{0}_in_air mass_concentration_of_{0}_in_air {0}_mixing_ratio"
 # One variable of each list counts, and lists are added up: some models keep convective cloud or hail apart.
@@ -61,13 +67,13 @@ CONTENTS: dict[str, tuple[Quantity, ...]] = {
         _q("kg kg-1", "qh qhl QHAIL", _WATER.format("hail")),
     ),
 }
-NUMBERS: dict[str, Quantity] = {
+NUMBERS: dict[str, Quantity] = _and_own({
     "liquid": _q("kg-1", "nc ncc qnc QNCLOUD ccl nd", "number_concentration_of_cloud_liquid_water_particles_in_air"),
     "ice": _q("kg-1", "nci ni qni QNICE", "number_concentration_of_ice_crystals_in_air"),
     "rain": _q("kg-1", "nr ncr qnr QNRAIN"),
     "snow": _q("kg-1", "ns ncs qns QNSNOW"),
     "graupel": _q("kg-1", "ng ncg qng QNGRAUPEL"),
-}
+}, "_number")  # fmt: skip
 _SIZE = "effective_radius_of_cloud_{}_particles"
 RADII: dict[str, Quantity] = {
     "liquid": _q("m", "liquid_effective_radius re_liquid RE_CLOUD effc rel RL reffc", _SIZE.format("liquid_water")),
@@ -77,7 +83,7 @@ RADII: dict[str, Quantity] = {
     "graupel": _q("m", "graupel_effective_radius"),
 }
 
-SURFACE: dict[str, Quantity] = {
+SURFACE: dict[str, Quantity] = _and_own({
     "surface_altitude": _q("m", "orog orography surface_altitude zs topo hgt HGT terrain", "surface_altitude"),
     "surface_geopotential": _q("m2 s-2", "PHIS z zs", "surface_geopotential geopotential"),
     "land_area_fraction": _q("1", "lsm landmask FRLAND LAND sftlf", "land_area_fraction land_binary_mask", True),
@@ -88,7 +94,7 @@ SURFACE: dict[str, Quantity] = {
     "surface_pressure": _q("Pa", "sp ps PS psfc surface_air_pressure", "surface_air_pressure"),
     "wind_east_10m": _q("m s-1", "u10 10u U10M u10m", "x_wind eastward_wind grid_eastward_wind"),
     "wind_north_10m": _q("m s-1", "v10 10v V10M v10m", "y_wind northward_wind grid_northward_wind"),
-}  # fmt: skip
+})  # fmt: skip
 FRACTIONS = ("land_area_fraction", "sea_ice_area_fraction", "snow_area_fraction", "surface_albedo")
 
 

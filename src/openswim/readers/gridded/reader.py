@@ -34,16 +34,15 @@ from openswim.readers.fields.absent import (
     SNOW_COVERS_KG_M2,
     low_top,
     no_ground,
+    no_sizes,
     no_species,
 )
-from openswim.readers.fields.aerosol_species import (
-    AerosolSpecies,
-    AerosolSum,
-    added_up,
-    extinction_per_m,
-    species_of_name,
-)
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.aerosol_by_depth import NAMES, from_depths
+from openswim.readers.fields.aerosol_species import AerosolPart, added_up, part_of_mass, species_of_name
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity, liquid_from_cover
+from openswim.readers.fields.particles import known_sizes
+from openswim.readers.fields.vapour import RELATIVE
 from openswim.readers.gridded.columns import PER_VOLUME, Columns
 from openswim.readers.gridded.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, matches
 from openswim.readers.gridded.vertical import Levels, levels_of
@@ -152,17 +151,22 @@ def _read(
             valid = undated(time, lon, notes)
         fields: dict[str, Any] = {"air_pressure": levels.pressure_pa, "air_temperature": levels.temperature_k}
         fields |= _hydrometeors(columns, levels, grid, terrain)
-        aerosol = _aerosol(columns, levels)
-        if aerosol is not None:
-            fields["aerosol_extinction"] = aerosol.extinction_per_m
+        haze = _aerosol(columns, levels, terrain)
+        fields |= haze.fields
+        columns.gaps.check(files.path, levels.height_m, terrain, notes)
+        notes += files.lost(columns.read_names)
+        if levels.specific_humidity is not None:
+            vapour = (d * q for d, q in zip(levels.density_kg_m3, levels.specific_humidity, strict=True))
+            ground_m = 0.0 if terrain is None else terrain
+            surface["precipitable_water"] = air.precipitable_water_kg_m2(vapour, levels.height_m, ground_m)
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
-        optics = {} if aerosol is None else {"aerosol": aerosol.optics}
-        atmosphere, cut = _background(aerosol, notes), columns.laid.selection.cut
+        atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
         if levels.specific_humidity is not None:
-            vapour = levels.specific_humidity * levels.density_kg_m3
-            atmosphere = air.with_vapour(atmosphere, np.asarray(grid.height_m), vapour)
-        scene = Scene(grid, labelled(fields, surface), atmosphere, optics, valid, _source(files), notes, cut=cut)
+            vapour_kg_m3 = levels.specific_humidity * levels.density_kg_m3
+            atmosphere = air.with_vapour(atmosphere, np.asarray(grid.height_m), vapour_kg_m3)
+        data, optics, cut = labelled(fields, surface), dict(haze.optics), columns.laid.selection.cut
+        scene = Scene(grid, data, atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times
 
 
@@ -181,19 +185,20 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
             fields[name] = fields[name] + content if name in fields else content
     for species, quantity in NUMBERS.items():
         found = columns.find(quantity, ("m-3",))
-        if found is not None and f"{species}_content" in fields:
+        if found is not None and f"{species}_content" in fields and fields[f"{species}_content"].any():
             per_mass = canonical(str(found.attrs.get("units", ""))) == "kg-1"
-            number = _without_gaps(columns.read(f"{species} number", found, "kg-1" if per_mass else "m-3"))
-            fields[f"{species}_number"] = np.maximum(number, 0.0) * (dry if per_mass else np.float32(1))
+            number = _sizes(columns, f"{species} number", found, "kg-1" if per_mass else "m-3")
+            if number is not None:
+                fields[f"{species}_number"] = number * (dry if per_mass else np.float32(1))
     for species, quantity in RADII.items():
         found = columns.find(quantity)
-        if found is not None and f"{species}_content" in fields:
-            radius = np.maximum(_without_gaps(columns.read(f"{species} radius", found, "m")), 0.0)
-            if radius.any():
+        if found is not None and f"{species}_content" in fields and fields[f"{species}_content"].any():
+            radius = _sizes(columns, f"{species} radius", found, "m")
+            if radius is not None:
                 fields[f"{species}_effective_radius"] = radius
     cover = columns.find(STATE["cloud_fraction"])
     if cover is not None:
-        share = _without_gaps(columns.read("cloud_fraction", cover, "1", cloud=True))
+        share = columns.cloud("cloud_fraction", cover, "1")
         _by_cover(columns, levels, grid, terrain, share, fields)
     elif grid.crs is not None and levels.specific_humidity is not None and min(grid.spacing_m()) > WIDE_CELL_M:
         _cover_of_wide_cells(columns, levels, fields)
@@ -206,7 +211,7 @@ def _content(columns: Columns, species: str, found: xr.DataArray, density: F32, 
     """One variable as mass per volume of air; what is missing below the terrain is none."""
     per_volume = canonical(str(found.attrs.get("units", ""))) in ("kg m-3", "g m-3", "mg m-3", "ug m-3")
     spec = Variable("kg m-3" if per_volume else "kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
-    values = _without_gaps(columns.read(species, found, spec.units, cloud=True))
+    values = columns.cloud(species, found, spec.units)
     values = checked_values(str(found.name), values, spec, columns.notes)
     if per_volume:
         return values
@@ -215,14 +220,15 @@ def _content(columns: Columns, species: str, found: xr.DataArray, density: F32, 
     return values * (dry if mixing else density)
 
 
-def _without_gaps(values: F32) -> F32:
-    """Gaps that reach down to the lowest level (below the terrain) become 0; others stay and are refused later."""
-    gaps = np.isnan(values)
-    if not gaps.any():
-        return values
-    low = np.logical_and.accumulate(gaps, axis=0)
-    whole = low[-1]
-    return np.where(low & ~whole, np.float32(0), values)
+def _sizes(columns: Columns, what: str, found: xr.DataArray, units: str) -> F32 | None:
+    """Numbers or radii; what is missing or negative is unknown (zero). None where they are unknown everywhere."""
+    values = columns.read(what, found, units)
+    name = columns.used[what][-1]
+    values = known_sizes(name, values, columns.notes)
+    if not values.any():
+        columns.notes.append(f"{name} is zero or unknown everywhere: sizes from content or number")
+        return None
+    return values
 
 
 def _by_cover(
@@ -253,15 +259,15 @@ def _cover_of_wide_cells(columns: Columns, levels: Levels, fields: dict[str, F32
         columns.notes.append(XU_RANDALL)
 
 
-def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
-    """Aerosol species in the file as extinction at 550 nm; None where there are none."""
+def _aerosol(columns: Columns, levels: Levels, terrain: F32 | None) -> Haze:
+    """Aerosol species in the file."""
     humidity = None
     if levels.specific_humidity is not None:
         humidity = air.relative_humidity(levels.pressure_pa, levels.temperature_k, levels.specific_humidity)
     else:
         found = columns.get("relative_humidity")
-        humidity = None if found is None else np.maximum(_without_gaps(found), 0.0)
-    parts: list[tuple[AerosolSpecies, F32]] = []
+        humidity = None if found is None else checked_values("relative humidity", found, RELATIVE, columns.notes)
+    parts: list[AerosolPart] = []
     dims = {columns.laid.x_dim, columns.laid.y_dim, columns.z_dim}
     for f in columns.files:
         species = species_of_name(str(f.name))
@@ -269,28 +275,28 @@ def _aerosol(columns: Columns, levels: Levels) -> AerosolSum | None:
             continue
         per_volume = canonical(str(f.attrs.get("units", "kg kg-1"))).endswith("m-3")
         units = "kg m-3" if per_volume else "kg kg-1"
-        mass = _without_gaps(columns.read("aerosol", f, units, cloud=True))
+        mass = columns.cloud("aerosol", f, units)
         mass = checked_values(str(f.name), mass, Variable(units, "", 0.0, 1e-3, clip=True), columns.notes)
         mass = mass if per_volume else mass * levels.density_kg_m3
-        parts.append((species, extinction_per_m(species, mass, humidity)))
-    if not parts:
-        return None
-    total = added_up(parts)
-    if humidity is None:
+        parts.append(part_of_mass(species, mass, humidity))
+    if parts and humidity is None:
         columns.notes.append("no humidity in the file: aerosol is taken as dry")
-    columns.notes.append(
-        f"aerosol ({', '.join(total.labels)}) from mass by mass-extinction at 550 nm (docs/models.md): mean albedo "
-        f"{total.albedo:.2f}, asymmetry {total.asymmetry:.2f}"
-    )
-    return total
+    if not parts:
+        return _aerosol_by_depth(columns, levels, terrain)
+    return Haze(*added_up(parts), True)
 
 
-def _background(aerosol: AerosolSum | None, notes: list[str]) -> Atmosphere:
-    if aerosol is None:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-        return Atmosphere.us_standard()
-    notes.append("gas background: US standard atmosphere; no aerosol but the model's")
-    return Atmosphere.us_standard(aerosol=aerosol.instead_of_background)
+def _aerosol_by_depth(columns: Columns, levels: Levels, terrain: F32 | None) -> Haze:
+    """Aerosol of which the files have the optical depth alone."""
+    depths: dict[str, F32] = {}
+    for f in columns.files:
+        kind = NAMES.get(str(f.name).lower())
+        if kind is not None and kind not in depths and set(f.dims) == {columns.laid.x_dim, columns.laid.y_dim}:
+            depth = columns.laid.read(columns.path, f.assign_attrs(units="1"), "1", True)
+            columns.used.setdefault("aerosol", []).append(str(f.name))
+            spec = Variable("1", "", 0.0, 50.0, clip=True)
+            depths[kind] = checked_values(str(f.name), _over_gaps(columns, "aerosol", depth), spec, columns.notes)
+    return Haze(*from_depths(depths, levels.height_m, terrain, columns.notes), True) if depths else Haze()
 
 
 def _surface(columns: Columns) -> dict[str, F32]:
@@ -299,15 +305,17 @@ def _surface(columns: Columns) -> dict[str, F32]:
     for name in ("surface_altitude", *FRACTIONS, "wind_east_10m", "wind_north_10m"):
         found = columns.ground(name, SURFACE[name])
         if found is not None:
-            fields[name] = _over_gaps(found)
+            fields[name] = _over_gaps(columns, name, found)
     if "surface_altitude" not in fields:
         potential = columns.ground("surface_geopotential", SURFACE["surface_geopotential"])
         if potential is not None:
-            fields["surface_altitude"] = air.geometric_height_m(_over_gaps(potential) / air.GRAVITY)
+            potential = _over_gaps(columns, "surface_geopotential", potential)
+            fields["surface_altitude"] = air.geometric_height_m(potential / air.GRAVITY)
     if "snow_area_fraction" not in fields:
         water = columns.ground("snow_water", SURFACE["snow_water"])
         if water is not None:
-            fields["snow_area_fraction"] = np.clip(_over_gaps(water) / (1e-3 * SNOW_COVERS_KG_M2), 0.0, 1.0)
+            water = _over_gaps(columns, "snow_water", water)
+            fields["snow_area_fraction"] = np.clip(water / (1e-3 * SNOW_COVERS_KG_M2), 0.0, 1.0)
             columns.notes.append(f"snow cover from its water: {SNOW_COVERS_KG_M2:.0f} kg m-2 hide the ground")
     if "surface_albedo" in fields and not fields["surface_albedo"].min() > 0:
         del fields["surface_albedo"]
@@ -318,8 +326,12 @@ def _surface(columns: Columns) -> dict[str, F32]:
     return fields
 
 
-def _over_gaps(field: F32) -> F32:
+def _over_gaps(columns: Columns, what: str, field: F32) -> F32:
     """Fields of one medium are missing over the other (sea ice over land): none there."""
+    lost = int(np.isnan(field).sum())
+    if not lost:
+        return field
+    columns.notes.append(f"{columns.used[what][-1]} is missing at {lost} of {field.size} places: 0 there")
     return np.nan_to_num(field, nan=0.0)
 
 
@@ -336,10 +348,16 @@ def _turn_wind(surface: dict[str, F32], columns: Columns, grid: Grid) -> None:
 def _say_absent(columns: Columns, surface: dict[str, F32], fields: dict[str, F32], grid: Grid) -> None:
     """One line for each thing the files lack: what is assumed instead."""
     flat = grid.crs is None
-    columns.notes += no_species(fields) + no_ground(surface, FLAT_INSTEAD if flat else INSTEAD)
+    columns.notes += no_species(fields) + _unsized(fields) + no_ground(surface, FLAT_INSTEAD if flat else INSTEAD)
+    columns.notes += columns.unused()
     columns.notes += low_top(grid.height_m)
     if flat and "surface_albedo" not in surface:
         surface["surface_albedo"] = np.full(grid.shape[1:], 0.15, np.float32)
+
+
+def _unsized(fields: dict[str, F32]) -> list[str]:
+    """A note on species that there is something of, of unknown size."""
+    return no_sizes({name for name, values in fields.items() if values.any()})
 
 
 def _source(files: FileSet) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.fields import air
+from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.gridded.columns import Columns
 from openswim.readers.gridded.names import STATE, SURFACE
 
@@ -61,12 +62,31 @@ def levels_of(columns: Columns, terrain_m: F32 | None) -> Levels:
     _finite(columns, "temperature", temperature)
     if not pressure.min() > 0:
         raise UserError(f"{columns.path}: pressure is not positive everywhere: wrong units, or a damaged file")
+    if humidity is not None:
+        name = columns.used["specific_humidity"][-1]
+        humidity = checked_humidity(name, humidity, temperature, pressure, notes)
+    elif columns.find(STATE["relative_humidity"]) is None:
+        notes.append("no humidity in the file: dry air")
     if height is None:
         height = _hydrostatic(columns, pressure, air.virtual_temperature_k(temperature, humidity), terrain_m)
-    density = columns.get("density")
-    if density is None:
-        density = air.density_kg_m3(pressure, temperature, humidity)
+    expected = air.density_kg_m3(pressure, temperature, humidity)
+    density = _density(columns, expected)
     return Levels(_checked(columns, height), pressure, temperature, humidity, density)
+
+
+def _density(columns: Columns, expected: F32) -> F32:
+    """The file's own density, unless it is none; else that of pressure and temperature."""
+    own = columns.get("density")
+    if own is None:
+        return expected
+    _finite(columns, "density", own)
+    share = float(np.median(own / expected))
+    if not 0.8 < share < 1.25:
+        raise UserError(
+            f"{columns.path}: density ({columns.used['density'][-1]}) is {share:.3g} times that of its pressure and "
+            "temperature: one of the three is in another unit, or damaged"
+        )
+    return own
 
 
 def _turn_up(columns: Columns, axis_pa: NDArray[np.float64] | None, axis_m: NDArray[np.float64] | None) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.readers.common.base import check_size
-from openswim.readers.fields.particles import Category, together
+from openswim.readers.common.fileset import values
+from openswim.readers.fields.particles import Category, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
 
 F32 = NDArray[np.float32]
@@ -32,19 +32,19 @@ class COSPReader(GriddedReader):
         """Fluxes to contents, both kinds of cloud to one, radii by species."""
         dims = data["mr_lsliq"].dims
         out: dict[str, Any] = {}
-        notes = []
-        if "Reff" in data.variables:
-            check_size(path, "Reff", data["Reff"].shape)
+        notes: list[str] = []
 
-        def field(name: str) -> F32:
-            check_size(path, name, data[name].shape)
-            return np.nan_to_num(np.asarray(data[name].transpose(*dims).values, np.float32))
+        def field(name: str, units: str = "kg kg-1") -> F32:
+            return values(path, data[name].transpose(*dims), units)
 
         def radius(index: int) -> F32 | None:
             if "Reff" not in data.variables or data["Reff"].ndim != 4 or data["Reff"].shape[0] <= index:
                 return None
-            return np.nan_to_num(np.asarray(data["Reff"][index].transpose(*dims).values, np.float32))
+            return known_sizes(f"Reff {index}", values(path, data["Reff"][index].transpose(*dims), "m"), notes)
 
+        wanted = [name for kinds in SPECIES.values() for name, _ in kinds]
+        lacking = [name for name in (*wanted, *RAIN, *SNOW, *GRAUPEL, "Reff") if name not in data.variables]
+        notes += [f"no {', '.join(lacking)} in the file: none of it"] if lacking else []
         for species, kinds in SPECIES.items():
             there = [Category(field(name), None, radius(index)) for name, index in kinds if name in data.variables]
             content, size = together(species, there) if there else (None, None)
@@ -55,7 +55,7 @@ class COSPReader(GriddedReader):
             if size is not None:
                 out[f"{species}_effective_radius"] = (dims, size, {"units": "m"})
         for species, names in (("rain", RAIN), ("snow", SNOW), ("graupel", GRAUPEL)):
-            flux = [np.maximum(field(name), 0.0) for name in names if name in data.variables]
+            flux = [np.maximum(field(name, "kg m-2 s-1"), 0.0) for name in names if name in data.variables]
             if flux:
                 attrs = {"units": "kg m-3", "called": ", ".join(names)}
                 out[f"{species}_content"] = (dims, content_of_flux(species, flux), attrs)

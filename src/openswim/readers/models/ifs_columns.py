@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.errors import UserError
-from openswim.readers.common.base import check_size, check_sizes
+from openswim.readers.common.bounds import check_size, check_sizes
 from openswim.readers.fields.air import standard_height_m
 from openswim.readers.gridded.reader import GriddedReader
 from openswim.scene.times import since_1970_s

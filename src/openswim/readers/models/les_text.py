@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.common.base import (
-    PLAUSIBLE_ELEMENTS,
     SceneInfo,
     Time,
-    check_size,
     naming,
 )
+from openswim.readers.common.bounds import PLAUSIBLE_ELEMENTS, check_size
 from openswim.readers.common.clock import undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import no_species
+from openswim.readers.fields.absent import DEFAULT_AEROSOL, no_species
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
 
@@ -60,8 +59,8 @@ class LESTextReader:
         if head is None:
             raise UserError(f"{path}: not a cloud field in text (rows i j k lwc reff)")
         with naming(path):
-            content, radius = _fields(path, head)
             notes: list[str] = []
+            content, radius = _fields(path, head, notes)
             nx, ny, _ = head.shape
             x, y = (np.linspace(-0.5, 0.5, n) * step * (n - 1) for step, n in zip(head.step_m, (nx, ny), strict=True))
             crs = None
@@ -80,7 +79,7 @@ class LESTextReader:
                 fields["surface_albedo"] = (("y", "x"), np.full((ny, nx), _ALBEDO, np.float32))  # type: ignore[assignment]
                 notes.append(f"no ground in the file: sea level, albedo {_ALBEDO}")
             valid = undated(time, None if around is None else around.lon, notes)
-            notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
+            notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
             from openswim.scene.atmosphere import Atmosphere
 
             grid = Grid(x, y, head.levels_m, crs)
@@ -124,7 +123,7 @@ def _head(path: Path) -> _Head | None:
         if len(numbers) > 1 and len(numbers[-1]) == 5 and len(numbers[0]) in (1, 3):
             return _checked(path, numbers[:-1], index, separator)
     sizes, spacing = (*(row for row in numbers if len(row) > 1), [], [])[:2]
-    whole = len(sizes) == 3 and all(value == int(value) >= 1 for value in sizes)
+    whole = len(sizes) == 3 and all(value.is_integer() and value >= 1 for value in sizes)
     if whole and spacing and len(spacing) in (2, 2 + int(sizes[2])) and len(raw) < _HEAD_BYTES:
         raise UserError(f"{path}: sizes and spacing, but no rows i j k lwc reff: truncated: copy or download it again")
     return None
@@ -133,15 +132,15 @@ def _head(path: Path) -> _Head | None:
 def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator: str | None) -> _Head | None:
     """Kind number (SHDOM: 2) left out; sizes; spacing and levels [km] in one line or two; temperatures left out."""
     rows = list(head[1:] if len(head[0]) == 1 else head)
-    if len(rows[0]) != 3 or any(value != int(value) or not 1 <= value < 1e6 for value in rows[0]):
+    if len(rows[0]) != 3 or any(not (value.is_integer() and 1 <= value < 1e6) for value in rows[0]):
         return None
     shape = (int(rows[0][0]), int(rows[0][1]), int(rows[0][2]))
     rest = [value for row in rows[1:] for value in row][: 2 + shape[2]]
     if len(rest) < 2 + shape[2]:
         return None
     values = 1e3 * np.array(rest, np.float64)
-    if not (values[:2] > 0).all():
-        raise UserError(f"{path}: the spacing is {rest[0]}, {rest[1]} km; it must be positive")
+    if not (np.isfinite(values).all() and (values[:2] > 0).all()):
+        raise UserError(f"{path}: spacing {rest[0]}, {rest[1]} km, and levels: must be finite, spacing positive")
     check_size(path, "the field", shape)
     nodes = shape[0] * shape[1] * shape[2]
     if nodes > max(PLAUSIBLE_ELEMENTS, _NODES_PER_BYTE * path.stat().st_size):
@@ -152,7 +151,32 @@ def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator:
     return _Head(shape, (float(values[0]), float(values[1])), values[2:], lines, separator)
 
 
-def _fields(path: Path, head: _Head) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _is_beginning(index: NDArray[np.int64], sizes: NDArray[np.int64]) -> bool:
+    """Whether rows (n, 3) list every cell from the first one on, in either order of the axes, and then stop."""
+    orders = (index, sizes), (index[:, ::-1], sizes[::-1])
+    return any(
+        np.array_equal(np.ravel_multi_index(tuple(each.T), tuple(shape)), np.arange(len(index)))
+        for each, shape in orders
+    )
+
+
+def _stops_early(index: NDArray[np.int64], sizes: NDArray[np.int64]) -> bool:
+    """Whether rows (n, 3) in order leave more slabs empty at their end than anywhere else."""
+    for axis in (0, 2):
+        slabs = index[:, axis]
+        if (np.diff(slabs) >= 0).all():
+            between = np.diff(np.concatenate([[-1], np.unique(slabs)])) - 1
+            return bool(sizes[axis] - 1 - slabs[-1] > max(3, 2 * between.max()))
+    return False
+
+
+def _ends_in_a_line(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read(1) in b"\r\n"
+
+
+def _fields(path: Path, head: _Head, notes: list[str]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Content [kg m-3] and effective radius [m], (nz, ny, nx)."""
     nx, ny, nz = head.shape
     try:
@@ -171,8 +195,16 @@ def _fields(path: Path, head: _Head) -> tuple[NDArray[np.float32], NDArray[np.fl
     if np.unique(flat).size < flat.size:
         raise UserError(f"{path}: {flat.size - np.unique(flat).size} cells are listed twice: damaged file")
     dense = int(index[:, 2].max()) + 1 == nz and rows.shape[0] > 0.9 * nx * ny * nz
-    if dense and rows.shape[0] < nx * ny * nz:
+    whole = rows.shape[0] == nx * ny * nz
+    if not whole and (dense or _is_beginning(index, sizes)):
         raise UserError(f"{path}: {rows.shape[0]} of {nx * ny * nz} rows: truncated: copy or download it again")
+    if not whole:
+        if not _ends_in_a_line(path):
+            raise UserError(f"{path}: the last row does not end: truncated: copy it again, or end its last line")
+        doubt = "; all is empty beyond: is the file whole?" if _stops_early(index, sizes) else ""
+        last = " ".join(map(str, index[-1] + first))
+        listed = f"{rows.shape[0]} of {nx * ny * nz} cells are listed, the last of them {last}"
+        notes.append(f"{listed}: no cloud in the others{doubt}")
     content, radius = np.zeros(nz * ny * nx, np.float32), np.zeros(nz * ny * nx, np.float32)
     content[flat], radius[flat] = 1e-3 * rows[:, 3], 1e-6 * rows[:, 4]
     return content.reshape(nz, ny, nx), radius.reshape(nz, ny, nx)

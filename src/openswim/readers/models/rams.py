@@ -12,10 +12,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import Time, check_sizes
+from openswim.readers.common.base import Time
+from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.particles import Category, together
+from openswim.readers.fields.particles import Category, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
@@ -73,6 +74,9 @@ class RAMSReader(GriddedReader):
         def field(name: str) -> F32:
             return np.asarray(data[name].transpose(z, y, x).values[levels], np.float32)
 
+        def number(name: str) -> F32:
+            return known_sizes(name, field(name), notes)
+
         terrain = np.asarray(data["TOPT"].transpose(y, x).values, np.float32)
         exner, theta = np.asarray(data["PI"].transpose(z, y, x).values, np.float64), data["THETA"].transpose(z, y, x)
         if not (exner > 0).all():
@@ -93,12 +97,12 @@ class RAMSReader(GriddedReader):
         for species, categories in SPECIES.items():
             there = [(mass, number) for mass, number in categories if mass in data.variables]
             if there:
-                parts = [Category(field(m), field(n) if n in data.variables else None) for m, n in there]
+                parts = [Category(field(m), number(n) if n in data.variables else None) for m, n in there]
                 content, radius = together(species, parts)
                 called = ", ".join(mass for mass, _ in there)
                 said = {"units": "kg kg-1", "standard_name": f"{species}_mixing_ratio", "called": called}
                 out[f"{species}_content"] = (dims, content, said)
-                if radius is not None:
+                if radius is not None and radius.any():
                     out[f"{species}_effective_radius"] = (dims, radius, {"units": "m"})
         for name, species in AEROSOL.items():
             if name in data.variables and (mass := field(name)).any():

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import Time, check_size, open_netcdf, pick_time
+from openswim.readers.common.base import Time, open_netcdf, pick_time
+from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")

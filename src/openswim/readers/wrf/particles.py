@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.readers.fields import aerosol_species
-from openswim.readers.fields.aerosol_species import AerosolSpecies, AerosolSum, added_up, extinction_per_m
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.aerosol_species import AerosolPart, added_up, part_of_mass
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
-from openswim.readers.fields.particles import Category, together
+from openswim.readers.fields.particles import Category, known_sizes, together
 from openswim.readers.wrf.file import MASS_LEVELS, WRFFile
+from openswim.scene import Optics
 from openswim.scene.checks import checked_values
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.variables import Variable
 
 F32 = NDArray[np.float32]
@@ -38,7 +41,7 @@ SMOKE = ("smoke", "SMOKE", "trc_smoke", "tracer_smoke")
 PARTICULATE = "PM2_5_DRY"
 AEROSOL = (EXTINCTION, *GOCART, PARTICULATE, *SMOKE)
 _FRACTION = Variable("1", "", 0.0, 1.0, clip=True, hint="is it in percent?")
-_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
+_MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg? 1000 times too large")
 
 
 def mixing_ratio(file: WRFFile, name: str, notes: list[str]) -> F32:
@@ -60,7 +63,7 @@ def hydrometeors(file: WRFFile, dry_density: F32, notes: list[str]) -> dict[str,
         masses = {mass: mixing_ratio(file, mass, notes) for mass, _, _ in there}
         full = [each for each in there if masses[each[0]].any()] or there[:1]
         sized = [
-            (masses[mass], _first(file, numbers, "kg-1"), _first(file, radii, "m", notes))
+            (masses[mass], _first(file, numbers, "kg-1", notes), _first(file, radii, "m", notes))
             for mass, numbers, radii in full
         ]
         if len(sized) == 1:
@@ -108,45 +111,46 @@ def cover_guess(file: WRFFile, cell_m: float) -> str | None:
     return None if ((fraction > 0) & (fraction < 1)).any() else f"{XU_RANDALL}, since CLDFRA is 0 or 1"
 
 
-def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) -> AerosolSum | None:
+def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) -> Haze:
     """Aerosol at 550 nm: EXTCOF55, else GOCART's species, else PM2_5_DRY; smoke tracers are added to none of these."""
     if EXTINCTION in file:
         extinction = _clean(file.field(EXTINCTION, MASS_LEVELS, "km-1")) * np.float32(1e-3)
         if extinction.any():
-            notes.append(f"aerosol extinction at 550 nm from {EXTINCTION}; no aerosol but the model's")
-            return AerosolSum(extinction, 0.93, 0.66, 1.3, ["mixed"])
+            notes.append(f"aerosol extinction at 550 nm from {EXTINCTION}")
+            mixed = Optics(0.93, HenyeyGreenstein(0.66), "aerosol", 1.3)
+            return Haze({"aerosol": extinction}, {"aerosol": mixed}, True)
         notes.append(f"{EXTINCTION} is zero everywhere: not filled in at this time")
     species = aerosol_species.SPECIES
-    parts: list[tuple[AerosolSpecies, F32]] = []
+    parts: list[AerosolPart] = []
     for name, like in GOCART.items():
         if name in file:
             mass = _clean(file.field(name, MASS_LEVELS, "ug/kg-dryair")) * np.float32(1e-9) * dry_density
-            parts.append((species[like], extinction_per_m(species[like], mass, humidity)))
-    smoke = next((name for name in SMOKE if name in file), None)
+            parts.append(part_of_mass(species[like], mass, humidity))
+    smoke, whole = next((name for name in SMOKE if name in file), None), True
     if not parts and PARTICULATE in file:
         mass = _clean(file.field(PARTICULATE, MASS_LEVELS, "ug m^-3")) * np.float32(1e-9)
-        parts.append((aerosol_species.FINE_PARTICLES, extinction_per_m(aerosol_species.FINE_PARTICLES, mass, humidity)))
+        parts.append(part_of_mass(aerosol_species.FINE_PARTICLES, mass, humidity))
         notes.append(f"aerosol from {PARTICULATE}: {aerosol_species.FINE_PARTICLES.extinction_m2_g:g} m2/g when dry")
     elif not parts and smoke is not None:
+        whole = False
         mass = _clean(file.field(smoke, MASS_LEVELS, "ug/kg")) * np.float32(1e-9) * dry_density
-        parts.append((aerosol_species.SMOKE, extinction_per_m(aerosol_species.SMOKE, mass, humidity)))
+        parts.append(part_of_mass(aerosol_species.SMOKE, mass, humidity))
         notes.append(f"smoke from {smoke}: {aerosol_species.SMOKE.extinction_m2_g:g} m2/g when dry, on the background")
     elif parts:
-        notes.append("aerosol from GOCART's species (docs/models.md), sulphate left out; no aerosol but the model's")
-    return added_up(parts) if parts else None
+        notes.append("aerosol from GOCART's species (docs/models.md), sulphate left out")
+    return Haze(*added_up(parts), whole and bool(parts))
 
 
-def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str] | None = None) -> F32 | None:
+def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str]) -> F32 | None:
     """The first of some fields that the file has, where it is anywhere positive."""
     for name in names:
         if name not in file:
             continue
         scale = np.float32(1e-6 if name.startswith("EFF") else 1.0)  # EFFCS, EFFIS are in micrometres
-        field = np.maximum(file.field(name, MASS_LEVELS, "" if name.startswith("EFF") else units), 0.0) * scale
+        field = known_sizes(name, file.field(name, MASS_LEVELS, "" if name.startswith("EFF") else units), notes)
         if field.any():
-            return np.asarray(field, np.float32)
-        if notes is not None:
-            notes.append(f"{name} is zero everywhere: effective radius from content or number")
+            return np.asarray(field * scale, np.float32)
+        notes.append(f"{name} is zero everywhere: effective radius from content or number")
     return None
 
 

@@ -18,23 +18,25 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
-from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
-from openswim.readers.fields.aerosol_species import AerosolSum
-from openswim.readers.fields.air import relative_humidity, wind_along_axes, with_vapour
+from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
+from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes, with_vapour
+from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf.particles import (
     AEROSOL,
+    CATEGORIES,
     CONTENTS,
     EXPECTED,
     aerosol,
     cover,
     cover_guess,
     hydrometeors,
-    mixing_ratio,
 )
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.plausible import high_bottom
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
 _CALLED = {
@@ -78,23 +80,28 @@ class WRFReader:
             grid = wrf_grid(file, notes)
             if valid is None:
                 valid = _undated(file, time, grid, notes)
-            levels, air, humidity, vapour = _air(file, notes)
+            levels, air, humidity, vapour_kg_m3 = _air(file, notes)
             levels |= hydrometeors(file, air, notes)
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
-            if haze is not None:
-                levels["aerosol_extinction"] = haze.extinction_per_m
+            levels |= haze.fields
             surface = _surface(file, grid, notes)
+            if "QVAPOR" in file:
+                ratios = np.maximum(file.field("QVAPOR", MASS_LEVELS, "kg kg-1"), np.float32(0))
+                vapour = (dry * ratio for dry, ratio in zip(air, ratios, strict=True))
+                surface["precipitable_water"] = precipitable_water_kg_m2(
+                    vapour, grid.height_m, surface["surface_altitude"]
+                )
             notes += _absences(file)
             notes += low_top(grid.height_m)
-            atmosphere = _atmosphere(notes, haze)
-            if vapour is not None:
-                atmosphere = with_vapour(atmosphere, grid.height_m, vapour)
+            atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
+            if vapour_kg_m3 is not None:
+                atmosphere = with_vapour(atmosphere, grid.height_m, vapour_kg_m3)
             return Scene(
                 grid,
                 labelled(levels, surface),
                 atmosphere,
-                {} if haze is None else {"aerosol": haze.optics},
+                dict(haze.optics),
                 time=valid,
                 source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
                 notes=notes,
@@ -126,8 +133,9 @@ class WRFReader:
                 guessed = cover_guess(file, min(grid.spacing_m())) if cloudy else None
                 notes += [] if guessed is None else [guessed]
                 notes += low_top(grid.height_m)
+                notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
-            _atmosphere(notes)
+            Haze().background(np.zeros(2), notes)
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
@@ -177,7 +185,10 @@ def _air(
     temperature = theta * (pressure / np.float32(REFERENCE_PRESSURE_PA)) ** np.float32(
         DRY_AIR_GAS_CONSTANT / HEAT_CAPACITY
     )
-    vapour = mixing_ratio(file, "QVAPOR", notes) if "QVAPOR" in file else np.zeros_like(pressure)
+    vapour = np.zeros_like(pressure)
+    if "QVAPOR" in file:
+        given = file.field("QVAPOR", MASS_LEVELS, "kg kg-1")
+        vapour = checked_humidity("QVAPOR", given, temperature, pressure, notes)
     moist = 1.0 + vapour * np.float32(VAPOUR_GAS_CONSTANT / DRY_AIR_GAS_CONSTANT)
     dry_density = (pressure / (DRY_AIR_GAS_CONSTANT * temperature * moist)).astype(np.float32)
     humidity = relative_humidity(pressure, temperature, (vapour / (1 + vapour)).astype(np.float32))
@@ -226,6 +237,13 @@ def _absences(file: WRFFile) -> list[str]:
     absent = {name: CONTENTS[name] for name in EXPECTED if name not in file}
     if absent:
         notes.append(f"no {', '.join(absent)} in the file: no {', '.join(absent.values())} assumed")
+    present = {f"{species}_content" for name, species in CONTENTS.items() if name in file}
+    present |= {
+        f"{species}_number"
+        for species, kinds in CATEGORIES.items()
+        if any(name in file for _, *sizes in kinds for names in sizes for name in names)
+    }
+    notes += no_sizes(present)
     known = {
         "surface_altitude": True,  # if need be from the geopotential
         "land_area_fraction": "LANDMASK" in file or "XLAND" in file,
@@ -235,12 +253,3 @@ def _absences(file: WRFFile) -> list[str]:
         "wind_east_10m": "U10" in file and "V10" in file,
     }
     return notes + no_ground([name for name, there in known.items() if there], called=_CALLED)
-
-
-def _atmosphere(notes: list[str], haze: AerosolSum | None = None) -> Atmosphere:
-    """The default gas; the default aerosol where the model has none, and under the model's smoke."""
-    if haze is None or haze.labels == ["smoke"]:
-        notes.append("gas and aerosol background: US standard atmosphere with the default aerosol")
-        return Atmosphere.us_standard()
-    notes.append("gas background: US standard atmosphere")
-    return Atmosphere.us_standard(aerosol=haze.instead_of_background)

@@ -80,12 +80,13 @@ class TablePhase(PhaseFunction):
 
 
 class AerosolPhase(TablePhase):
-    """Phase function of a tabulated aerosol type at one of the table's wavelengths; saved by its name."""
+    """Phase function of a tabulated aerosol type, or of a model's species (docs/models.md), at one of the table's
+    wavelengths; saved by its name."""
 
     def __init__(self, name: str, wavelength_nm: float):
-        tables = aerosol_tables()
+        tables = aerosol_tables() if name in TABULATED else model_tables()
         known = tables["wavelength_nm"]
-        if name not in TABULATED or wavelength_nm not in known:
+        if f"{name}_log_value" not in tables or wavelength_nm not in known:
             raise UserError(f"no aerosol table {name!r} at {wavelength_nm:g} nm")
         self.name, self.wavelength_nm = name, float(wavelength_nm)
         row = tables[f"{name}_log_value"][int(np.argmax(known == wavelength_nm))]
@@ -98,6 +99,13 @@ class AerosolPhase(TablePhase):
 def aerosol_tables() -> dict[str, FloatArray]:
     """By "wavelength_nm": "<type>_log_value" at "angle_deg", "<type>_albedo" and "<type>_efficiency"."""
     return named_arrays("scene", "mie_aerosol")
+
+
+def model_tables() -> dict[str, FloatArray]:
+    """Of species of models, made by tools/make_model_aerosol.py. By humidity (or one row) and "wavelength_nm":
+    "<species>_extinction_m2_g", "<species>_albedo", "<species>_asymmetry". At "angle_deg": "<species>_log_value", or
+    "<species>_<number>_log_value" at those of the humidities whose numbers are "with_phase"."""
+    return named_arrays("scene", "model_aerosol")
 
 
 def legendre(mu: FloatArray, n: int) -> Iterator[FloatArray]:

@@ -56,6 +56,7 @@ _HARMONICS = _DIFFUSE_DEGREE * (_DIFFUSE_DEGREE + 1) // 2
 _ORDINATES = (6, 8)  # cosines in each hemisphere, azimuths in half a circle
 _CONVERGED = 1e-3
 _MOST_ITERATIONS = 12
+SHINING_M, SHINING_HALF_M = 60e3, 25e3  # where the light of an even sky begins; thick enough for steps in thin air
 
 
 def no_volume() -> Volume:
@@ -170,15 +171,15 @@ def build_shells(
         ))  # fmt: skip
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
-    omega = np.asarray(background.aerosol_albedo, float)
+    scattered = background.aerosol_scattering_per_m.T
     chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
     chi_r = np.zeros(_DIFFUSE_DEGREE)
     chi_r[:3] = background.rayleigh_phase.moments(3)
     f = forward_share(chi, degree)
     rayleigh = background.rayleigh_per_m.T
-    forward = aerosol * omega * f
+    forward = scattered * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
-    rows = np.concatenate([extinction, rayleigh, aerosol * omega, forward], axis=1)
+    rows = np.concatenate([extinction, rayleigh, scattered, forward], axis=1)
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
     phase = np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
@@ -191,7 +192,16 @@ def build_shells(
         np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), FLOAT),
         np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
     )  # fmt: skip
-    return tidy(_solve(tidy(shells), phase, sun_mu, scale))
+    glow = _even_sky(shells.source.shape) if background.starlit else None
+    return tidy(_solve(tidy(shells), phase, sun_mu, scale, glow))
+
+
+def _even_sky(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """What air that shines above nearly all that scatters adds to `Shells.source` (``shape``), so that eyes below see a
+    sky of L' = 1 wherever they look up: in each layer as much as its way is short."""
+    shine_per_m = np.maximum(1 - np.abs(shell_levels() - SHINING_M) / SHINING_HALF_M, 0) / SHINING_HALF_M
+    rising = np.maximum(np.linspace(-1, 1, SOURCE_ZENITHS), 0)
+    return np.broadcast_to((shine_per_m[:, None] * rising)[:, None, :, None, None], shape).astype(FLOAT)
 
 
 @lru_cache
@@ -259,11 +269,15 @@ def rows_between(table: NDArray[np.float32], index: Array) -> Array:
     return np.asarray(low[i] + (index - i)[..., None] * (low[i + 1] - low[i]))
 
 
-def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
+def _solve(
+    shells: Shells, phase: Array, sun_mu: Array, scale: float, glow: NDArray[np.float32] | None = None
+) -> Shells:
     """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
 
-    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `_source`.
+    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `_source`; ``glow``: `_even_sky`.
     """
+    if glow is not None:
+        shells = shells._replace(source=glow)
     mu, azimuth, weight = hemisphere_product(*_ORDINATES)
     sine = np.sqrt(1 - mu**2)
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
@@ -287,8 +301,9 @@ def _solve(shells: Shells, phase: Array, sun_mu: Array, scale: float) -> Shells:
             flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
         mean = moments[:, :, 0]
         change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
+        source = _source(shells, moments, phase)
         shells = shells._replace(
-            moments=moments, source=_source(shells, moments, phase), ground_flux=flux.astype(FLOAT)
+            moments=moments, source=source if glow is None else source + glow, ground_flux=flux.astype(FLOAT)
         )
         if change < _CONVERGED:
             break

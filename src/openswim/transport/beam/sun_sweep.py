@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads, njit
@@ -38,6 +39,25 @@ _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by sid
 _GAP = 3  # levels free of cloud that part one layer from another
 _DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
 _MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
+
+
+class SunGrid(NamedTuple):
+    """What a sweep toward the sun reads, and the depths that it fills; see `sun_sweep`."""
+
+    extinction: np.ndarray  # (fields, nz, ny, nodes and what lies beyond) 1/m
+    depth: np.ndarray  # alike
+    exact: np.ndarray  # (nz, ny, nx) nodes that follow their ray
+    followed: np.ndarray  # (nz,) to which level those of a level go
+    passed: np.ndarray  # (nz,) to which level the others go
+    filled: np.ndarray  # (nz,) levels with any extinction
+    sun: np.ndarray  # (ny, nx, 3)
+    levels_m: np.ndarray
+    level_origin_m: float
+    level_per_m: float
+    level_table: np.ndarray
+    cell_m: np.ndarray  # (2,) along x and y
+    radius_m: float
+    periodic: bool
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
@@ -84,10 +104,7 @@ def _ways_out(nodes, count, per_m):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _depths_to_sun(
-    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m, level_table,
-    radius_m, nx, periodic, total, below,
-):  # fmt: skip
+def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
     """Optical depths from LANES nodes (k, j, i on) toward the sun up to level ``last``, then what is known there, into
     ``total`` (fields, LANES); ``below``: scratch as large.
 
@@ -95,9 +112,11 @@ def _depths_to_sun(
     cells per metre along x and y, and the cosine of the zenith angle, of the node ``middle``; ``turn``: by how much
     they change from one node to the next, of which only the first order counts.
     """
+    extinction, depth, levels_m = grid.extinction, grid.depth, grid.levels_m
     fields, nz, ny, width = extinction.shape
+    nx, periodic = grid.exact.shape[2], grid.periodic
     vx, vy, mu = ray[0], ray[1], ray[2]
-    bend = (1.0 - mu * mu) / (2.0 * radius_m)
+    bend = (1.0 - mu * mu) / (2.0 * grid.radius_m)
     fastest = max(abs(vx), abs(vy))
     off = read_quadruple(_LANE, 0) - FLOAT(middle - i)
     leave = spread_quadruple(FLOAT(_FAR_M))
@@ -112,7 +131,7 @@ def _depths_to_sun(
         write(total, n * LANES, spread_quadruple(_ZERO))
     s, at = 0.0, k
     for level in range(k + 1, last + 1):
-        if not (filled[level] or filled[level - 1]) and (mu > 0.0 or level > k + 1):
+        if not (grid.filled[level] or grid.filled[level - 1]) and (mu > 0.0 or level > k + 1):
             continue
         if at < level - 1:
             s = min(_way_up_m(mu, bend, levels_m[level - 1] - levels_m[k]), gone)
@@ -135,7 +154,9 @@ def _depths_to_sun(
             aside_y = FLOAT(s * (turn[1] + vy * longer)) * off
             m, g = level, _ZERO
             if piece < count or end >= gone:
-                fk = table_index(levels_m[k] + mu * s + bend * s * s, level_origin_m, level_per_m, level_table)
+                fk = table_index(
+                    levels_m[k] + mu * s + bend * s * s, grid.level_origin_m, grid.level_per_m, grid.level_table
+                )
                 m = min(int(fk), nz - 2)
                 g = FLOAT(fk - m)
             for n in range(fields):
@@ -201,19 +222,17 @@ def _aim(sun, cell_m, lowest, ray):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _row_to_sun(
-    k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table, cell_m,
-    radius_m, periodic, depth, scratch, ray, turn,
-):  # fmt: skip
+def _row_to_sun(k, j, grid, scratch, ray, turn):
     """The nodes of a row, LANES at a time: along rays beside that of the middle one or, where the Earth bends and they
     part, of the middle one of each of some pieces. Once for those that follow their rays, once for those that do not,
     if a pack has both."""
-    fields, nz, ny, width = depth.shape
-    nx = exact.shape[2]
+    fields, nz, ny, width = grid.depth.shape
+    nx = grid.exact.shape[2]
+    sun, levels_m, cell_m, radius_m = grid.sun, grid.levels_m, grid.cell_m, grid.radius_m
     above_m = levels_m[k] - levels_m[0]
     deepest = _dip(above_m + _DEEPEST_M, radius_m)
     dark = min(deepest, _dip(above_m, radius_m) - SUN_RADIUS_RAD)
-    lowest = 0.0 if periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
+    lowest = 0.0 if grid.periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
     for first in range(0, nx, LANES):
         i = max(min(first, nx - LANES), 0)
         end = min(i + LANES, nx)
@@ -222,7 +241,7 @@ def _row_to_sun(
         turn[1] = (sun[j, end - 1, 1] - sun[j, i, 1]) / (cell_m[1] * steps)
         turn[2] = (sun[j, end - 1, 2] - sun[j, i, 2]) / steps
         for follow in (True, False):
-            last = followed[k] if follow else passed[k]
+            last = grid.followed[k] if follow else grid.passed[k]
             if sun[j, (i + end) // 2, 2] < dark:
                 continue
             _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
@@ -232,35 +251,26 @@ def _row_to_sun(
                 middle = (one + next_one) // 2
                 count = 0
                 for m in range(one, next_one):
-                    count += exact[k, j, m] == follow
+                    count += grid.exact[k, j, m] == follow
                 if count == 0:
                     continue
                 _aim(sun[j, middle], cell_m, lowest, ray)
-                _depths_to_sun(
-                    extinction, depth, k, i, j, middle, ray, turn, last, filled, levels_m, level_origin_m, level_per_m,
-                    level_table, radius_m, nx, periodic, scratch[0], scratch[1],
-                )  # fmt: skip
+                _depths_to_sun(k, j, i, middle, ray, turn, last, grid, scratch[0], scratch[1])
                 for n in range(fields):
                     at = ((n * nz + k) * ny + j) * width + BEYOND
                     for m in range(one, next_one):
-                        if exact[k, j, m] == follow:
-                            put(depth, at + m, scratch[0, n, m - i])
+                        if grid.exact[k, j, m] == follow:
+                            put(grid.depth, at + m, scratch[0, n, m - i])
     for n in range(fields):
-        _fill_beyond(depth[n, k, j], nx, periodic)
+        _fill_beyond(grid.depth[n, k, j], nx, grid.periodic)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def _share_level(
-    t, threads, k, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m,
-    level_table, cell_m, radius_m, periodic, depth, scratch,
-):  # fmt: skip
+def _share_level(t, threads, k, grid, scratch):
     """Thread t's rows of level k: see `sun_sweep`."""
     ray, turn = np.empty(3), np.empty(3)
-    for j in range(t, exact.shape[1], threads):
-        _row_to_sun(
-            k, j, extinction, exact, followed, passed, filled, sun, levels_m, level_origin_m, level_per_m, level_table,
-            cell_m, radius_m, periodic, depth, scratch[t], ray, turn,
-        )  # fmt: skip
+    for j in range(t, grid.exact.shape[1], threads):
+        _row_to_sun(k, j, grid, scratch[t], ray, turn)
 
 
 def sun_sweep(
@@ -279,12 +289,12 @@ def sun_sweep(
     exact = exact.copy()
     exact[gates] = True
     depth = np.zeros(extinction.shape, FLOAT)  # which touches no memory yet
+    grid = SunGrid(
+        extinction, depth, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m, periodic
+    )
     scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), FLOAT)
     for k in range(len(levels_m) - 2, -1, -1):
-        in_threads(
-            _share_level, k, extinction, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m,
-            periodic, depth, scratch,
-        )  # fmt: skip
+        in_threads(_share_level, k, grid, scratch)
     return depth
 
 

@@ -11,7 +11,9 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
+from openswim.compiling import heal, tell_first_time
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
 
@@ -26,22 +28,33 @@ def drop_stale(package: str) -> None:
     package: dotted name, such as "openswim.transport"; its modules with kernels have been imported.
     """
     digests = _Digests()
-    for folder, modules in _cache_folders(package).items():
+    kernels = list(_kernels(package))
+    heal(kernels)
+    tell_first_time(kernels)
+    for folder, modules in _cache_folders(kernels).items():
         _drop(folder, {name.rpartition(".")[2]: digests.of(name) for name in modules})
 
 
-def _cache_folders(package: str) -> dict[Path, set[str]]:
-    """Where Numba keeps the kernels that a package's modules hold, and the modules of the distribution whose own they
-    are: what is compiled here may be written in another room."""
-    out: dict[Path, set[str]] = {}
+def _kernels(package: str) -> Iterator[Any]:
+    """The kernels that a package's modules hold and that Numba keeps, of their own distribution; what is compiled here
+    may be written in another room."""
     root = package.partition(".")[0]
+    seen: set[int] = set()
     for name, module in list(sys.modules.items()):
         if name == package or name.startswith(f"{package}."):
             for kernel in list(vars(module).values()):
-                path = getattr(getattr(kernel, "stats", None), "cache_path", None)
-                own = str(getattr(kernel, "__module__", ""))
-                if path is not None and own.partition(".")[0] == root:
-                    out.setdefault(Path(path), set()).add(own)
+                kept = getattr(getattr(kernel, "stats", None), "cache_path", None) is not None
+                own = str(getattr(kernel, "__module__", "")).partition(".")[0] == root
+                if kept and own and id(kernel) not in seen:
+                    seen.add(id(kernel))
+                    yield kernel
+
+
+def _cache_folders(kernels: Iterable[Any]) -> dict[Path, set[str]]:
+    """Where Numba keeps kernels, and the modules they are of."""
+    out: dict[Path, set[str]] = {}
+    for kernel in kernels:
+        out.setdefault(Path(kernel.stats.cache_path), set()).add(str(kernel.__module__))
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
+from openswim.interrupts import claim
 from openswim.optics.gas_bands import Terms
 from openswim.optics.matter import Matter
 from openswim.options import Options
@@ -97,21 +98,27 @@ class ReferenceField:
     def view(self, rays: Rays, across_m: F64 | None = None, along_m: F64 | None = None) -> ReferenceView:
         """Radiance along rays; with ``across_m`` and ``along_m`` (3,), its mean over origins spread that far."""
         started = time.perf_counter()
-        n, nw, ns = len(rays), len(self.terms.nm), self.world.extinction.shape[3]
-        origin, direction = (np.array(a, float, order="C") for a in (rays.origins(), rays.directions()))
-        depth, species, ground_m = np.zeros((n, nw)), np.zeros((n, ns)), np.zeros(n)
-        in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m, parts=n // _PART_RAYS)
-        hit = ground_m >= 0
+        n, (origin, direction) = len(rays), _lines(rays)
+        transmittance, hit, ground_m, species = self.through(rays)
         position = np.where(hit[:, None], origin + direction * ground_m[:, None], np.nan)
         sides = [np.zeros(3) if side is None else np.asarray(side, float) for side in (across_m, along_m)]
         sums = self._sums(origin, direction, sides, self._seen(position, hit))
         self.timings["view"] = time.perf_counter() - started
         mean = self.terms.mean  # of errors too: terms share their paths
         return ReferenceView(
-            mean(sums.mean.astype(np.float32)), mean(np.exp(-depth).astype(np.float32)), hit, position,
+            mean(sums.mean.astype(np.float32)), transmittance, hit, position,
             np.where(hit, ground_m, -1.0), species.astype(np.float32), sums.paths * n,
             sigma=mean(sums.sigma.astype(np.float32)), paths=sums.paths, interrupted=sums.interrupted,
         )  # fmt: skip
+
+    def through(self, rays: Rays) -> tuple[NDArray[np.float32], NDArray[np.bool_], F64, F64]:
+        """Transmittance (n, nw) along rays, whether they end on the ground and how far away (n,), and the optical depth
+        (n, ns) of each species."""
+        n, (origin, direction) = len(rays), _lines(rays)
+        depth, ground_m = np.zeros((n, len(self.terms.nm))), np.zeros(n)
+        species = np.zeros((n, self.world.extinction.shape[3]))
+        in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m, parts=n // _PART_RAYS)
+        return self.terms.mean(np.exp(-depth).astype(np.float32)), ground_m >= 0, ground_m, species
 
     def _seen(self, position: F64, hit: NDArray[np.bool_]) -> Seen:
         """The ground at the end of each ray's straight way."""
@@ -169,6 +176,7 @@ class ReferenceField:
                         left = max(solver.seconds - spent, 0.0)
                         size = max(1, min(size, int(sums.paths * left / max(spent, 1e-6))))
             except KeyboardInterrupt:
+                claim()
                 if checkpoint is not None:
                     checkpoint.save(sums)
                     raise
@@ -259,6 +267,11 @@ class ReferenceField:
         mean = total / paths
         sigma = np.sqrt(np.maximum(squares / paths - mean**2, 0) / max(paths - 1, 1))
         return [(mean[..., k], sigma[..., k]) for k in range(2)]
+
+
+def _lines(rays: Rays) -> list[F64]:
+    """Origins and directions (n, 3) of rays."""
+    return [np.array(a, float, order="C") for a in (rays.origins(), rays.directions())]
 
 
 def _black(n: int, nw: int) -> SurfaceSample:

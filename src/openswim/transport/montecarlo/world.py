@@ -231,8 +231,8 @@ def _air_table(matter: Matter, ground_m: float):
     height = ground_m + AIR_STEP_M * np.arange(AIR_NODES)
     air = background(None, matter.wavelengths_nm, height) if matter.air is None else matter.air.at(height)
     extinction = air.rayleigh_per_m + air.absorption_per_m + air.aerosol_per_m
-    haze = air.aerosol_per_m * np.asarray(air.aerosol_albedo)[:, None]
-    table = np.ascontiguousarray(np.stack([extinction, air.rayleigh_per_m, haze]).transpose(2, 0, 1))
+    rows = np.stack([extinction, air.rayleigh_per_m, air.aerosol_scattering_per_m])
+    table = np.ascontiguousarray(rows.transpose(2, 0, 1))
     return table, air.aerosol_phase, air.rayleigh_phase
 
 

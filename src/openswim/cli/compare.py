@@ -1,0 +1,100 @@
+"""`openswim compare`: from a model, a camera's file and frames to pages and files of scores."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from openswim.cameras.files import CameraFile
+
+_SETTINGS = ("size", "sun_mask_deg", "lowest_deg", "encoding", "ghi_w_m2", "dhi_w_m2")
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """The options of `openswim compare`; None: not given."""
+
+    files: tuple[Path, ...]
+    camera_file: Path
+    clear: bool = False
+    clear_frame: Path | None = None
+    lat: float | None = None
+    lon: float | None = None
+    time: str | None = None
+    time_pattern: str | None = None
+    utc_offset_h: float | None = None
+    aod: float | None = None
+    albedo: float | None = None
+    solver: str = "fast"
+    size: int | None = None
+    sun_mask_deg: float | None = None
+    lowest_deg: float | None = None
+    encoding: str | None = None
+    ghi_w_m2: float | None = None
+    dhi_w_m2: float | None = None
+    output: Path = Path("openswim-compare")
+
+    def settings(self) -> dict[str, Any]:
+        """What `openswim.compare` takes of them."""
+        given = {name: getattr(self, name) for name in _SETTINGS if getattr(self, name) is not None}
+        if "encoding" in given and given["encoding"].replace(".", "", 1).isdigit():
+            given["encoding"] = float(given["encoding"])
+        return given
+
+
+def run(request: CompareRequest) -> None:
+    """Compare and write; what can be wrong with the request is found before any work is done."""
+    from openswim.comparison.series import compare_into
+    from openswim.comparison.settings import known_camera, settings_of, skies_of
+    from openswim.ground.earth import preload
+    from openswim.readers import files_of
+
+    model, frames = (None, request.files) if request.clear else (request.files[0], request.files[1:])
+    if not frames:
+        raise UserError("frames missing: write openswim compare MODEL FRAME... (or --clear FRAME...)")
+    if request.time is not None and len(frames) > 1:
+        raise UserError("--time is for a single frame: leave it out, or give --time-pattern")
+    listed = [Path(path) for path in files_of(frames)]
+    content = camera_content(request)
+    settings = settings_of(request.settings())
+    preload()
+    skies = skies_of(model, request.solver, request.aod, request.albedo, table=len(listed) > 1)
+    known = known_camera(content, settings, request.clear_frame, request.solver, skies)
+    done = compare_into(skies, listed, content, settings, known, request.output, request.time, told)
+    click.echo(f"{done}")
+
+
+def camera_content(request: CompareRequest) -> "CameraFile":
+    """The camera's file, with the options that go before it."""
+    from openswim.cameras.files import read_camera
+
+    content = read_camera(request.camera_file, lat=request.lat, lon=request.lon)
+    given = {name: value for name in ("time_pattern", "utc_offset_h") if (value := getattr(request, name)) is not None}
+    return replace(content, frames=replace(content.frames, **given))
+
+
+def told(comparison: "xr.Dataset") -> None:
+    """One line about a frame."""
+    click.echo(line_of(comparison))
+
+
+def line_of(comparison: "xr.Dataset") -> str:
+    """Frame, time, mean r, cloud cover."""
+    attrs = comparison.attrs
+    at = {"weighting": "solid angle", "sun_mask": attrs["sun_mask_deg"], "score_channel": "mean"}
+    stored, undone = (float(comparison["r"].sel(at | {"light": name})) for name in ("as stored", "response undone"))
+    text = f"{attrs['frame']}: {attrs['time']}, r {stored:.3f} as stored, {undone:.3f} with the response undone"
+    if "observed_cover" in comparison:
+        covers = [float(comparison[f"{who}_cover"].sel(rule="clear sky")) for who in ("observed", "simulated")]
+        if np.isfinite(covers).all():
+            return f"{text}; cloud {100 * covers[0]:.0f} % observed, {100 * covers[1]:.0f} % simulated"
+        typical = attrs["red_blue_of_this_frame"]
+        text += f"; no cloud masks without a clear frame (if this sky is clear: red_blue = {typical:.3f})"
+    return text

@@ -1,0 +1,250 @@
+"""`openswim irradiance`: light on the ground through time, and beside what a station has measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+_FIT = ("beam", "first-half", "second-half")
+_LOWEST_SUN_DEG = 15.0
+
+
+@dataclass(frozen=True)
+class IrradianceRequest:
+    """The options of `openswim irradiance`; None: not given."""
+
+    files: tuple[Path, ...] = ()
+    output: Path | None = None
+    clear: bool = False
+    lat: float | None = None
+    lon: float | None = None
+    height_m: float = 2.0
+    ground_m: float | None = None
+    start: str | None = None
+    end: str | None = None
+    every: float | None = None
+    planes: tuple[str, ...] = ()
+    wavelengths: str | None = None
+    vapour_cm: float | None = None
+    aod: float | None = None
+    albedo: float | None = None
+    station: Path | None = None
+    fit: str | None = None
+    plot: Path | None = None
+    solver: str = "fast"
+
+
+def run(request: IrradianceRequest) -> None:
+    """Compute, print what is worth knowing, write."""
+    from openswim.scene.files import check_target
+
+    if request.clear == bool(request.files):
+        raise UserError("give a model's FILES, or --clear for a clear sky")
+    if request.output is None and request.plot is None and request.station is None:
+        raise UserError("--output missing: give -o irradiance.nc (or .csv)")
+    if request.output is not None and request.output.suffix.lower() not in (".nc", ".csv"):
+        raise UserError(f"output {request.output}: suffix {request.output.suffix!r} is unknown; use .nc or .csv")
+    inputs = [*request.files, *([request.station] if request.station else [])]
+    for path, name in ((request.output, "output"), (request.plot, "--plot")):
+        if path is not None:
+            check_target(path, inputs, name)
+    if request.station is None and (request.plot or request.fit):
+        raise UserError("--plot and --fit need a --station to be compared with")
+    if not request.clear and (request.fit or request.aod is not None or request.albedo is not None):
+        raise UserError("--fit, --aod and --albedo are of a clear sky: leave them out, or FILES in place of --clear")
+    model = _beside_station(request) if request.station is not None else _alone(request)
+    if request.output is not None:
+        _write(model, request.output)
+        click.echo(f"{request.output}: {model.sizes['time']} times, {model.attrs['solves']} solves")
+
+
+def _alone(request: IrradianceRequest) -> xr.Dataset:
+    import openswim
+    from openswim.scene import Scene
+    from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+    from openswim.stations import Series
+
+    if request.lat is None or request.lon is None:
+        raise UserError("place missing: give --lat and --lon in degrees")
+    scene: Any
+    if request.clear:
+        ground = request.ground_m or 0.0
+        aerosol = AerosolProfile(0.05 if request.aod is None else request.aod, base_height_m=ground)
+        scene = Scene.clear(
+            request.lat, request.lon, Atmosphere.us_standard(aerosol=aerosol),
+            0.2 if request.albedo is None else request.albedo, ground,
+        )  # fmt: skip
+        times = _times(request, None)
+    else:
+        scene = Series.open(request.files, around=(request.lat, request.lon))
+        times = _times(request, None if scene.times.size == 1 else scene.times)
+    return openswim.irradiance(scene, request.lat, request.lon, times, **_options(request))
+
+
+def _options(request: IrradianceRequest) -> dict[str, Any]:
+    options: dict[str, Any] = {"solver": request.solver, "height_m": request.height_m}
+    if request.planes:
+        options["planes"] = [_numbers("--plane", text, 2) for text in request.planes]
+    if request.wavelengths is not None:
+        options["wavelengths_nm"] = _numbers("--wavelengths", request.wavelengths, None)
+    if request.vapour_cm is not None:
+        options["water_vapour_cm"] = request.vapour_cm
+    return options
+
+
+def _numbers(option: str, text: str, count: int | None) -> list[float]:
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or count not in (None, len(found)):
+        raise UserError(f"{option} {text}: give {count or 'some'} numbers divided by commas")
+    return found
+
+
+def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
+    """From --start to --end, or the model's own times."""
+    import numpy as np
+
+    from openswim.scene.times import parse_time
+
+    if request.start is None:
+        if model is None or request.end is not None or request.every is not None:
+            raise UserError("times missing: give --start, and --end with --every in minutes, in UTC")
+        return model
+    start = parse_time(request.start)
+    end = start if request.end is None else parse_time(request.end)
+    assert start is not None
+    assert end is not None
+    minutes = 1.0 if request.every is None else request.every
+    if not 0 < minutes <= 1e6:
+        raise UserError(f"--every {minutes:g}: give minutes above 0")
+    step = np.timedelta64(round(6e4 * minutes), "ms")
+    count = int((end - start) / step) + 1 if end >= start else 0
+    if not 0 < count <= 1_000_000:
+        raise UserError(f"--start {request.start} --end {request.end}: {count} times; give an end after the start")
+    return start + step * np.arange(count)
+
+
+def _beside_station(request: IrradianceRequest) -> xr.Dataset:
+    import numpy as np
+
+    import openswim
+    from openswim.stations import Series
+    from openswim.stations.checks import checked, sun_of
+    from openswim.stations.clear_day import fit_aerosol, scene_over
+    from openswim.stations.clear_sky import clear_times
+    from openswim.stations.comparison import plot
+    from openswim.stations.files import read_station
+
+    assert request.station is not None
+    station, failed = checked(read_station(request.station, request.lat, request.lon, request.ground_m))
+    for name, count in failed.items():
+        if count:
+            click.echo(f"{name.replace('_', ': ', 1)} in {count} of {station.sizes['time']} values", err=True)
+    station = _wanted(request, station)
+    lat, lon = station.attrs["latitude"], station.attrs["longitude"]
+    options = _options(request)
+    if not request.clear:
+        scenes = Series.open(request.files, around=(lat, lon))
+        if scenes.times.size > 1:
+            station = station.sel(time=slice(scenes.times[0], scenes.times[-1]))
+        if not station.sizes["time"]:
+            raise UserError(f"{request.station}: no values within the model's times")
+        model = openswim.irradiance(scenes, lat, lon, station.time.values, **options)
+        _print(model, station, np.ones(station.sizes["time"], bool), "all")
+        if request.plot is not None:
+            plot(model, station, request.plot)
+        return model
+    scene = scene_over(station, albedo=request.albedo)
+    assert scene.atmosphere is not None
+    if request.aod is not None and scene.atmosphere.aerosol is not None:
+        scene = _with_depth(scene, request.aod)
+    model = openswim.irradiance(scene, lat, lon, station.time.values, **options)
+    high = sun_of(station).refracted_altitude_deg > _LOWEST_SUN_DEG
+    measured = {name: station[name].values for name in ("ghi", "dni", "dhi") if name in station}
+    clear = high & clear_times(station.time.values, measured, {name: model[name].values for name in measured})
+    click.echo(f"clear sky at {clear.sum()} of {high.sum()} times with the sun above {_LOWEST_SUN_DEG:g} degrees")
+    if not clear.any():
+        raise UserError(f"{request.station}: no clear sky at any time: compare it with a model's FILES")
+    told = clear
+    if request.fit is not None:
+        used = clear.copy()
+        if request.fit != "beam":
+            rank = np.cumsum(clear) - 1
+            used &= (rank < clear.sum() // 2) == (request.fit == "first-half")
+            told = clear & ~used
+        found = fit_aerosol(station, used, scene)
+        click.echo(f"aerosol optical depth at 550 nm by {found.times} values of DNI: {found.optical_depth:.3f}")
+        scene = _with_depth(scene, found.optical_depth)
+        model = openswim.irradiance(scene, lat, lon, station.time.values, **options)
+    _print(model, station, told, "clear" if told is clear else "clear, not used for the fit")
+    if request.plot is not None:
+        plot(model, station, request.plot, clear)
+    return model
+
+
+def _with_depth(scene: Any, depth: float) -> Any:
+    from dataclasses import replace
+
+    aerosol = replace(scene.atmosphere.aerosol, optical_depth=depth)
+    return replace(scene, atmosphere=replace(scene.atmosphere, aerosol=aerosol))
+
+
+def _wanted(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
+    from openswim.scene.times import parse_time
+
+    start, end = parse_time(request.start), parse_time(request.end)
+    station = station.sel(time=slice(start, end))
+    if request.every is not None and station.sizes["time"] > 1:
+        steps = request.every / ((station.time[1] - station.time[0]).values.astype("timedelta64[ms]").astype(int) / 6e4)
+        station = station.isel(time=slice(None, None, max(round(float(steps)), 1)))
+    if not station.sizes["time"]:
+        raise UserError(f"{request.station}: no values between --start and --end")
+    return station
+
+
+def _print(model: xr.Dataset, station: xr.Dataset, rows: np.ndarray, which: str) -> None:
+    from openswim.stations.comparison import differences
+
+    click.echo(f"{'model - measured':18}{'bias':>8}{'RMSE':>8}{'mean':>8}  W/m2   ({which})")
+    for name, one in differences(model, station, rows).items():
+        share = 100 * one.bias / one.mean if one.mean else float("nan")
+        click.echo(f"{name:18}{one.bias:+8.1f}{one.rmse:8.1f}{one.mean:8.1f}  {share:+6.1f} %   n = {one.n}")
+
+
+def _write(model: xr.Dataset, path: Path) -> None:
+    from openswim.scene.cf import save_netcdf
+    from openswim.scene.files import written_whole
+
+    if path.suffix.lower() == ".nc":
+        save_netcdf(model, path)
+        return
+    import numpy as np
+
+    columns: dict[str, Any] = {}
+    for name in map(str, model.data_vars):
+        values = model[name]
+        if "wavelength" in values.dims:
+            for wavelength in model.wavelength.values:
+                columns[f"{name}_{wavelength:g}nm"] = values.sel(wavelength=wavelength).values
+        elif "plane" in values.dims:
+            for plane in range(model.sizes["plane"]):
+                tilt, azimuth = (float(model[key][plane]) for key in ("plane_tilt", "plane_azimuth"))
+                columns[f"{name}_{tilt:g}_{azimuth:g}"] = values.isel(plane=plane).values
+        else:
+            columns[name] = values.values
+    times = np.datetime_as_string(model.time.values, "s")
+    with written_whole(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(",".join(["utc", *columns]) + "\n")
+        for row, time in enumerate(times):
+            file.write(",".join([f"{time}Z", *(f"{column[row]:.6g}" for column in columns.values())]) + "\n")

@@ -1,0 +1,209 @@
+"""All of one frame beside one sky: pictures, masks, scores."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.cameras.files import CameraFile
+from openswim.comparison.below import below_scores
+from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, departure
+from openswim.comparison.encoding import encoded
+from openswim.comparison.prepared import Prepared, prepared, valid_pixels
+from openswim.comparison.response import AEROSOL_NOTE, Curve, fit_curve, fit_power_law
+from openswim.comparison.scores import Region, Scores, cloud_scores, correlations, radiance_errors, undone
+from openswim.comparison.settings import SUN_MASKS_DEG, KnownCamera, Settings, encoding_of, weighted_median
+from openswim.comparison.skies import Skies
+from openswim.observations import SkyFrame
+
+F64 = NDArray[np.float64]
+
+
+def compare_frame(
+    skies: Skies, frame: SkyFrame, content: CameraFile, settings: Settings, known: KnownCamera
+) -> xr.Dataset:
+    """All of one frame: pictures, masks, scores."""
+    ready = prepared(frame, content.camera, encoding_of(settings, content), settings.size)
+    camera, pixels, colours = ready.camera, ready.pixels, ready.linear.shape[-1]
+    sun = skies.sun_at(camera, ready.time)
+    image = skies.simulated(camera, ready.time)
+    simulated = np.asarray(image.radiance.values, float)
+    clear = simulated if skies.model is None else skies.clear(camera, ready.time)
+    part = slice(None) if colours == 3 else slice(1, 2)
+    regions = {}
+    for mask_deg in sorted({*SUN_MASKS_DEG, settings.sun_mask_deg}):
+        valid = valid_pixels(ready, sun, mask_deg, settings.lowest_deg)
+        regions[mask_deg] = Region.of(ready, valid & np.isfinite(simulated).all(axis=-1))
+    region = regions[settings.sun_mask_deg]
+    scores = Scores()
+    scores.data = _pictures(ready, simulated[..., part], clear[..., part], region)
+    correlations(scores, ready, simulated[..., part], regions, known.curves)
+    scale = _scale(known, settings, image, ready, simulated[..., part], region)
+    radiance_errors(scores, ready, simulated[..., part], region, scale)
+    curves: list[Curve | None] = list(known.curves or ())
+    if not curves:
+        pairs = zip(ready.linear[region.valid].astype(float).T, simulated[..., part][region.valid].T, strict=True)
+        curves = [fit_curve(seen, truth, region.weight) for seen, truth in pairs]
+    if colours == 3:
+        _clouds(scores, ready, simulated, clear, region, known)
+    below_scores(scores, ready, image, curves)
+    if skies.model is None and settings.aod_range and region.weight.size:
+        _aerosol_range(scores, skies, ready, region, part)
+    _response(scores, ready, simulated[..., part], region, curves)
+    shown = as_stored(simulated[..., part], ready, region, known)
+    text = {"long_name": "the simulated picture as this camera would store it"}
+    scores.data["simulated_as_stored"] = (("y", "x", "channel"), shown.astype(np.float32), text)
+    scores.data.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
+    scores.data["sun_distance"] = (("y", "x"), pixels.angle_to_deg(*sun).astype(np.float32), {"units": "degree"})
+    return scores.data
+
+
+def _pictures(frame: Prepared, simulated: F64, clear: F64, region: Region) -> xr.Dataset:
+    plane, unit = ("y", "x"), {"units": "W m-2 sr-1 nm-1"}
+    pixels = frame.pixels
+    return xr.Dataset(
+        {
+            "stored": ((*plane, "channel"), frame.stored, {"long_name": "counts as a share of full scale"}),
+            "observed": ((*plane, "channel"), frame.linear, {"long_name": "linear light as a share of full scale"}),
+            "simulated": ((*plane, "channel"), simulated.astype(np.float32), {"long_name": "radiance", **unit}),
+            "clear_sky": ((*plane, "channel"), clear.astype(np.float32), {"long_name": "radiance", **unit}),
+            "valid": (plane, region.valid, {"long_name": "pixels that the scores are of"}),
+        },
+        coords={
+            "channel": list(frame.channels),
+            "azimuth": (plane, pixels.azimuth_deg.astype(np.float32), {"units": "degree"}),
+            "altitude": (plane, pixels.altitude_deg.astype(np.float32), {"units": "degree"}),
+            "solid_angle": (plane, pixels.solid_angle_sr.astype(np.float32), {"units": "sr"}),
+        },
+    )
+
+
+def _clouds(
+    scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region, known: KnownCamera
+) -> None:
+    """Masks by all rules, of both pictures, and their scores."""
+    plane = ("y", "x")
+    raw = departure(frame.linear, clear)
+    typical = weighted_median(raw[region.valid], region.weight)
+    scores.data.attrs["red_blue_of_this_frame"] = typical
+    masks = {}
+    if known.red_blue is not None:
+        with np.errstate(invalid="ignore"):
+            pair = raw - known.red_blue > DEPARTURE, departure(simulated, clear) > DEPARTURE
+        masks[CLEAR_SKY] = pair
+        scores.data["departure"] = (plane, (raw - known.red_blue).astype(np.float32),
+                                    {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
+        for name, mask in zip(("observed_cloud", "simulated_cloud"), pair, strict=True):
+            scores.data[name] = (plane, mask & region.valid)
+    counts = as_stored(simulated, frame, region, known)
+    for name, rule in FIXED.items():
+        pair = np.zeros(region.valid.shape, bool), np.zeros(region.valid.shape, bool)
+        if region.weight.size:
+            pair[0][region.valid] = rule(frame.stored[region.valid].astype(float))
+            pair[1][region.valid] = rule(counts[region.valid])
+        masks[name] = pair
+    cloud_scores(scores, frame, masks, region)
+
+
+def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamera) -> F64:
+    """Shares of full scale (ny, nx, channels) that this camera would have stored of simulated radiance: by its response
+    where that is known, or by a gain for each channel."""
+    if not region.weight.size:
+        return np.zeros(simulated.shape)
+    if known.curves is not None:
+        light = np.stack([curve.inverse(part) for curve, part in zip(known.curves, np.moveaxis(simulated, -1, 0),
+                                                                     strict=True)], axis=-1)  # fmt: skip
+    else:
+        seen, truth = (np.median(v[region.valid], axis=0) for v in (frame.linear.astype(float), simulated))
+        light = simulated * (seen / truth)
+    return encoded(np.clip(np.nan_to_num(light), 0, 1), frame.encoding)
+
+
+def _aerosol_range(scores: Scores, skies: Skies, frame: Prepared, region: Region, part: slice) -> None:
+    """Mean r with the response undone for half and twice the aerosol: how little r says of it."""
+    from openswim.comparison.correlation import correlation
+
+    assert skies.aod is not None
+    depths = [skies.aod * factor for factor in (0.5, 1.0, 2.0)]
+    found = []
+    for depth in depths:
+        truth = skies.clear(frame.camera, frame.time, depth)[..., part][region.valid]
+        light = undone(frame.linear[region.valid].astype(float), truth, region, None)
+        found.append(correlation(light, truth, region.weight, region.tiles).value)
+    scores.data = scores.data.assign_coords(aod=("aod", depths, {"long_name": "aerosol optical depth at 550 nm"}))
+    scores.data["r_by_aod"] = ("aod", found, {"long_name": "mean r, response undone, if the aerosol were this"})
+
+
+def _response(scores: Scores, frame: Prepared, simulated: F64, region: Region, curves: list[Curve | None]) -> None:
+    """The curve that was found, its rms, and the power law nearest to it."""
+    channels = len(frame.channels)
+    gamma = exposure = balance = rms = np.full(channels, np.nan)
+    known = [curve for curve in curves if curve is not None]
+    if len(known) == channels and region.weight.size:
+        law = fit_power_law(frame.stored[region.valid].astype(float), simulated[region.valid], region.weight)
+        gamma, exposure, balance = law.gamma, law.exposure, law.white_balance
+        rms = np.array([curve.rms for curve in known]) * 255
+        at = np.linspace(0, 1, 65)
+        scores.data = scores.data.assign_coords(light_level=at)
+        scores.data["response_curve"] = (
+            ("light_level", "channel"), np.stack([curve(at) for curve in known], axis=-1),
+            {"long_name": "radiance by linear light", "units": "W m-2 sr-1 nm-1"},
+        )  # fmt: skip
+    texts = {
+        "response_gamma": (gamma, "stored = (exposure radiance)^(1 / gamma)"),
+        "response_exposure": (exposure, "per W m-2 sr-1 nm-1"),
+        "white_balance": (balance, "exposure over green's"),
+        "response_rms": (rms, "what the curve leaves, counts of 255"),
+    }
+    for name, (values, text) in texts.items():
+        scores.data[name] = ("channel", values, {"long_name": text})
+
+
+def _scale(
+    known: KnownCamera, settings: Settings, image: xr.Dataset, frame: Prepared, simulated: F64, region: Region
+) -> F64 | None:
+    """Radiance of a linear full scale (channels,): the camera's own, or by a pyranometer beside it.
+
+    One irradiance fixes one number: colours, and the parts that are masked, are taken from the simulated sky.
+    """
+    channels = simulated.shape[-1]
+    if known.scale is not None:
+        return np.broadcast_to(known.scale, channels)
+    measured, diffuse = settings.dhi_w_m2, float(image.attrs.get("diffuse_horizontal_irradiance_w_m2", np.nan))
+    if measured is None and settings.ghi_w_m2 is not None:
+        measured = settings.ghi_w_m2 - float(image.attrs["direct_horizontal_irradiance_w_m2"])
+    if measured is None or not region.weight.size or not (measured > 0 and diffuse > 0):
+        return None
+    weight = region.weight * frame.pixels.direction[region.valid][:, 2]
+    seen, truth = (np.average(v[region.valid], axis=0, weights=weight) for v in (frame.linear, simulated))
+    return np.asarray(measured / diffuse * truth / seen, float)
+
+
+def _attributes(
+    skies: Skies, frame: Prepared, image: xr.Dataset, sun: tuple[float, float], settings: Settings, known: KnownCamera,
+    reasons: list[str],
+) -> dict[str, Any]:  # fmt: skip
+    kept = {key: value for key, value in image.attrs.items() if "irradiance" in key or key in ("latitude", "longitude")}
+    attrs = kept | {
+        "Conventions": "CF-1.11",
+        "title": f"OpenSWIm comparison with {frame.name}",
+        "frame": frame.name,
+        "time": f"{np.datetime_as_string(frame.time, 's')}Z",
+        "model": "clear sky" if skies.model is None else image.attrs.get("source", "model"),
+        "solver": image.attrs.get("solver", ""),
+        "sun_azimuth_deg": round(sun[0], 4),
+        "sun_altitude_deg": round(sun[1], 4),
+        "sun_mask_deg": settings.sun_mask_deg,
+        "lowest_deg": settings.lowest_deg,
+        "encoding": str(frame.encoding),
+        "aerosol_optical_depth_550": skies.aerosol_depth(frame.camera, frame.time),
+        "aerosol_note": AEROSOL_NOTE,
+        "response_from": known.source if known.curves is not None else "this frame, each half of the sky by the other",
+        "reasons": "\n".join(dict.fromkeys(reasons)),
+    }
+    if known.red_blue is not None:
+        attrs["red_blue"] = known.red_blue
+    return attrs
+
+

@@ -1,0 +1,107 @@
+"""A frame made ready: linear light of averaged pixels, and which of them say something."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.cameras.pixels import Pixels
+from openswim.comparison.encoding import decoded
+from openswim.errors import UserError
+from openswim.observations import SkyFrame
+
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+SIZE = 320  # columns: JPEG keeps chroma in half as many as its pixels, and clouds fill many
+GROWN_DEG = 2.0  # around saturated pixels
+ODD = 0.20  # by which one channel alone differs from the median of its neighbours: text, drops, hot pixels
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A frame in the pixels of `camera`: shares of full scale (ny, nx, channels) as stored, and as linear light."""
+
+    camera: Camera
+    pixels: Pixels
+    stored: F32
+    linear: F32
+    saturated: Mask  # any of a pixel's counts, or one near by
+    time: np.datetime64
+    name: str
+    encoding: str | float
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return ("red", "green", "blue") if self.linear.shape[-1] == 3 else ("grey",)
+
+
+def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = None, size: int = SIZE) -> Prepared:
+    """Average a frame to at most `size` columns; the curve of its counts is undone first."""
+    if frame.shape != camera.shape:
+        own, others = (f"{shape[1]}x{shape[0]}" for shape in (frame.shape, camera.shape))
+        raise UserError(f"{frame.path}: is {own} pixels, its camera {others}: give the camera of this frame")
+    if encoding is None:
+        encoding = "srgb" if frame.full_scale < 256 else "linear"
+    counts = frame.counts if frame.counts.ndim == 3 else frame.counts[..., None]
+    full = np.greater_equal(counts, frame.saturated).max(axis=-1, keepdims=True).astype(np.float32)
+    smaller = camera.resized(size) if size < camera.shape[1] else camera
+    shape = smaller.shape
+    linear = _curve(counts, frame.full_scale, encoding)
+    pixels = smaller.pixels()
+    width_deg = float(np.nanmedian(pixels.half_width_deg)) * 2
+    return Prepared(
+        smaller, pixels, averaged(counts.astype(np.float32) / np.float32(frame.full_scale), shape),
+        averaged(linear, shape), grown(averaged(full, shape)[..., 0] > 0, width_deg),
+        frame.time, frame.path.name, encoding,
+    )  # fmt: skip
+
+
+def averaged(values: F32, shape: tuple[int, int]) -> F32:
+    """Means (ny, nx, channels) over the part of the picture that each pixel of another shape covers."""
+    from PIL import Image
+
+    if values.shape[:2] == shape:
+        return values
+    size = shape[::-1]
+    parts = [Image.fromarray(np.ascontiguousarray(part)).resize(size, Image.Resampling.BOX)
+             for part in np.moveaxis(values, -1, 0)]  # fmt: skip
+    return np.stack([np.asarray(part, np.float32) for part in parts], axis=-1)
+
+
+def grown(mask: Mask, width_deg: float, by_deg: float = GROWN_DEG) -> Mask:
+    """A mask and all that lies within so many degrees of it, in pixels of a width."""
+    from scipy import ndimage
+
+    if not mask.any():
+        return mask
+    return np.asarray(ndimage.distance_transform_edt(~mask) * width_deg <= by_deg)
+
+
+def odd_pixels(linear: F32) -> Mask:
+    """(ny, nx): pixels of which one channel alone is unlike its neighbours'."""
+    from scipy import ndimage
+
+    if linear.shape[-1] < 3:
+        return np.zeros(linear.shape[:2], bool)
+    median = np.stack([ndimage.median_filter(part, 5) for part in np.moveaxis(linear, -1, 0)], axis=-1)
+    return np.asarray((np.abs(linear - median) > ODD * np.maximum(median, 1e-6)).sum(axis=-1) == 1)
+
+
+def valid_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float, lowest_deg: float) -> Mask:
+    """Pixels of open sky: not near the sun (azimuth, altitude), nor saturated, nor odd, nor what the camera hides."""
+    pixels = frame.pixels
+    with np.errstate(invalid="ignore"):
+        there = frame.camera.open_sky() & (pixels.altitude_deg >= lowest_deg)
+        there &= pixels.angle_to_deg(*sun) > sun_mask_deg
+    return there & ~frame.saturated & ~odd_pixels(frame.linear) & (frame.linear > 0).all(axis=-1)
+
+
+def _curve(counts: NDArray[Any], full_scale: float, encoding: str | float) -> F32:
+    """Linear light of counts; of 8 or 16 bits by a table."""
+    if counts.dtype.kind == "u" and counts.dtype.itemsize <= 2:
+        table = decoded(np.arange(np.iinfo(counts.dtype).max + 1) / full_scale, encoding).astype(np.float32)
+        return np.asarray(table[counts])
+    return decoded(counts / full_scale, encoding).astype(np.float32)

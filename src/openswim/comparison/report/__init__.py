@@ -1,0 +1,1 @@
+"""Pages of comparisons: pictures, plots, tables, in one file each."""

@@ -1,0 +1,80 @@
+"""What may be drawn over a picture of the sky: sun, moon, planets, compass, rings of altitude; as SVG."""
+
+from html import escape
+from itertools import pairwise
+
+import numpy as np
+
+from openswim.cameras import Camera
+from openswim.lights import PLANETS, Moon, Sun, moon_position, planet_position, sun_position
+
+RINGS_DEG = (0, 15, 30, 45, 60, 75)
+COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+_FAINTEST = 4.0  # planets that the eye sees
+
+
+Places = dict[str, tuple[float, float]]
+
+
+def bodies(camera: Camera, time: np.datetime64, sun: tuple[float, float] | None = None) -> Places:
+    """Azimuth and refracted altitude (degrees) of sun, moon and bright planets that are up; of the sun alone where the
+    place is not on Earth."""
+    if camera.lat is None or camera.lon is None:
+        return {} if sun is None else {"sun": sun}
+    place = camera.lat, camera.lon
+    found: dict[str, Sun | Moon] = {"sun": sun_position(time, *place), "moon": moon_position(time, *place)}
+    places = {name: (body.azimuth_deg, body.refracted_altitude_deg) for name, body in found.items()}
+    for name in PLANETS:
+        planet = planet_position(name, time, *place)
+        if planet.magnitude < _FAINTEST:
+            places[name] = planet.azimuth_deg, planet.refracted_altitude_deg
+    if sun is not None:
+        places["sun"] = sun
+    return {name: at for name, at in places.items() if at[1] > -0.5}
+
+
+def overlay(camera: Camera, places: dict[str, tuple[float, float]]) -> str:
+    """An SVG of the picture's size with groups of class rings, compass and bodies."""
+    ny, nx = camera.shape
+    size = min(ny, nx) / 28
+    rings = []
+    turn = np.linspace(0, 360, 181)
+    for altitude in RINGS_DEG:
+        row, column = camera.pixel_of(turn, float(altitude))
+        rings.append(_path(row, column, nx))
+        rings.append(_text(row[18], column[18], str(altitude), size, camera.shape))
+    compass = []
+    for azimuth, letter in zip(range(0, 360, 45), COMPASS, strict=True):
+        row, column = camera.pixel_of(float(azimuth), np.linspace(0, 85, 35))
+        compass.append(_path(row, column, nx))
+        compass.append(_text(row[2], column[2], letter, 1.3 * size, camera.shape))
+    marked = []
+    for name, at in places.items():
+        y, x = (float(v) for v in camera.pixel_of(*at))
+        if np.isfinite(y):
+            marked.append(f'<circle cx="{x + 0.5:.1f}" cy="{y + 0.5:.1f}" r="{0.5 * size:.1f}"/>')
+            marked.append(_text(y + (size if name in PLANETS else -size), x, name, size, camera.shape))
+    groups = "".join(
+        f'<g class="{name}">{"".join(parts)}</g>'
+        for name, parts in (("rings", rings), ("compass", compass), ("bodies", marked))
+    )
+    return f'<svg class="marks" viewBox="0 0 {nx} {ny}" preserveAspectRatio="none">{groups}</svg>'
+
+
+def _path(row: np.ndarray, column: np.ndarray, width: int) -> str:
+    """Lines between places, but not where one is missing or the picture's edge lies between."""
+    parts, apart = [], True
+    places = list(zip(row, column, strict=True))
+    for (y, x), (v, u) in pairwise(places):
+        if not np.isfinite([y, x, v, u]).all() or abs(u - x) > width / 4:
+            apart = True
+            continue
+        parts.append((f"M{x + 0.5:.1f} {y + 0.5:.1f}" if apart else "") + f"L{u + 0.5:.1f} {v + 0.5:.1f}")
+        apart = False
+    return f'<path d="{"".join(parts)}"/>' if parts else ""
+
+
+def _text(row: float, column: float, text: str, size: float, shape: tuple[int, int]) -> str:
+    if not (0 <= row < shape[0] and 0 <= column < shape[1]):
+        return ""
+    return f'<text x="{column:.1f}" y="{row:.1f}" font-size="{size:.1f}">{escape(text)}</text>'

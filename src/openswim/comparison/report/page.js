@@ -1,0 +1,23 @@
+for (const viewer of document.querySelectorAll(".viewer")) {
+  const all = (selector) => [...viewer.querySelectorAll(selector)];
+  const mode = (name) => {
+    viewer.dataset.mode = name;
+    for (const button of all("[data-mode]")) button.classList.toggle("on", button.dataset.mode === name);
+  };
+  const choose = (name) => {
+    for (const view of all(".view")) view.classList.toggle("on", view.dataset.view === name);
+    for (const button of all("[data-choose]")) button.classList.toggle("on", button.dataset.choose === name);
+  };
+  for (const button of all("button[data-mode]")) button.onclick = () => mode(button.dataset.mode);
+  for (const button of all("[data-choose]")) button.onclick = () => choose(button.dataset.choose);
+  for (const tick of all("[data-mark]"))
+    tick.onchange = () => viewer.classList.toggle("show-" + tick.dataset.mark, tick.checked);
+  const slider = viewer.querySelector(".slider");
+  slider.oninput = () => viewer.style.setProperty("--at", slider.value + "%");
+  setInterval(() => viewer.classList.toggle("other"), 700);
+  const wanted = new URLSearchParams(location.hash.slice(1));
+  mode(wanted.get("mode") || "swipe");
+  choose(wanted.get("view") || "camera");
+  for (const tick of all("[data-mark]"))
+    if ((wanted.get("marks") || "").includes(tick.dataset.mark)) { tick.checked = true; tick.onchange(); }
+}

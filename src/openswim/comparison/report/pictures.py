@@ -1,0 +1,86 @@
+"""Pictures of a comparison: in the camera's own pixels and in common projections, as bytes and as data for a page."""
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+
+U8 = NDArray[np.uint8]
+_GREY = np.array([120, 126, 132], np.uint8)  # no score here
+CLOUD_COLOURS = {
+    "cloud in both": (244, 246, 248),
+    "observed only": (224, 96, 60),
+    "simulated only": (52, 132, 214),
+    "clear in both": (28, 44, 64),
+}
+
+
+def pair(comparison: xr.Dataset) -> tuple[U8, U8]:
+    """The frame, and the simulated sky as its camera would have written it (ny, nx, 3)."""
+    return _bytes(comparison["stored"].values), _bytes(comparison["simulated_as_stored"].values)
+
+
+def difference(comparison: xr.Dataset) -> U8:
+    """Observed less simulated brightness as stored: red where the frame is brighter, blue where it is darker."""
+    seen, shown = (comparison[name].values.mean(axis=-1) for name in ("stored", "simulated_as_stored"))
+    valid = comparison["valid"].values
+    value = np.nan_to_num(np.clip((seen - shown) / 0.3, -1, 1))[..., None]
+    up, down = np.array([202, 62, 42.0]), np.array([36, 92, 190.0])
+    white = np.array([246, 246, 246.0])
+    colour = np.where(value > 0, white + value * (up - white), white - value * (down - white))
+    return np.where(valid[..., None], colour, _GREY).astype(np.uint8)
+
+
+def clouds(comparison: xr.Dataset) -> U8 | None:
+    """The contingency of the masks; None where there are none."""
+    if "observed_cloud" not in comparison:
+        return None
+    seen, shown = comparison["observed_cloud"].values, comparison["simulated_cloud"].values
+    number = np.where(seen, np.where(shown, 0, 1), np.where(shown, 2, 3))
+    colours = np.array(list(CLOUD_COLOURS.values()), np.uint8)[number]
+    return np.where(comparison["valid"].values[..., None], colours, _GREY)
+
+
+def reprojected(picture: U8, camera: Camera, view: Camera, order: int = 1) -> U8:
+    """A picture of one camera in the pixels of another at the same place: bilinear, or (order 0) of the nearest pixel;
+    black where it does not look."""
+    from scipy.ndimage import map_coordinates
+
+    pixels = view.pixels()
+    row, column = camera.pixel_of(pixels.azimuth_deg, pixels.altitude_deg)
+    outside = ~(np.isfinite(row) & (row > -0.5) & (row < camera.shape[0] - 0.5))
+    outside |= ~((column > -0.5) & (column < camera.shape[1] - 0.5))
+    outside |= ~pixels.inside
+    at = [np.where(outside, 0, v) for v in (row, column)]
+    channels = np.moveaxis(picture.astype(np.float32), -1, 0)
+    parts = [map_coordinates(channel, at, order=order, mode="nearest") for channel in channels]
+    return np.where(outside[..., None], 0, np.round(np.stack(parts, axis=-1))).astype(np.uint8)
+
+
+def common_views(camera: Camera) -> dict[str, Camera]:
+    """All-sky with north up, and the panorama above the horizon, of the camera's place."""
+    place: dict[str, Any] = {name: getattr(camera, name) for name in ("lat", "lon", "x_m", "y_m", "height_m")}
+    return {
+        "all-sky": Camera.allsky(**place, size=min(camera.shape)),
+        "panorama": Camera.panorama(**place, size=2 * camera.shape[1], altitude_range_deg=(0.0, 90.0)),
+    }
+
+
+def data_uri(picture: U8, lossless: bool = False) -> str:
+    """JPEG, or PNG, as text that a page holds."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    kind = "png" if lossless else "jpeg"
+    Image.fromarray(picture).save(stream, kind, **({} if lossless else {"quality": 88}))
+    return f"data:image/{kind};base64,{base64.b64encode(stream.getvalue()).decode()}"
+
+
+def _bytes(share: NDArray[np.floating]) -> U8:
+    values = np.round(255 * np.clip(np.nan_to_num(share), 0, 1)).astype(np.uint8)
+    return values if values.shape[-1] == 3 else np.repeat(values, 3, axis=-1)

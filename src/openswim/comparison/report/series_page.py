@@ -1,0 +1,89 @@
+"""The page of a series: scores over time, and what camera and model saw along the meridian."""
+
+import os
+from html import escape
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.comparison.report.page import COLOURS, document
+from openswim.comparison.report.pictures import data_uri
+from openswim.comparison.report.plots import Plot
+from openswim.scene.files import written_whole
+
+F64 = NDArray[np.float64]
+_WIDE = 940
+
+
+def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Of what `joined` returns."""
+    times = series["time"].values
+    title = f"{len(times)} frames beside {series.attrs.get('model', 'a model')}"
+    body = [
+        f"<h1>{escape(title)}</h1>",
+        f"<p>{str(times[0])[:19]} to {str(times[-1])[:19]} UTC.</p>",
+        "<h2>Scores over time</h2>",
+        *_plots(series),
+        "<h2>Keograms</h2><p>Columns are frames; from north on top over the zenith to south below.</p>",
+        _keogram(series, "stored", "observed"), _keogram(series, "simulated_as_stored", "simulated"),
+        "<h2>Frames</h2>", _table(series),
+    ]  # fmt: skip
+    with written_whole(path) as partial:
+        partial.write_text(document(title, body), "utf-8")
+
+
+def _plots(series: xr.Dataset) -> list[str]:
+    hours = (series["time"].values - series["time"].values[0]) / np.timedelta64(1, "h")
+    span = (0.0, max(float(hours[-1]), 1e-3))
+    ticks = [(value, _clock(series, value)) for value in np.linspace(*span, 7)]
+    mask = float(series.attrs.get("sun_mask_deg", series["sun_mask"].values[-1]))
+    r = series.sel(weighting="solid angle", sun_mask=mask, light="response undone", score_channel="mean")
+    plot = Plot("time, UTC", "mean r, response undone", span, (-0.2, 1.0), ticks, _WIDE)
+    plot.bars(hours, r["r_bounds"].values[:, 0], r["r_bounds"].values[:, 1], COLOURS["blue"])
+    plot.line(hours, r["r"].values, COLOURS["blue"])
+    plot.points(hours, r["r"].values, COLOURS["blue"], 2.5, 1)
+    out = [f"<figure>{plot.svg}<figcaption>Bars: 95 % intervals.</figcaption></figure>"]
+    if "observed_cover" in series and np.isfinite(series["observed_cover"].sel(rule="clear sky")).any():
+        cover = series.sel(rule="clear sky")
+        plot = Plot("time, UTC", "cloud cover", span, (0.0, 1.0), ticks, _WIDE)
+        for name, colour in (("observed_cover", "red"), ("simulated_cover", "blue")):
+            low, high = cover[f"{name}_bounds"].values.T
+            plot.bars(hours, low, high, COLOURS[colour])
+            plot.line(hours, cover[name].values, COLOURS[colour])
+        out.append(f"<figure>{plot.svg}<figcaption>Red: observed. Blue: simulated.</figcaption></figure>")
+    return out
+
+
+def _clock(series: xr.Dataset, hours: float) -> str:
+    return str(series["time"].values[0] + np.timedelta64(round(hours * 3_600_000), "ms"))[11:16]
+
+
+def _keogram(series: xr.Dataset, name: str, text: str) -> str:
+    values = np.nan_to_num(series[f"keogram_{name}"].transpose("meridian", "time", "channel").values)
+    picture = np.round(255 * np.clip(values, 0, 1)).astype(np.uint8)
+    if picture.shape[-1] == 1:
+        picture = np.repeat(picture, 3, axis=-1)
+    return (
+        f'<figure><img alt="{text}" style="width:100%;max-width:{_WIDE}px;height:180px;image-rendering:pixelated" '
+        f'src="{data_uri(picture)}"><figcaption>{text}</figcaption></figure>'
+    )
+
+
+def _table(series: xr.Dataset) -> str:
+    mask = float(series.attrs.get("sun_mask_deg", series["sun_mask"].values[-1]))
+    rows = []
+    for i in range(series.sizes["time"]):
+        part = series.isel(time=i)
+        r = part["r"].sel(weighting="solid angle", sun_mask=mask, score_channel="mean")
+        cells = [f"{float(r.sel(light=light)):.3f}" for light in ("as stored", "response undone")]
+        for cover in ("observed_cover", "simulated_cover"):
+            value = float(part[cover].sel(rule="clear sky")) if cover in part else np.nan
+            cells.append("&ndash;" if np.isnan(value) else f"{value:.3f}")
+        name = str(part["frame"].values)
+        link = f'<a href="{escape(os.path.splitext(name)[0])}.html">{escape(name)}</a>'
+        rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19]}</td>"
+                    + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")  # fmt: skip
+    head = "".join(f"<th>{name}</th>" for name in ("frame", "time, UTC", "r as stored", "r, response undone",
+                                                   "observed cover", "simulated cover"))  # fmt: skip
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"

@@ -1,0 +1,110 @@
+"""What a camera makes of light: a monotone curve for each channel, fitted to a simulated sky, and undone.
+
+One frame cannot tell the curve from the aerosol: more haze flattens both. So a curve belongs to the aerosol that was
+taken, and aerosol is never fitted by r.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+FEWEST_PIXELS = 50
+AEROSOL_NOTE = (
+    "The response belongs to the aerosol that was taken: a hazier sky with a flatter response fits a frame as well. "
+    "r never says which aerosol is right."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Radiance at linear light `light` (k,), rising; beyond its ends a power law of `slope` goes on."""
+
+    light: F64
+    radiance: F64
+    slope: float
+    rms: float  # of what the curve leaves, in linear light as a share of full scale
+
+    def __call__(self, light: NDArray[np.floating]) -> F64:
+        value = np.asarray(light, float)
+        found = np.interp(value, self.light, self.radiance)
+        for end, outside in ((0, value < self.light[0]), (-1, value > self.light[-1])):
+            ratio = np.maximum(value, 1e-6) / max(float(self.light[end]), 1e-6)
+            found = np.where(outside, self.radiance[end] * ratio**self.slope, found)
+        return found
+
+
+    def inverse(self, radiance: NDArray[np.floating]) -> F64:
+        """Linear light of radiance."""
+        value = np.asarray(radiance, float)
+        rising = self.radiance + 1e-9 * self.radiance[-1] * np.arange(len(self.radiance))  # where the curve is level
+        found = np.interp(value, rising, self.light)
+        for end, outside in ((0, value < rising[0]), (-1, value > rising[-1])):
+            ratio = np.maximum(value, 0) / max(float(rising[end]), 1e-9)
+            found = np.where(outside, self.light[end] * ratio ** (1 / self.slope), found)
+        return found
+
+
+def fit_curve(light: F64, radiance: F64, weight: F64) -> Curve | None:
+    """The rising curve nearest to simulated radiance (n,) at observed linear light (n,); None of too few pixels."""
+    from scipy.optimize import isotonic_regression
+
+    if light.size < FEWEST_PIXELS or light.max() <= light.min():
+        return None
+    edges = np.unique(np.quantile(light, np.linspace(0, 1, 129)))  # as many pixels between any two
+    number = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
+    total = np.bincount(number, weight, len(edges) - 1)
+    there = total > 0
+    at, mean = (np.bincount(number, weight * v, len(edges) - 1)[there] / total[there] for v in (light, radiance))
+    rising = isotonic_regression(mean, weights=total[there]).x
+    left = radiance - np.interp(light, at, rising)
+    steepness = max((rising[-1] - rising[0]) / (at[-1] - at[0]), 1e-12)
+    rms = float(np.sqrt(np.average(left**2, weights=weight)) / steepness)
+    return Curve(at, rising, _slope(light, radiance, weight), rms)
+
+
+def _slope(light: F64, radiance: F64, weight: F64) -> float:
+    """Of ln radiance over ln light, by the principal axis; within .3 to 4."""
+    x, y = (np.log(np.maximum(v, 1e-9)) for v in (light, radiance))
+    x, y = (v - np.average(v, weights=weight) for v in (x, y))
+    xx, yy, xy = (np.average(p, weights=weight) for p in (x * x, y * y, x * y))
+    slope = (yy - xx + np.hypot(yy - xx, 2 * xy)) / (2 * xy) if xy > 0 else 1.0
+    return float(np.clip(slope, 0.3, 4.0))
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """counts / full scale = (exposure * radiance) ** (1 / gamma), gamma and exposure (channels,) of each channel."""
+
+    gamma: F64
+    exposure: F64
+
+    @property
+    def white_balance(self) -> F64:
+        """Exposure of each channel over green's."""
+        return self.exposure / self.exposure[len(self.exposure) // 2]
+
+
+def fit_power_law(stored: F64, radiance: F64, weight: F64) -> PowerLaw:
+    """Of shares of full scale (n, channels) as stored and radiance alike; robust against what is no clear sky."""
+    from scipy.optimize import least_squares
+
+    found = []
+    for share, light, start in zip(stored.T, radiance.T, _starts(stored, radiance), strict=True):
+
+        def miss(p: F64, share: F64 = share, light: F64 = light) -> F64:
+            return np.asarray(weight**0.5 * (np.exp((np.log(light) + p[1]) * np.exp(-p[0])) - share))
+
+        scale = max(float(np.median(np.abs(miss(start)))), 1e-6)
+        found.append(least_squares(miss, start, loss="soft_l1", f_scale=scale).x)
+    gamma, exposure = np.exp(np.array(found)).T
+    return PowerLaw(gamma, exposure)
+
+
+def _starts(stored: F64, radiance: F64) -> list[F64]:
+    out = []
+    for share, light in zip(np.log(stored).T, np.log(radiance).T, strict=True):
+        slope = float(np.clip(share.std() / max(light.std(), 1e-9), 0.2, 2.0))
+        out.append(np.array([-np.log(slope), np.median(share) / slope - np.median(light)]))
+    return out

@@ -1,0 +1,136 @@
+"""How frames are compared, and what is known of their camera."""
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.arguments import check_kind, number, paths, whole
+from openswim.cameras import Camera
+from openswim.cameras.files import CameraFile, FrameSettings, checked_encoding, read_camera
+from openswim.comparison.cloud_rules import departure
+from openswim.comparison.prepared import SIZE, prepared, valid_pixels
+from openswim.comparison.response import Curve, fit_curve
+from openswim.comparison.scores import Region
+from openswim.comparison.skies import Model, Skies
+from openswim.errors import UserError
+from openswim.observations import SkyFrame, read_frame
+from openswim.scene import Scene
+from openswim.solver import Solver
+from openswim.viewpoint import LitScene
+
+F64 = NDArray[np.float64]
+SUN_MASKS_DEG = (5.0, 12.0)  # Albers et al. 2020, Sect. 4.2.3 and Table 4
+DEFAULT_AOD = 0.1  # of a clear sky at 550 nm: a usual value over land, taken and never fitted
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How frames are compared."""
+
+    size: int = SIZE
+    sun_mask_deg: float = SUN_MASKS_DEG[-1]
+    lowest_deg: float = 5.0
+    encoding: str | float | None = None
+    ghi_w_m2: float | None = None
+    dhi_w_m2: float | None = None
+    aod_range: bool = True
+
+    def __post_init__(self) -> None:
+        limits = {"sun_mask_deg": (0, 90), "lowest_deg": (0, 89), "ghi_w_m2": (0, 2000), "dhi_w_m2": (0, 2000)}
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if value is not None and not low <= number(f"compare: {name}", value) <= high:
+                raise UserError(f"compare: {name} {value:g} is not within {low} to {high}")
+        if whole("compare: size", self.size) < 32:
+            raise UserError(f"compare: size {self.size} is too small: give 32 columns or more")
+        checked_encoding(self.encoding)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownCamera:
+    """What is known of a camera's answer to light: curves and white balance, and what they were found from."""
+
+    curves: list[Curve] | None = None
+    red_blue: float | None = None
+    scale: F64 | None = None
+    source: str = ""
+
+
+def skies_of(
+    model: Model, solver: str | Solver, aod: float | None, albedo: float | None, sun: Any = None, table: bool = False
+) -> Skies:
+    """The skies of a model, checked."""
+    if not (model is None or isinstance(model, Scene | LitScene)):
+        paths("model", model)
+    if aod is not None and not 0 <= number("compare: aod", aod) <= 10:
+        raise UserError(f"compare: aod {aod:g} is no optical depth of 0 to 10")
+    if albedo is not None and not 0 <= number("compare: albedo", albedo) <= 1:
+        raise UserError(f"compare: albedo {albedo:g} is not within 0 to 1")
+    if isinstance(model, LitScene) and aod is not None:
+        raise UserError("compare: the light of this model is solved: leave out aod, or give the scene")
+    aod = DEFAULT_AOD if model is None and aod is None else aod
+    return Skies(model, solver, aod, albedo, sun, table)
+
+
+def frame_of(frame: Any, content: CameraFile, time: Any = None) -> SkyFrame:
+    """A frame that is read already, or a file's."""
+    return frame if isinstance(frame, SkyFrame) else read_frame(frame, time, content.frames)
+
+
+def known_camera(
+    content: CameraFile, settings: Settings, clear_frame: Any, solver: str | Solver, skies: Skies
+) -> KnownCamera:
+    """By the camera's file, and by a clear frame of it."""
+    given = content.response
+    scale = None if given.radiance_per_unit is None else np.array(given.radiance_per_unit)
+    if clear_frame is None:
+        return KnownCamera(None, given.red_blue, scale, "camera file" if given.red_blue is not None else "")
+    frame = prepared(frame_of(clear_frame, content), content.camera, encoding_of(settings, content), settings.size)
+    clear = Skies(None, solver, skies.aod if skies.aod is not None else DEFAULT_AOD, skies.albedo, skies.sun)
+    truth = np.asarray(clear.clear(frame.camera, frame.time))
+    truth = truth if frame.linear.shape[-1] == 3 else truth[..., 1:2]
+    valid = valid_pixels(frame, clear.sun_at(frame.camera, frame.time), settings.sun_mask_deg, settings.lowest_deg)
+    region = Region.of(frame, valid & np.isfinite(truth).all(axis=-1))
+    linear, sky = frame.linear[region.valid].astype(float), truth[region.valid]
+    curves = [fit_curve(a, b, region.weight) for a, b in zip(linear.T, sky.T, strict=True)]
+    if any(curve is None for curve in curves):
+        raise UserError(f"{frame.name}: too few pixels are left of this clear frame: give another")
+    red_blue = given.red_blue
+    if red_blue is None and linear.shape[1] == 3:
+        red_blue = weighted_median(departure(linear, sky), region.weight)
+    return KnownCamera([c for c in curves if c is not None], red_blue, scale, frame.name)
+
+
+def weighted_median(values: F64, weight: F64) -> float:
+    """Weighted median."""
+    if not values.size:
+        return float("nan")
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def encoding_of(settings: Settings, content: CameraFile) -> str | float | None:
+    return settings.encoding if settings.encoding is not None else content.response.encoding
+
+
+def camera_content(camera: Any) -> CameraFile:
+    if isinstance(camera, CameraFile):
+        return camera
+    if isinstance(camera, Camera):
+        return CameraFile(camera, frames=FrameSettings(utc_offset_h=0.0))
+    check_kind("camera", camera, (str, Path, os.PathLike), "give a Camera, or the name of its TOML file")
+    return read_camera(camera)
+
+
+def settings_of(given: dict[str, Any]) -> Settings:
+    """The defaults but for what is given; raises UserError."""
+    try:
+        return replace(Settings(), **given)
+    except TypeError:
+        unknown = sorted(set(given) - set(Settings.__dataclass_fields__))
+        raise UserError(f"compare: unknown option {', '.join(unknown)}") from None

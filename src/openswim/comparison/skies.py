@@ -1,0 +1,146 @@
+"""The skies to compare with: a model's, lit for a frame's time, and the clear sky of that place and time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.comparison.clear_table import ClearTable
+from openswim.errors import UserError
+from openswim.lighting import WAVELENGTHS_NM, light
+from openswim.lights import sun_position
+from openswim.observer import place_of
+from openswim.readers import Neighbourhood, describe, open_scene
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.times import parse_time
+from openswim.solver import Solver
+from openswim.viewpoint import LitScene
+
+F64 = NDArray[np.float64]
+Model = Scene | LitScene | str | Path | Sequence[str | Path] | None
+LIGHT_MINUTES = 5.0  # light of a model serves frames so near in time
+DEFAULT_ALBEDO = 0.15
+
+
+@dataclass(eq=False)
+class Skies:
+    """A model (None: the clear sky alone) as cameras see it; light is solved when it is first asked for, and kept while
+    frames are near in time."""
+
+    model: Model
+    solver: str | Solver = "fast"
+    aod: float | None = None
+    albedo: float | None = None
+    sun: tuple[float, float] | None = None  # in place of the frames' times
+    table: bool = False  # clear skies by interpolation in solar altitude: for many frames
+    _lit: tuple[Any, LitScene] | None = field(default=None, repr=False)
+    _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
+    _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
+    _times: NDArray[Any] | None = field(default=None, repr=False)
+
+    def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
+        """Azimuth and altitude (degrees) at which the sun is seen."""
+        if self.sun is not None:
+            return self.sun
+        if camera.lat is None or camera.lon is None:
+            raise UserError("compare: a camera at x and y needs the sun: give sun=(azimuth, altitude)")
+        place = sun_position(time, camera.lat, camera.lon)
+        return place.azimuth_deg, place.refracted_altitude_deg
+
+    def simulated(self, camera: Camera, time: np.datetime64) -> xr.Dataset:
+        """The model's picture, or that of the clear sky."""
+        if self.model is None:
+            return self._clear_lit(camera, time, self.aod).viewpoint(camera).view()
+        return self._model_lit(camera, time).viewpoint(camera).view()
+
+    def clear(self, camera: Camera, time: np.datetime64, aod: float | None = None) -> F64:
+        """Radiance (ny, nx, 3; W m-2 sr-1 nm-1) of the clear sky; `aod` in place of that which the model has."""
+        aod = self.aod if aod is None else aod
+        if not self.table:
+            return np.asarray(self._clear_lit(camera, time, aod).viewpoint(camera).view().radiance.values, float)
+        atmosphere, albedo, ground_m = self._air(camera, time, aod)
+        key = (camera.lat, camera.lon, aod, albedo, ground_m)
+        if key not in self._tables:
+            self._tables[key] = ClearTable(atmosphere, albedo, ground_m, camera.height_m, self.solver)
+        distance_au = 1.0 if self.sun is not None else sun_position(time, 0.0, 0.0).distance_au
+        return self._tables[key].radiance(camera.pixels(), self.sun_at(camera, time), distance_au)
+
+    def aerosol_depth(self, camera: Camera, time: np.datetime64) -> float:
+        """At 550 nm, of the background."""
+        air = self._air(camera, time, self.aod)[0]
+        return 0.0 if air is None else float(air.aerosol_depth_at(550.0))
+
+    def scene(self, camera: Camera, time: np.datetime64) -> Scene:
+        """The model's scene that is nearest to a time."""
+        if isinstance(self.model, LitScene):
+            return self.model.scene
+        if isinstance(self.model, Scene):
+            return self.model
+        assert self.model is not None
+        around = None
+        if camera.lat is not None and camera.lon is not None:
+            around = Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, True)
+        if self._times is None:
+            stated = [parse_time(each) for each in describe(self.model).times]
+            self._times = np.array([each for each in stated if each is not None], "datetime64[ms]")
+        chosen = None if not self._times.size else self._times[np.argmin(np.abs(self._times - time))]
+        return open_scene(self.model, time=chosen, around=around)
+
+    def _model_lit(self, camera: Camera, time: np.datetime64) -> LitScene:
+        if isinstance(self.model, LitScene):
+            return self.model
+        minute = int((time - np.datetime64("1970-01-01")) / np.timedelta64(1, "m") // LIGHT_MINUTES)
+        key = (minute, camera.lat, camera.lon) if self.table else (time, camera.lat, camera.lon)
+        if self._lit is None or self._lit[0] != key:
+            when = time
+            if self.table:  # the middle of the minutes that this light serves
+                middle_ms = int((minute + 0.5) * LIGHT_MINUTES * 60_000)
+                when = np.datetime64("1970-01-01", "ms") + np.timedelta64(middle_ms, "ms")
+            scene = self.scene(camera, time)
+            if self.aod is not None:
+                scene = with_aerosol(scene, self.aod)
+            self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
+        return self._lit[1]
+
+    def _clear_lit(self, camera: Camera, time: np.datetime64, aod: float | None) -> LitScene:
+        atmosphere, albedo, ground_m = self._air(camera, time, aod)
+        key = (str(time), camera.lat, camera.lon, aod, albedo, ground_m)
+        if key not in self._clear:
+            self._clear.clear()
+            lon, lat = place_of(camera) if camera.lat is not None else (0.0, 0.0)
+            scene = Scene.clear(lat, lon, atmosphere, albedo, ground_m)
+            self._clear[key] = light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else time, self.sun)
+        return self._clear[key]
+
+    def _air(self, camera: Camera, time: np.datetime64, aod: float | None) -> tuple[Atmosphere | None, float, float]:
+        """Atmosphere, albedo and height of the ground that the model has; defaults where there is none."""
+        if self.model is None:
+            scene: Scene | None = None
+            atmosphere: Atmosphere | None = Atmosphere.us_standard()
+        else:
+            scene = self._lit[1].scene if self._lit is not None else self.scene(camera, time)
+            atmosphere = scene.atmosphere
+        if aod is not None and atmosphere is not None:
+            atmosphere = _hazed(atmosphere, aod)
+        albedo, ground_m = DEFAULT_ALBEDO, 0.0
+        if scene is not None and scene.grid is not None:
+            if "surface_altitude" in scene.data:
+                ground_m = max(float(scene.data.surface_altitude.mean()), 0.0)
+            if "surface_albedo" in scene.data:
+                albedo = float(np.clip(scene.data.surface_albedo.mean(), 0, 1))
+        return atmosphere, albedo if self.albedo is None else self.albedo, ground_m
+
+
+def with_aerosol(scene: Scene, aod: float) -> Scene:
+    """A scene whose background aerosol has another optical depth at 550 nm."""
+    return scene if scene.atmosphere is None else replace(scene, atmosphere=_hazed(scene.atmosphere, aod))
+
+
+def _hazed(atmosphere: Atmosphere, aod: float) -> Atmosphere:
+    return atmosphere.with_aerosol_depth(aod)

@@ -1,0 +1,139 @@
+"""Where Numba keeps compiled kernels: in a place that can be written; what is damaged there is made anew.
+
+Imported only where Numba is needed anyway.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import tempfile
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import config
+from numba.core import event
+from numba.core.caching import IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
+from numba.misc.appdirs import AppDirs
+
+from openswim.progress import tell
+
+_settings: Any = config
+_Kernel: Any = Dispatcher
+_MARK = b"openswim sha256 "  # before a digest, behind what was kept
+_DIGEST = hashlib.sha256().digest_size
+_KERNEL_S = 0.35  # CPU seconds to compile one of them, on the average of all
+
+
+@cache
+def provide_cache() -> None:
+    """Have Numba keep what it compiles in a private folder where neither beside the sources nor in the user's cache a
+    file can be written; without such a folder nothing is kept. To be called before kernels are defined."""
+    beside = Path(__file__).parent / "__pycache__"
+    users = AppDirs(appname="numba", appauthor=False).user_cache_dir
+    given = [_settings.CACHE_DIR] if _settings.CACHE_DIR else []
+    if any(_writable(Path(folder)) for folder in (*given, beside, users)):
+        return
+    folder = _private_folder()
+    if folder is None:
+        _Kernel.enable_caching = lambda self: None
+        tell("note: no folder for compiled kernels can be written, so that every start compiles: set NUMBA_CACHE_DIR")
+    else:
+        _settings.CACHE_DIR = str(folder)
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _private_folder() -> Path | None:
+    """A folder of temporary files that nobody else can write to: what lies in it will be executed."""
+    try:
+        folder = Path(tempfile.gettempdir()) / f"openswim-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        found = folder.lstat()
+        own = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o077)
+        if own and folder.is_dir() and not folder.is_symlink() and _writable(folder):
+            return folder
+        return Path(tempfile.mkdtemp(prefix="openswim-kernels-"))
+    except OSError:
+        return None
+
+
+class _Healing(IndexDataCacheFile):
+    """Numba's files of a kernel, each with a digest: one that is damaged is removed, and the kernel compiled anew."""
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return dict(super()._load_index())
+        except Exception:  # whatever unpickling of anything raises
+            _remove(self._index_path)
+            return {}
+
+    def _load_data(self, name: str) -> Any:
+        path = self._data_path(name)
+        kept = Path(path).read_bytes()  # an OSError means that there is none
+        try:
+            body, mark, digest = kept[: -_DIGEST - len(_MARK)], kept[-_DIGEST - len(_MARK) : -_DIGEST], kept[-_DIGEST:]
+            if mark == _MARK and hashlib.sha256(body).digest() != digest:
+                raise ValueError("damaged")
+            return pickle.loads(kept)  # which stops before the digest
+        except Exception as error:
+            _remove(path)
+            raise OSError(f"{path}: damaged") from error
+
+    def _save_data(self, name: str, data: Any) -> None:
+        body = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(body + _MARK + hashlib.sha256(body).digest())
+
+    def save(self, key: Any, data: Any) -> None:
+        with suppress(OSError):  # a full disk: it will be compiled again
+            super().save(key, data)
+
+
+def _remove(path: str) -> None:
+    with suppress(OSError):
+        os.unlink(path)
+
+
+def heal(kernels: Iterable[Any]) -> None:
+    """Let kernels, and other objects that do not matter, mend what is kept of them."""
+    for kernel in kernels:
+        files = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+        if type(files) is IndexDataCacheFile:
+            files.__class__ = _Healing
+
+
+class _FirstTime(event.Listener):
+    """Says that kernels are compiled when the first one is, and about how long it takes, by how many are not kept."""
+
+    def __init__(self, kernels: Iterable[Any]) -> None:
+        self._kernels = list(kernels)
+
+    def on_start(self, _: Any) -> None:
+        event.unregister("numba:compile", self)
+        missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels)
+        seconds = _KERNEL_S * missing
+        about = "a minute" if seconds > 45 else f"{max(5, 5 * round(seconds / 5))} s"
+        tell(f"note: kernels are compiled for this machine, once: at most about {about} on an idle core")
+
+    def on_end(self, _: Any) -> None:
+        """Of no interest."""
+
+
+def tell_first_time(kernels: Iterable[Any]) -> None:
+    """Have it said when one of these kernels is compiled."""
+    kept = [kernel for kernel in kernels if hasattr(getattr(kernel, "_cache", None), "_cache_file")]
+    event.register("numba:compile", _FirstTime(kept))

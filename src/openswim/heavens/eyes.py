@@ -1,0 +1,47 @@
+"""An eye in several lights at once: what each sends to it is added."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.scene.rays import Rays
+from openswim.transport import Field
+from openswim.transport.field import Viewpoint
+from openswim.transport.view.seen import View
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LitBy:
+    """A scene's field in one light, whose solar-relative radiance counts ``strength`` (nw,)."""
+
+    name: str
+    field: Field
+    strength: F64
+
+
+@dataclass(frozen=True, eq=False)
+class Eyes:
+    """One eye in each light's field: used as one is."""
+
+    every: tuple[Viewpoint, ...]
+    strength: tuple[F64, ...]
+
+    @classmethod
+    def of(cls, lights: tuple[LitBy, ...], rays: Rays) -> Eyes:
+        """The eye of some rays, which share their origin or their direction."""
+        return cls(tuple(light.field.viewpoint(rays) for light in lights), tuple(light.strength for light in lights))
+
+    def view(self, rays: Rays) -> View:
+        """Radiance along rays from the eye, in all lights."""
+        views = [eye.view(rays) for eye in self.every]
+        radiance = sum(view.radiance * strength for view, strength in zip(views, self.strength, strict=True))
+        return replace(views[0], radiance=np.asarray(radiance, np.float32), samples=sum(view.samples for view in views))
+
+    def of_others(self, rays: Rays) -> Eyes:
+        """That of other rays from the same eye."""
+        return replace(self, every=tuple(eye.of_others(rays) for eye in self.every))

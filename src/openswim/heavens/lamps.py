@@ -1,0 +1,84 @@
+"""Which lights shine on a scene, and how much of each: light is linear, so each is solved by itself and all are added.
+
+Every light is solved as the sun is, for an irradiance of one, and counts by its own over the sun's: a picture stays in
+solar-relative radiance, whatever lit it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.lights import NightSky, moon_irradiance, moon_position, solar_irradiance
+from openswim.lights.daylight import Daylight
+from openswim.lights.eclipses import light_left, moonlight_left
+from openswim.lights.eclipses.solar import discs
+from openswim.lights.illuminance import NIGHT_SKY_LX, moon_lux, shares, sun_lux
+from openswim.scene.frame import Frame
+from openswim.scene.times import Time
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A light to be solved: from a ``direction`` (3,) in the scene frame, or, where that is None, from all the sky
+    beyond the air. ``strength`` (nw,): what its solar-relative radiance counts."""
+
+    name: str
+    direction: F64 | None
+    strength: F64
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """The lights of a scene at a time. night: the sky behind; in_field (nw,): what of its mean radiance is solved for
+    with the lamps, W m-2 sr-1 nm-1."""
+
+    every: tuple[Lamp, ...]
+    night: NightSky
+    in_field: F64
+
+    def unsolved(self) -> Lamps:
+        """Where none but the sun is solved for."""
+        return replace(self, every=self.every[:1], in_field=np.zeros_like(self.in_field))
+
+
+def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:
+    """The sun's, W m-2 nm-1 (nw,), by which all radiance is counted."""
+    return np.asarray(solar_irradiance(wavelengths_nm) / day.distance_au**2)
+
+
+def lamps_of(time: Time, place: tuple[float, float], frame: Frame, day: Daylight, wavelengths_nm: F64) -> Lamps:
+    """Sun, moon and night sky over the middle of a scene, ``place`` its latitude and longitude.
+
+    A light that adds less than a hundredth to what falls on the ground fades out, and is not solved for at a third of
+    that. The sun in eclipse, and the moon, are what they are for the middle of the scene.
+    """
+    toa = toa_irradiance(wavelengths_nm, day)
+    moon = moon_position(time, *place)
+    altitude = float(np.degrees(np.arcsin(np.clip(day.direction[2], -1, 1))))
+    covered = light_left(discs(time, *place), wavelengths_nm)[0]
+    eclipsed = moonlight_left(time, wavelengths_nm)
+    lux = {
+        "sun": sun_lux(altitude) * float(covered.mean()), "moon": moon_lux(moon) * float(eclipsed.mean()),
+        "sky": NIGHT_SKY_LX,
+    }  # fmt: skip
+    part = shares(lux)
+    night = NightSky.at(time, *place, np.eye(3))
+    lamps = []
+    if part["sun"] > 0:
+        lamps.append(Lamp("sun", day.direction, part["sun"] * covered))
+    if part["moon"] > 0:
+        toward = frame.direction(moon.azimuth_deg, moon.refracted_altitude_deg, *_middle(frame))
+        lamps.append(Lamp("moon", toward, part["moon"] * eclipsed * moon_irradiance(moon, wavelengths_nm) / toa))
+    mean = part["sky"] * night.mean(wavelengths_nm)
+    if part["sky"] > 0:
+        lamps.append(Lamp("sky", None, 4 * np.pi * mean / toa))
+    return Lamps(tuple(lamps), night, mean)
+
+
+def _middle(frame: Frame) -> tuple[float, float]:
+    return (frame.lat, frame.lon) if frame.curved else (0.0, 0.0)

@@ -1,0 +1,139 @@
+"""The moon's disc as a camera sees it: its lit part with the maria, turned as it stands, and its dark part."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.cameras.pixels import Pixels
+from openswim.heavens.points import Drawn, Through, gathered
+from openswim.lights import moon_irradiance
+from openswim.lights.eclipses.lunar import shadow, shadow_light
+from openswim.lights.moon import Moon
+from openswim.lights.moonlight import MEAN_DISTANCE_KM, MEAN_SOLID_ANGLE_SR, disc_reflectance, earthshine
+from openswim.lights.spectrum import solar_irradiance
+from openswim.optics.bent_rays import Refraction
+from openswim.scene.frame import horizon_vector
+from openswim.scene.times import Time
+
+F64 = NDArray[np.float64]
+
+_PALER = 0.65  # power of the map's grey, which has more contrast than the moon
+_FEWEST, _MOST, _PER_PIXEL, _RAYS = 4096, 400_000, 12, 160
+_FULL_DEG = 7.0  # phase angle at which the Earth's light comes back to it, but for the surge
+_GOLDEN = (5**0.5 - 1) / 2
+
+
+@cache
+def _albedo_map() -> F64:
+    """Relative albedo (360, 720): rows from the north pole, columns from longitude -180."""
+    from PIL import Image
+
+    with resources.files("openswim.lights").joinpath("data/moon.jpg").open("rb") as stream:
+        grey = np.asarray(Image.open(stream).convert("L"), float) / 255
+    linear = np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.maximum(linear, 1e-3) ** _PALER)
+
+
+def albedo(lon_deg: F64, lat_deg: F64) -> F64:
+    """Relative albedo at selenographic places, the nearest of half a degree."""
+    grid = _albedo_map()
+    row = np.clip(((90 - lat_deg) * 2).astype(int), 0, 359)
+    return np.asarray(grid[row, np.floor((lon_deg + 180) * 2).astype(int) % 720])
+
+
+def even_places(count: int) -> F64:
+    """Places (n, 2) on a disc in its radii, right and up, each for as much of its area."""
+    n = np.arange(count)
+    radius, turn = np.sqrt((n + 0.5) / count), 2 * np.pi * _GOLDEN * n
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
+
+
+def on_the_moon(moon: Moon, place: F64) -> F64:
+    """Unit vectors (n, 3) in the moon's axes of places (n, 2) on its disc, right and up (the zenith)."""
+    lon, lat = np.radians(moon.sub_observer_lonlat_deg)
+    toward = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
+    north = np.cross(toward, east)
+    turn = np.radians(moon.axis_from_zenith_deg)
+    x = place[:, 0] * np.cos(turn) + place[:, 1] * np.sin(turn)
+    y = -place[:, 0] * np.sin(turn) + place[:, 1] * np.cos(turn)
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    return np.asarray(x[:, None] * east + y[:, None] * north + z[:, None] * toward)
+
+
+def disc_light(moon: Moon, place: F64, wavelengths_nm: F64, time: Time | None = None) -> F64:
+    """Irradiance (n, nw), W m-2 nm-1 outside of the air, of each of even places (n, 2) on the moon's disc."""
+    point = on_the_moon(moon, place)
+    lon, lat = np.radians(moon.subsolar_lonlat_deg)
+    sun = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    grey = albedo(np.degrees(np.arctan2(point[:, 1], point[:, 0])), np.degrees(np.arcsin(np.clip(point[:, 2], -1, 1))))
+    upright = np.sqrt(np.maximum(1 - (place**2).sum(axis=1), 0))
+    sunlit = np.maximum(point @ sun, 0)
+    # Lommel and Seeliger: the full moon is flat
+    lit = grey * sunlit / np.maximum(sunlit + upright, 1e-6)
+    of_sun = moon_irradiance(moon, wavelengths_nm)
+    light = lit[:, None] / max(lit.sum(), 1e-12) * of_sun
+    if time is not None:
+        light = light * _in_shadow(moon, place, wavelengths_nm, time)
+    solid_angle = MEAN_SOLID_ANGLE_SR * (MEAN_DISTANCE_KM / moon.distance_km) ** 2
+    back = disc_reflectance(wavelengths_nm, _FULL_DEG) * solid_angle / np.pi * solar_irradiance(wavelengths_nm)
+    ash = earthshine(moon.phase_angle_deg, moon.distance_km) / moon.sun_distance_au**2
+    return np.asarray(light + (grey / grey.sum())[:, None] * (ash * back))
+
+
+def _in_shadow(moon: Moon, place: F64, wavelengths_nm: F64, time: Time) -> F64:
+    """Share of sunlight that the Earth's shadow leaves at the places."""
+    at = shadow(time)
+    if at.separation_deg[0] >= at.penumbra_deg[0] + at.moon_deg[0]:
+        return np.ones((len(place), len(wavelengths_nm)))
+    # the shadow lies on the other side from the sun; up is 0, counter-clockwise
+    away = np.radians(moon.bright_limb_from_zenith_deg + 180.0)
+    axis = at.separation_deg[0] * np.array([-np.sin(away), np.cos(away)])
+    return shadow_light(at, np.linalg.norm(at.moon_deg[0] * place - axis, axis=-1), wavelengths_nm)
+
+
+def drawn_moon(
+    moon: Moon, time: Time, camera: Camera, pixels: Pixels, wavelengths_nm: F64, toa: F64, through: Through,
+    refraction: Refraction | None,
+) -> Drawn:  # fmt: skip
+    """The moon on the pixels of a picture, lifted and flattened by refraction."""
+    ny, nx = pixels.inside.shape
+    radius = moon.angular_radius_deg
+
+    def seen(place: F64) -> tuple[F64, F64]:
+        """Azimuth and apparent altitude."""
+        right = horizon_vector(moon.azimuth_deg + 90, 0.0)
+        ahead = horizon_vector(moon.azimuth_deg, moon.altitude_deg)
+        offset = np.tan(np.radians(radius)) * place
+        direction = ahead + offset[:, :1] * right + offset[:, 1:] * np.cross(right, ahead)
+        at = Pixels(direction / np.linalg.norm(direction, axis=-1, keepdims=True), np.empty(len(place)))
+        true = at.altitude_deg
+        return at.azimuth_deg, true if refraction is None else refraction.apparent_altitude_deg(true)
+
+    def fallen(place: F64) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        row, column = (np.floor(np.nan_to_num(v, nan=-9.0) + 0.5).astype(int) for v in camera.pixel_of(*seen(place)))
+        within = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+        within[within] = pixels.inside[row[within], column[within]]
+        return np.where(within, row * nx + column, -1), within
+
+    rough, within = fallen(even_places(_FEWEST))
+    none = np.zeros(0, np.int64)
+    if not within.any():
+        return Drawn(none, none, np.zeros((0, len(wavelengths_nm))))
+    area = np.pi * np.radians(radius) ** 2
+    smallest = float(np.nanmin(pixels.solid_angle_sr.ravel()[rough[within]]))
+    place = even_places(int(np.clip(_PER_PIXEL * area / smallest, _FEWEST, _MOST)))
+    number, within = fallen(place)
+    rays = even_places(_RAYS)
+    light, hidden = through(horizon_vector(*seen(rays)), float(np.sqrt(smallest)))
+    open_to = np.asarray(light, float) * ~hidden[:, None]
+    from scipy.spatial import cKDTree
+
+    arrives = disc_light(moon, place, wavelengths_nm, time)[within] * open_to[cKDTree(rays).query(place[within])[1]]
+    per_sr = 4 * np.pi / pixels.solid_angle_sr.ravel()[number[within]]
+    return gathered(number[within], nx, arrives * per_sr[:, None] / toa)

@@ -1,0 +1,41 @@
+"""What may be read: ordinary files and folders, and nothing that waits for ever or never ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from openswim.errors import UserError
+from openswim.workshops import sweep
+
+
+def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:
+    """Raise UserError unless this is a file with something in it, or a folder; pipes, devices and sockets are neither.
+
+    name: what messages call it, such as "--dem".
+    """
+    label = f"{name} {os.fspath(path)}".strip()
+    try:
+        if not os.path.lexists(path):
+            sweep(Path(path).parent)  # a folder whose writer died as it gave it its name
+        found = os.stat(path)
+    except OSError as error:
+        raise UserError(f"{label}: {_why(Path(path), error)}") from None
+    except ValueError:  # a null byte
+        raise UserError(f"{label!r}: no file can have this name") from None
+    if stat.S_ISDIR(found.st_mode):
+        return
+    if not stat.S_ISREG(found.st_mode):
+        raise UserError(f"{label}: a pipe, device or socket: copy what it gives to a file, and give that")
+    if found.st_size == 0:  # of which some in /proc wait for ever
+        raise UserError(f"{label}: empty: copy or download it again")
+
+
+def _why(path: Path, error: OSError) -> str:
+    if error.errno == errno.ELOOP:
+        return "a link that leads to itself: give the file that is meant"
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return "a link to a file that is not there" if path.is_symlink() else "no such file"
+    return f"cannot be read ({error.strerror})"

@@ -1,0 +1,77 @@
+"""Modelled beside measured irradiance: bias and RMSE, and a plot of the day as in Fig. 2 of Albers et al. (2020)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.scene.files import written_whole
+
+NAMES = {"ghi": "global horizontal", "dni": "direct normal", "dhi": "diffuse horizontal"}
+_COLOURS = {"ghi": "#b03030", "dni": "#c07800", "dhi": "#2060b0"}
+
+
+class Difference(NamedTuple):
+    """Modelled minus measured, W m-2; `mean` is that of the measured values."""
+
+    bias: float
+    rmse: float
+    mean: float
+    n: int
+
+
+def differences(model: xr.Dataset, station: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, Difference]:
+    """For each of ghi, dni and dhi that was measured, over `rows` (nt,) of the common times."""
+    found = {}
+    for name in NAMES:
+        if name not in station:
+            continue
+        measured, modelled = station[name].values, model[name].values
+        use = rows & np.isfinite(measured)
+        off = modelled[use] - measured[use]
+        if off.size:
+            found[name] = Difference(
+                float(off.mean()), float(np.sqrt((off**2).mean())), float(measured[use].mean()), int(off.size)
+            )
+    return found
+
+
+def plot(model: xr.Dataset, station: xr.Dataset, path: Path, clear: NDArray[np.bool_] | None = None) -> None:
+    """Measured (thin) and modelled (thick) irradiance through time, and their difference below (PNG, PDF, SVG)."""
+    try:
+        from matplotlib.dates import ConciseDateFormatter, date2num
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise UserError("a plot needs the package matplotlib: pip install 'openswim[stations]'") from error
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+    time = date2num(model.time.values)
+    for name, text in NAMES.items():
+        above.plot(time, model[name].values, color=_COLOURS[name], linewidth=2, label=f"{text}, model")
+        if name not in station:
+            continue
+        measured = station[name].values
+        above.plot(time, measured, color=_COLOURS[name], linewidth=0.8, linestyle="--", label=f"{text}, measured")
+        off = model[name].values - measured
+        shown = np.isfinite(off) if clear is None else clear & np.isfinite(off)
+        below.plot(time[shown], off[shown], ".", markersize=3, color=_COLOURS[name])
+        if shown.any():
+            reach = float(np.abs(off[shown]).max())
+            below.set_ylim(*(side * max(reach * 1.1, abs(below.get_ylim()[1]), 5.0) for side in (-1, 1)))
+    above.set_ylabel("irradiance (W m$^{-2}$)")
+    above.set_ylim(bottom=0)
+    above.legend(fontsize=8, ncols=2)
+    about = station.attrs
+    above.set_title(f"{about.get('source', '')}  {about['latitude']:.3f} N {about['longitude']:.3f} E")
+    below.axhline(0, color="0.5", linewidth=0.6)
+    below.set_ylabel("model - measured" + ("" if clear is None else "\nclear sky"))
+    below.xaxis.axis_date()
+    below.xaxis.set_major_formatter(ConciseDateFormatter(below.xaxis.get_major_locator()))
+    below.set_xlabel("UTC")
+    with written_whole(path) as partial:
+        figure.savefig(partial, dpi=120, format=path.suffix[1:].lower())

@@ -1,0 +1,150 @@
+"""The light of one scene at one place through time: beam and diffuse, over that above the atmosphere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.lighting import light
+from openswim.lights import SunTrack
+from openswim.scene import Scene
+from openswim.solver import Solver
+from openswim.stations.clear import ClearLight
+from openswim.stations.planes import Planes, relative_diffuse
+from openswim.viewpoint import LitScene, Viewpoint
+
+F64 = NDArray[np.float64]
+
+DARK_DEG = -8.0  # the sun below it: less than .02 W/m2
+_FINENESS, _CLEAR_FINENESS = 32, 12  # of the quadrature under clouds, and of a clear sky
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where irradiance is wanted, as a camera says it: latitude and longitude, or metres in a flat scene."""
+
+    camera: Camera
+    track: SunTrack
+
+
+@dataclass(frozen=True)
+class Light:
+    """Over E_TOA: the beam's transmittance (nt, nw), diffuse light (nt, 1 + 2 planes, nw) as of `relative_diffuse`; the
+    gases above the place."""
+
+    beam: F64
+    diffuse: F64
+    gases: dict[str, float]
+
+
+def even(scene: Scene) -> bool:
+    """Whether the light depends on the sun's altitude alone."""
+    return scene.grid is None and scene.ground is None
+
+
+def of_clear_sky(
+    scene: Scene, places: list[Place], planes: Planes, solver: Solver, wavelengths_nm: F64
+) -> tuple[list[Light], int]:
+    """The light at all places of a scene that is `even`, and how many solves it took."""
+    kept: dict[str, Viewpoint] = {}
+    lat, lon = scene.place
+    camera = Camera.allsky(lat, lon, places[0].camera.height_m, size=2)
+
+    def solve(altitude_deg: float, about_sun: Planes) -> F64:
+        lit = light(scene, solver, list(wavelengths_nm), sun=(0.0, altitude_deg))
+        kept["any"] = viewpoint = lit.viewpoint(camera)
+        return relative_diffuse(viewpoint, about_sun, _CLEAR_FINENESS)
+
+    up = np.concatenate([_lit(place.track) for place in places])
+    if not up.size:
+        solve(10.0, planes)
+        curve = None
+    else:
+        curve = ClearLight(solve, (float(up.min()), float(up.max())), planes)
+    found = []
+    for place in places:
+        track, day = place.track, place.track.refracted_altitude_deg > DARK_DEG
+        diffuse = np.zeros((day.size, 1 + 2 * len(planes), np.size(wavelengths_nm)))
+        if curve is not None:
+            diffuse[day] = curve.diffuse(track.refracted_altitude_deg[day], track.azimuth_deg[day], planes)
+        found.append(Light(_beam(kept["any"], track), diffuse, kept["any"].gases))
+    return found, 1 if curve is None else curve.solves
+
+
+
+def of_scene(
+    scene: Scene,
+    times: NDArray[np.datetime64],
+    wanted: NDArray[np.bool_],
+    places: list[Place],
+    planes: Planes,
+    solver: Solver,
+    wavelengths_nm: F64,
+    step_minutes: float,
+) -> tuple[list[Light], int]:
+    """The light at all places of any scene at those `times` (nt,) that are `wanted`, and how many solves it took.
+
+    The sun moves; the scene stands. Diffuse light is solved for at most `step_minutes` apart and is linear in time
+    between; the beam is followed at every time.
+    """
+    nt, nw = times.size, np.size(wavelengths_nm)
+    high = np.max([place.track.refracted_altitude_deg for place in places], axis=0)
+    day = np.flatnonzero(wanted & (high > DARK_DEG))
+    lights = [
+        Light(np.zeros((nt, nw)), np.zeros((nt, 1 + 2 * len(planes), nw)), {}) for _ in places
+    ]
+    minutes = (times - times[0]) / np.timedelta64(1, "ms") / 6e4
+    nodes = _nodes(minutes[day], step_minutes) if day.size else np.zeros(0)
+    at_nodes: list[list[F64]] = [[] for _ in places]
+    viewpoints: list[Viewpoint] = []
+    for node in nodes if day.size else minutes[:1]:
+        when = times[0] + np.timedelta64(round(6e4 * float(node)), "ms")
+        lit: LitScene = light(scene, solver, list(wavelengths_nm), time=when)
+        viewpoints = [lit.viewpoint(place.camera) for place in places]
+        for each, viewpoint in zip(at_nodes, viewpoints, strict=True):
+            each.append(relative_diffuse(viewpoint, planes, _FINENESS))
+    for number, (place, viewpoint) in enumerate(zip(places, viewpoints, strict=True)):
+        dark = place.track.refracted_altitude_deg <= DARK_DEG
+        diffuse = lights[number].diffuse
+        if day.size:
+            values = np.stack(at_nodes[number])
+            diffuse[day] = _linear(minutes[day], nodes, values)
+            diffuse[dark] = 0.0
+        beam = np.zeros((nt, nw))
+        beam[day] = _beam(viewpoint, place.track, day)
+        lights[number] = Light(beam, diffuse, viewpoint.gases)
+    return lights, max(len(nodes), 1)
+
+
+def _lit(track: SunTrack) -> F64:
+    return track.refracted_altitude_deg[track.refracted_altitude_deg > DARK_DEG]
+
+
+def _beam(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.intp] | None = None) -> F64:
+    """Transmittance (n, nw) toward the sun's apparent place, 0 where it is down or behind the ground."""
+    rows = np.arange(track.azimuth_deg.size) if rows is None else rows
+    altitude = track.refracted_altitude_deg[rows]
+    up = altitude > 0
+    beam = np.zeros((rows.size, viewpoint.lit.field.wavelengths_nm.size))
+    if up.any():
+        beam[up] = viewpoint.sky(track.azimuth_deg[rows][up], altitude[up])[1]
+    return beam
+
+
+def _nodes(minutes: F64, step: float) -> F64:
+    """The times themselves, or fewer, at most a step apart."""
+    unique = np.unique(minutes)
+    even_steps = np.linspace(unique[0], unique[-1], int(np.ceil((unique[-1] - unique[0]) / step)) + 1)
+    return unique if unique.size <= even_steps.size else even_steps
+
+
+def _linear(at: F64, nodes: F64, values: F64) -> F64:
+    """Values (n, ...) at nodes, linear between them."""
+    if nodes.size == 1:
+        return np.broadcast_to(values[0], (at.size, *values.shape[1:]))
+    left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)
+    share = ((at - nodes[left]) / (nodes[left + 1] - nodes[left])).reshape(-1, *(1,) * (values.ndim - 1))
+    return (1 - share) * values[left] + share * values[left + 1]

@@ -1,0 +1,157 @@
+"""The sun's disc as an eye sees it: how much of its light is in sight, and on which pixels of a picture it falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.cameras.pixels import Pixels
+from openswim.lights import disc_points, disc_profile
+from openswim.scene.frame import horizon_vector
+
+F64 = NDArray[np.float64]
+
+RAYS = 256  # to places on the disc, by which the beam on an observer is summed: above a horizon right to .3 %
+_MOST_RAYS = 16_384  # in a picture: one for each pixel of the disc, up to here
+_FEWEST, _MOST, _PER_PIXEL = 4096, 1 << 18, 64  # places on the disc that fall on pixels
+_LIFTS_DEG = np.append(0.0, np.geomspace(0.02, 90.0, 31))  # above a hidden sun, to where sky is seen
+
+# Transmittance (n, nw) of all there is along directions (n, 3) in the horizon frame, as rays so wide (rad) see it, and
+# whether they end on the ground (n,)
+Through = Callable[[F64, float], tuple[NDArray[np.floating], NDArray[np.bool_]]]
+
+
+@dataclass(frozen=True)
+class Disc:
+    """The sun in the sky of an observer; angles in degrees."""
+
+    azimuth_deg: float
+    altitude_deg: float
+    radius_deg: float
+    wavelengths_nm: F64
+
+    def directions(self, place: F64) -> F64:
+        """Unit vectors (n, 3), east, north, up, of places (n, 2) on the disc in its radii, right and up."""
+        ahead, right = horizon_vector(self.azimuth_deg, self.altitude_deg), horizon_vector(self.azimuth_deg + 90, 0.0)
+        offset = np.radians(self.radius_deg) * place
+        away = ahead + offset[:, :1] * right + offset[:, 1:] * np.cross(right, ahead)
+        return np.asarray(away / np.linalg.norm(away, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The sun's light on an observer.
+
+    ``direct`` (nw,): share of the beam that arrives; ``visible``: share of the disc's light that no ground hides;
+    ``open`` (nw,): transmittance toward that part, or toward the lowest sky above a sun that is hidden whole;
+    ``altitude_deg``: of the light that arrives, or of that sky.
+    """
+
+    direct: F64
+    visible: float
+    open: F64
+    altitude_deg: float
+
+
+def beam_of(disc: Disc, through: Through) -> Beam:
+    """What of the disc is in sight, of its limb the less; smooth while it rises over a horizon or a ridge."""
+    place, share = disc_points(RAYS, disc.wavelengths_nm)
+    direction = disc.directions(place)
+    transmittance, hit = through(direction, 0.0)
+    seen = share * ~hit[:, None]
+    visible = seen.sum(axis=0)
+    if not visible.all():
+        return _hidden(disc, through)
+    light = seen * transmittance
+    direct = light.sum(axis=0)
+    weight = light.sum(axis=1) if direct.any() else seen.sum(axis=1)
+    sine = float(weight @ np.maximum(direction[:, 2], 0.0) / weight.sum())
+    return Beam(direct, float(visible.mean()), direct / visible, float(np.degrees(np.arcsin(sine))))
+
+
+def _hidden(disc: Disc, through: Through) -> Beam:
+    """Of a disc that is hidden whole: where sky begins above it, found within a thirtieth of a way found roughly."""
+    top = disc.altitude_deg + disc.radius_deg
+    lift = _LIFTS_DEG
+    for _ in range(2):
+        altitude = np.minimum(top + lift, 90.0)
+        transmittance, hit = through(horizon_vector(np.full(len(lift), disc.azimuth_deg), altitude), 0.0)
+        first = int(np.argmin(hit)) if not hit.all() else len(lift) - 1
+        lift = np.linspace(lift[max(first - 1, 0)], lift[first], len(lift))
+    nothing = np.zeros(len(disc.wavelengths_nm))
+    return Beam(nothing, 0.0, np.asarray(transmittance[first], float), float(altitude[first]))
+
+
+def drawn(camera: Camera, pixels: Pixels, disc: Disc, through: Through) -> tuple[NDArray, NDArray, F64]:
+    """Rows, columns (n,) and solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) of the pixels with sun in them.
+
+    A pixel has the mean over its solid angle. Light falls on pixels place by place of the disc, so that radiance times
+    solid angle sums to 4 pi times the beam of what the picture shows, whatever the shape and the size of its pixels.
+    """
+    row, column = _pixels_of(camera, pixels, disc.directions(disc_points(_FEWEST, disc.wavelengths_nm)[0]))
+    known = row >= 0
+    if not known.any():
+        return row[:0], column[:0], np.zeros((0, len(disc.wavelengths_nm)))
+    nx = pixels.inside.shape[1]
+    count = np.unique(row[known] * nx + column[known]).size
+    if count > _FEWEST // _PER_PIXEL:  # so few may have missed some
+        area = np.pi * np.radians(disc.radius_deg) ** 2
+        count = max(count, int(area / np.median(pixels.solid_angle_sr[row[known], column[known]])))
+
+    ray = disc_points(int(np.clip(count, RAYS, _MOST_RAYS)), disc.wavelengths_nm)[0]
+    width = float(np.sqrt(np.nanmax(pixels.solid_angle_sr[row[known], column[known]])))
+    transmittance, hit = through(disc.directions(ray), width)
+    lit = np.asarray(transmittance, float) * ~hit[:, None]
+    if count > _MOST // _PER_PIXEL and camera.optics is not None:
+        return _in_small_pixels(camera, pixels, disc, ray, lit, (row[known], column[known]))
+
+    place, share = disc_points(int(np.clip(_PER_PIXEL * count, _FEWEST, _MOST)), disc.wavelengths_nm)
+    row, column = _pixels_of(camera, pixels, disc.directions(place))
+    known = row >= 0
+    light = share[known] * lit[_nearest(ray, place[known])]
+    pixel, number = np.unique(row[known] * nx + column[known], return_inverse=True)
+    total = np.stack([np.bincount(number, each, len(pixel)) for each in light.T], axis=-1)
+    return pixel // nx, pixel % nx, 4 * np.pi * total / pixels.solid_angle_sr.ravel()[pixel][:, None]
+
+
+def _pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of the pixel that a direction (n, 3) falls on; -1 outside of the picture."""
+    at = Pixels(direction, np.empty(len(direction)))
+    row, column = (np.floor(np.nan_to_num(v, nan=-9.0) + 0.5).astype(int)
+                   for v in camera.pixel_of(at.azimuth_deg, at.altitude_deg))  # fmt: skip
+    ny, nx = pixels.inside.shape
+    within = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+    within[within] = pixels.inside[row[within], column[within]]
+    return np.where(within, row, -1), np.where(within, column, -1)
+
+
+def _nearest(places: F64, wanted: F64) -> NDArray[np.int64]:
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(places).query(wanted)[1])
+
+
+def _in_small_pixels(
+    camera: Camera, pixels: Pixels, disc: Disc, ray: F64, lit: F64, some: tuple[NDArray, NDArray]
+) -> tuple[NDArray, NDArray, F64]:
+    """`drawn` where the disc is a hundred pixels wide and more: by what 4 x 4 places in each pixel see of it."""
+    row, column = (
+        v.ravel() for v in np.mgrid[tuple(slice(max(a.min() - 2, 0), a.max() + 3) for a in some)]
+    )  # fmt: skip
+    within = (row < pixels.inside.shape[0]) & (column < pixels.inside.shape[1])
+    row, column = row[within], column[within]
+    radiance = np.zeros((len(row), len(disc.wavelengths_nm)))
+    ahead, right = horizon_vector(disc.azimuth_deg, disc.altitude_deg), horizon_vector(disc.azimuth_deg + 90, 0.0)
+    for down, across in np.ndindex(4, 4):
+        at = camera.direction_of(row + (down - 1.5) / 4, column + (across - 1.5) / 4)
+        off = horizon_vector(*at) @ np.stack([right, np.cross(right, ahead)], axis=-1) / np.radians(disc.radius_deg)
+        radius = np.nan_to_num(np.hypot(*off.T), nan=2.0)
+        near = np.flatnonzero(radius <= 1)
+        radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[_nearest(ray, off[near])] / 16
+    radiance *= 4 / np.radians(disc.radius_deg) ** 2
+    there = pixels.inside[row, column] & radiance.any(axis=1)
+    return row[there], column[there], radiance[there]

@@ -1,0 +1,169 @@
+"""One frame beside one sky: known cameras found again, real frames' scores, and what cannot be told."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.comparison.skies import NAME, clear_radiance, small_camera, write_frame
+
+import openswim
+from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
+from openswim.comparison.encoding import decoded, encoded
+from openswim.comparison.report.page import write_page
+from openswim.errors import UserError
+
+SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "data" / "sky"
+CAMERA = small_camera()
+
+
+@pytest.fixture(scope="module")
+def sky():
+    return clear_radiance(CAMERA.camera)
+
+
+@pytest.fixture(scope="module")
+def srgb_frame(sky, tmp_path_factory):
+    return write_frame(tmp_path_factory.mktemp("frames") / NAME, sky)
+
+
+def test_curves_of_counts_and_their_inverse():
+    share = np.linspace(0, 1, 256)
+    for encoding in ("srgb", "linear", 2.2, 0.7):
+        np.testing.assert_allclose(encoded(decoded(share, encoding), encoding), share, atol=1e-6)
+    assert float(decoded(0.5, "srgb")) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+
+
+def test_a_simulated_camera_is_found_again(sky, tmp_path):
+    """Exposure and gamma within 2 %, white balance within 1 %, from 8 bits."""
+    gamma, exposure = 1.8, np.array([3.1, 2.7, 2.2])
+    frame = write_frame(tmp_path / NAME, sky, exposure, gamma)
+    found = openswim.compare(None, frame, CAMERA, encoding=gamma, aod_range=False)
+    np.testing.assert_allclose(found.response_gamma, gamma, rtol=0.02)
+    np.testing.assert_allclose(found.response_exposure, exposure, rtol=0.02)
+    np.testing.assert_allclose(found.white_balance, exposure / exposure[1], rtol=0.01)
+    assert found.attrs["red_blue_of_this_frame"] == pytest.approx(np.log(3.1 / 2.2), abs=0.01)
+
+
+def test_r_of_the_same_sky_is_one_and_aerosol_is_left_alone(srgb_frame):
+    found = openswim.compare(None, srgb_frame, CAMERA)
+    r = found.r.sel(weighting="solid angle", sun_mask=12, score_channel="mean")
+    assert float(r.sel(light="decoded")) > 0.9995
+    assert float(r.sel(light="response undone")) > 0.998
+    assert 0.9 < float(r.sel(light="as stored")) < 0.995  # counts are no radiance
+    assert found.attrs["aerosol_optical_depth_550"] == pytest.approx(0.1)
+    np.testing.assert_allclose(found.aod, (0.05, 0.1, 0.2))
+    # half or twice the haze fits nearly as well once the response is undone
+    assert found.r_by_aod.min() > 0.96
+    assert "never says which aerosol" in found.attrs["aerosol_note"]
+
+
+def test_what_is_not_known_is_nan_with_a_reason(srgb_frame):
+    found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False)
+    assert np.isnan(found.rmse).all()
+    assert np.isnan(found.observed_cover.sel(rule="clear sky"))
+    assert np.isnan(found.fss).all()
+    assert np.isnan(found.r_below).all()
+    reasons = found.attrs["reasons"]
+    for part in ("scale is not known", "white balance is not known", "too little land"):
+        assert part in reasons
+
+
+def test_a_frame_without_a_valid_pixel_has_scores_of_nan(sky, tmp_path):
+    frame = write_frame(tmp_path / NAME, np.full_like(sky, 9.0))
+    found = openswim.compare(None, frame, CAMERA)
+    assert np.isnan(found.r).all()
+    assert "no pixel is left" in found.attrs["reasons"]
+
+
+def test_masks_by_one_rule_for_both_pictures(sky, srgb_frame, tmp_path):
+    """A third of the sky made grey: it is found, nothing else, and the simulated clear sky has none."""
+    pixels = CAMERA.camera.pixels()
+    grey = pixels.inside & (np.nan_to_num(pixels.azimuth_deg) < 120)
+    cloudy = np.where(grey[..., None], sky.mean(axis=-1, keepdims=True) * 1.5, sky)
+    frame = write_frame(tmp_path / NAME, cloudy, (3.0, 3.0, 3.6))
+    known = CameraFile(CAMERA.camera, "", CAMERA.frames, response=ResponseSettings(red_blue=float(np.log(3.0 / 3.6))))
+    found = openswim.compare(None, frame, known, aod_range=False, lowest_deg=15)
+    valid = found.valid.values
+    assert (found.observed_cloud.values[valid] == grey[valid]).mean() > 0.99
+    assert not found.simulated_cloud.any()
+    assert float(found.observed_cover.sel(rule="clear sky")) == pytest.approx(1 / 3, abs=0.06)
+    assert float(found.pod.sel(rule="clear sky")) == 0
+    assert np.isnan(found.far.sel(rule="clear sky"))
+    assert "far: no cloud is simulated" in found.attrs["reasons"]
+
+
+def test_radiance_where_the_scale_is_known_or_measured(sky, tmp_path):
+    frame = write_frame(tmp_path / NAME, sky, (4, 4, 4))
+    known = CameraFile(CAMERA.camera, "", CAMERA.frames, response=ResponseSettings(radiance_per_unit=(0.25,)))
+    found = openswim.compare(None, frame, known, aod_range=False)
+    mean = found.simulated.where(found.valid).mean(("y", "x")).values
+    np.testing.assert_array_less(found.rmse.values, 0.01 * mean)
+    bright = openswim.compare(None, frame, CAMERA, aod_range=False,
+                              dhi_w_m2=1.1 * found.attrs["diffuse_horizontal_irradiance_w_m2"])  # fmt: skip
+    np.testing.assert_allclose(bright.bias.values, 0.1 * mean, rtol=0.05)
+    both = found.attrs["global_horizontal_irradiance_w_m2"]
+    same = openswim.compare(None, frame, CAMERA, aod_range=False, ghi_w_m2=both)
+    np.testing.assert_array_less(np.abs(same.bias.values), 0.01 * mean)
+
+
+def test_the_page_asks_nothing_of_a_server(srgb_frame, tmp_path):
+    found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False)
+    write_page(found, CAMERA.camera, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text("utf-8")
+    for outside in ("http://", "https://", "<link", "@import", "src=\"/"):
+        assert outside not in text
+    for mode in ("swipe", "blink", "difference", "side by side"):
+        assert f'data-mode="{mode}"' in text
+    assert text.count("data:image/") == 9  # three layers in three views
+    assert ">sun</text>" in text
+
+
+def test_wrong_requests_are_one_line(srgb_frame, tmp_path):
+    for wrong in ({"size": 5}, {"sun_mask_deg": 200}, {"encoding": "gamma"}, {"colour": 1}, {"aod": -1}):
+        with pytest.raises(UserError):
+            openswim.compare(None, srgb_frame, CAMERA, **wrong)
+    with pytest.raises(UserError, match="pixels, its camera"):
+        openswim.compare(None, srgb_frame, small_camera(64))
+    with pytest.raises(UserError, match="no frame"):
+        openswim.compare(None, [], CAMERA)
+
+
+def test_the_response_of_a_camera_is_kept_in_its_file(tmp_path):
+    response = ResponseSettings(2.2, 0.12, (0.3, 0.31, 0.4))
+    write_camera(CameraFile(CAMERA.camera, "roof", CAMERA.frames, {}, response), tmp_path / "roof.toml")
+    assert read_camera(tmp_path / "roof.toml").response == response
+    (tmp_path / "bad.toml").write_text((tmp_path / "roof.toml").read_text().replace("encoding = 2.2", "encoding = 99"))
+    with pytest.raises(UserError, match="encoding"):
+        read_camera(tmp_path / "bad.toml")
+
+
+
+def wolf_camera():
+    camera = openswim.Camera.fisheye(
+        53.99777, 9.56673, size=1920, lens="equidistant", focal_px=676.9, centre=(955.7, 959.2), rotation_deg=15.527,
+        fov_deg=170.0,
+    )  # fmt: skip
+    return CameraFile(camera, "Hungriger Wolf 3", FrameSettings(utc_offset_h=1.0, saturated_count=250.0))
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs the reference data")
+@pytest.mark.slow
+def test_real_frames():
+    """Hungriger Wolf: r of clear frames, cloud masks of clear, overcast and cumulus skies; aerosol as by default."""
+    options = {"clear_frame": next(SHARED.glob("wolf/Wolf*_144900_*")), "size": 160, "lowest_deg": 30,
+               "aod_range": False}  # fmt: skip
+    cover = {}
+    for name in ("Wolf_20160530_110600", "Image_20160527_144000_UTCp1_3", "Image_20160531_114000_UTCp1_3"):
+        found = openswim.compare(None, next(SHARED.glob(f"wolf/{name}*")), wolf_camera(), **options)
+        cover[name] = float(found.observed_cover.sel(rule="clear sky"))
+        if name.startswith("Wolf"):
+            at = {"weighting": "solid angle", "sun_mask": 12, "light": "response undone", "score_channel": "mean"}
+            assert float(found.r.sel(at)) >= 0.95
+            held_out = openswim.compare(None, next(SHARED.glob(f"wolf/{name}*")), wolf_camera(),
+                                        **(options | {"clear_frame": None}))  # fmt: skip
+            assert float(held_out.r.sel(at)) >= 0.95
+    clear, overcast, cumulus = cover.values()
+    assert clear <= 0.01
+    assert overcast >= 0.9
+    assert 0.2 <= cumulus <= 0.3

@@ -1,0 +1,74 @@
+"""Many frames: what an interruption leaves is gone on with, and interpolated clear skies are those that are solved."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.comparison.skies import clear_radiance, small_camera, write_frame
+
+from openswim.comparison.series import compare_into
+from openswim.comparison.settings import Settings, known_camera, skies_of
+
+CAMERA = small_camera(64)
+TIMES = ("080000", "080400", "100000")
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("frames")
+    return [
+        write_frame(folder / f"sky_20240620_{t}.png", clear_radiance(CAMERA.camera, f"2024-06-20T{t[:2]}:{t[2:4]}"))
+        for t in TIMES
+    ]
+
+
+def run(frames, folder, tell=lambda comparison: None):
+    settings = Settings(size=64, aod_range=False)
+    skies = skies_of(None, "fast", None, None, table=True)
+    known = known_camera(CAMERA, settings, frames[0], "fast", skies)
+    return compare_into(skies, frames, CAMERA, settings, known, folder, tell=tell)
+
+
+def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
+    told = []
+
+    def killed(comparison):
+        told.append(comparison.attrs["frame"])
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(frames, tmp_path, killed)
+    made = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("sky*.nc")}
+    assert len(made) == 2
+    (tmp_path / "sky_20240620_100000.nc").write_bytes(b"half of a file")
+    page = run(frames, tmp_path, lambda comparison: told.append(comparison.attrs["frame"]))
+    assert told == [frame.name for frame in frames]
+    assert all((tmp_path / name).stat().st_mtime_ns == when for name, when in made.items())
+    with xr.open_dataset(tmp_path / "scores.nc") as scores:
+        assert [str(name) for name in scores.frame.values] == told
+        assert (np.diff(scores.time) > np.timedelta64(0)).all()
+        at = {"weighting": "solid angle", "sun_mask": 12, "light": "decoded", "score_channel": "mean"}
+        assert (scores.r.sel(at) > 0.999).all()
+        assert scores.keogram_stored.sizes == {"time": 3, "meridian": 90, "channel": 3}
+        ratio = scores.keogram_simulated_as_stored / scores.keogram_stored
+        assert float(abs(ratio.where(np.isfinite(ratio)) - 1).median()) < 0.03
+    assert page.name == "index.html"
+    assert "http" not in page.read_text("utf-8")
+    again = []
+    run(frames, tmp_path, lambda comparison: again.append(comparison))
+    assert not again
+
+
+def test_interpolated_clear_skies_are_those_that_are_solved():
+    """Suns between the nodes; all above 3 degrees and beyond the masks of the sun."""
+    camera = CAMERA.camera
+    pixels = camera.pixels()
+    for time in ("2024-06-20T04:20", "2024-06-20T06:10", "2024-06-20T10:40"):
+        skies = skies_of(None, "fast", 0.1, None, table=True)
+        sun = skies.sun_at(camera, np.datetime64(time))
+        away = np.nan_to_num(pixels.angle_to_deg(*sun)) > 10  # pixels are so coarse that the disc is as wide
+        there = pixels.inside & (np.nan_to_num(pixels.altitude_deg) > 3) & away
+        solved = skies_of(None, "fast", 0.1, None).clear(camera, np.datetime64(time))
+        ratio = skies.clear(camera, np.datetime64(time))[there] / solved[there]
+        assert abs(ratio - 1).max() < 0.02, (time, abs(ratio - 1).max())
+        assert abs(ratio - 1).mean() < 0.0027, (time, abs(ratio - 1).mean())

@@ -1,0 +1,123 @@
+"""`openswim.irradiance`: against `render`, between solved suns, between model times, on tilted planes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import openswim
+from openswim.errors import UserError
+from openswim.scene import Scene
+from openswim.scene.atmosphere import AerosolProfile, Atmosphere
+from openswim.stations import Series
+
+RGB = (615, 546, 450)
+LAT, LON = 46.8, 6.9
+CLEAR = Scene.clear(LAT, LON, Atmosphere.us_standard(aerosol=AerosolProfile(0.1)), 0.2, water_vapour_cm=2.0)
+DAY = np.arange("2016-06-23T03:00", "2016-06-23T20:00", 20, dtype="datetime64[m]")
+
+
+@pytest.fixture(scope="module")
+def day():
+    return openswim.irradiance(CLEAR, LAT, LON, DAY, planes=[(0, 0), (90, 180)], wavelengths_nm=RGB)
+
+
+@pytest.mark.parametrize("time", ["2016-06-23T04:00", "2016-06-23T11:40"])
+def test_a_day_from_few_solves_is_what_pictures_say_at_each_time(day, time):
+    found = day.sel(time=time)
+    image = openswim.render(CLEAR, openswim.Camera.allsky(LAT, LON, size=2), time=time).attrs
+    assert day.attrs["solves"] <= 8
+    assert found.dhi == pytest.approx(image["diffuse_horizontal_irradiance_w_m2"], abs=0.5)
+    assert found.dni == pytest.approx(image["direct_normal_irradiance_w_m2"], abs=0.5)
+    spectral = image["diffuse_horizontal_spectral_irradiance_w_m2_nm"]
+    np.testing.assert_allclose(found.spectral_dhi, spectral, rtol=0.01)
+
+
+def test_parts_add_up_and_planes_that_lie_flat_have_the_horizontal(day):
+    up = np.maximum(np.sin(np.radians(day.sun_altitude)), 0)
+    np.testing.assert_allclose(day.ghi, day.dhi + day.dni * up, rtol=1e-12)
+    np.testing.assert_allclose(day.poa_global[:, 0], day.ghi, rtol=2e-3, atol=0.1)
+    lit = day.sun_altitude > 5
+    assert (day.dhi[lit] > 15).all()
+    assert 0 < float(day.ghi[-1]) < 5  # after sunset
+
+
+def test_without_air_there_is_no_diffuse_light():
+    bare = Scene.clear(LAT, LON, None, 0.4)
+    found = openswim.irradiance(bare, LAT, LON, "2016-06-23T11:40")
+    up = np.sin(np.radians(float(found.sun_altitude[0])))
+    assert float(found.dhi[0]) == pytest.approx(0, abs=1e-3)
+    np.testing.assert_allclose(found.spectral_dni, found.spectral_ghi / up, rtol=1e-6)
+
+
+def test_a_wall_sees_half_of_what_an_even_ground_sends_up(day):
+    """Facing down, a plane has albedo times global; a wall half of it, and half of the sky's."""
+    planes = [(180, 0), *((90, azimuth) for azimuth in range(0, 360, 45))]
+    noon = openswim.irradiance(CLEAR, LAT, LON, "2016-06-23T11:40", planes=planes)
+    down, walls = float(noon.poa_diffuse[0, 0]), float(noon.poa_diffuse[0, 1:].mean())
+    assert down == pytest.approx(0.2 * float(noon.ghi[0]), rel=0.04)  # by the light of three wavelengths
+    assert walls > down / 2 + 0.3 * float(noon.dhi[0])
+
+
+def test_water_vapour_of_the_scene_and_of_the_call(day):
+    dry = openswim.irradiance(CLEAR, LAT, LON, DAY[20:22], water_vapour_cm=[0.5, 2.0], wavelengths_nm=RGB)
+    np.testing.assert_allclose(dry.water_vapour, [0.5, 2.0])
+    np.testing.assert_allclose(day.water_vapour, 2.0, rtol=2e-3)  # from 2 m above the ground
+    assert float(dry.ghi[0]) > float(day.ghi[20]) + 15
+    assert float(dry.ghi[1]) == pytest.approx(float(day.ghi[21]), abs=0.5)
+
+
+def _cloudy(time: str, content: float) -> Scene:
+    """A wide even deck of cloud water near (46.8 N, 6.9 E)."""
+    axis = np.linspace(-15_000, 15_000, 5)
+    crs = f"+proj=lcc +lat_1=40 +lat_2=50 +lat_0={LAT} +lon_0={LON} +R=6371000"
+    water = np.zeros((6, 5, 5), np.float32)
+    water[2:4] = content
+    return Scene.from_arrays(
+        {}, axis, axis, np.array([0.0, 500, 1000, 1500, 2000, 4000]), crs=crs, time=np.datetime64(time),
+        fields={"liquid_content": water}, atmosphere=Atmosphere.us_standard(), surface_albedo=0.2,
+    )  # fmt: skip
+
+
+def test_between_model_times_the_light_of_both_is_mixed():
+    early, late = _cloudy("2016-06-23T10:00", 0.0), _cloudy("2016-06-23T12:00", 2e-4)
+    times = np.array(["2016-06-23T10:30"], "datetime64[m]")
+    mixed = openswim.irradiance([early, late], LAT, LON, times)
+    alone = [openswim.irradiance(scene, LAT, LON, times) for scene in (early, late)]
+    for name in ("ghi", "dni", "dhi", "spectral_dhi"):
+        np.testing.assert_allclose(mixed[name], 0.75 * alone[0][name] + 0.25 * alone[1][name], rtol=1e-6)
+    assert (alone[1].dni < 1).all()
+    with pytest.raises(UserError, match="outside the model times"):
+        openswim.irradiance([early, late], LAT, LON, "2016-06-23T13:00")
+
+
+def test_several_places_share_a_solve():
+    scene = _cloudy("2016-06-23T10:00", 5e-5)
+    found = openswim.irradiance(scene, [LAT, LAT + 0.05], [LON, LON], "2016-06-23T10:00")
+    assert found.attrs["solves"] == 1
+    assert found.ghi.dims == ("time", "place")
+    alone = openswim.irradiance(scene, LAT + 0.05, LON, "2016-06-23T10:00")
+    np.testing.assert_allclose(found.ghi[:, 1], alone.ghi, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"times": []}, "give one time"),
+        ({"times": "noon"}, "not understood"),
+        ({"lat": [1, 2]}, "as many of each"),
+        ({"planes": [(30,)]}, "give pairs"),
+        ({"water_vapour_cm": -1}, "0 or more"),
+        ({"x_m": 5.0}, "flat scenes"),
+        ({"scene": []}, "no scene"),
+        ({"scene": [CLEAR, CLEAR]}, "one has no time"),
+    ],
+)
+def test_what_users_get_wrong(change, message):
+    given = {"scene": CLEAR, "lat": LAT, "lon": LON, "times": "2016-06-23T12:00"} | change
+    with pytest.raises(UserError, match=message):
+        openswim.irradiance(**given)
+
+
+def test_series_of_one_scene_stands_for_all_times():
+    assert [share.tolist() for _, share in Series.of(CLEAR).weights(DAY[:2])] == [[1.0, 1.0]]

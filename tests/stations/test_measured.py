@@ -1,0 +1,128 @@
+"""Station files, their checks, clear sky and aerosol by them: on real files and on made ones."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.scene.atmosphere import AerosolProfile
+from openswim.stations.checks import checked, doubts, sun_of
+from openswim.stations.clear_day import albedo_of, fit_aerosol, scene_over, vapour_of
+from openswim.stations.clear_sky import clear_times
+from openswim.stations.comparison import differences, plot
+from openswim.stations.files import read_station
+from openswim.stations.through_time import irradiance
+
+SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
+RAW, TABLES = SHARED / "data/sky", SHARED / "reference/clearsky"
+needs_files = pytest.mark.skipif(not RAW.exists(), reason="no reference data")
+
+
+@needs_files
+@pytest.mark.parametrize(
+    ("name", "place", "table"),
+    [
+        ("bsrn_raw/pay0616_excerpt.dat.gz", {}, "bsrn_payerne_20160623"),
+        ("irradiance/sgpsirsE13.b1.20190101.000000.cdf", {}, "arm_sgp_sirs_20190101"),
+        ("irradiance/midc_raw_20181018.txt", {"lat": 32.23, "lon": -110.955, "height_m": 786}, None),
+    ],
+)
+def test_files_of_networks_have_what_their_tables_have(name, place, table):
+    found = read_station(RAW / name, **place)
+    if table is None:  # noon by the sun, so that the clock is right
+        track = sun_of(found)
+        assert abs(found.time.values[np.nanargmax(found.ghi)] - found.time.values[track.altitude_deg.argmax()]) < (
+            np.timedelta64(30, "m")
+        )
+        return
+    same = read_station(TABLES / f"{table}.csv")
+    both = np.intersect1d(found.time, same.time)
+    assert both.size > 500
+    for quantity in same:
+        np.testing.assert_allclose(found[quantity].sel(time=both), same[quantity].sel(time=both), rtol=1e-4, atol=0.01)
+    for key in ("latitude", "longitude", "height_m"):
+        assert found.attrs[key] == pytest.approx(same.attrs[key], abs=1e-3)
+
+
+def _table(path: Path, rows: list[str]) -> Path:
+    path.write_text("\n".join(["utc,ghi,dni,dhi,uw_solar,temp_air,relative_humidity", *rows]) + "\n")
+    return path
+
+
+def test_limits_of_long_and_dutton(tmp_path):
+    """By hand for 2016-06-23 11:40 at 46.8 N: mu0 = .917, S = 1361.1/1.0164^2 = 1318."""
+    path = _table(tmp_path / "a.csv", [
+        "2016-06-23T11:40Z,930,930,80,,20,50", "2016-06-23T11:41Z,1900,1400,80,,20,50",
+        "2016-06-23T11:42Z,930,500,80,,20,50", "2016-06-23T11:43Z,100,0,120,,20,50",
+        "2016-06-23T11:44Z,,930,80,,20,50",
+    ])  # fmt: skip
+    station = read_station(path, lat=46.815, lon=6.944, height_m=491)
+    found = doubts(station)
+    assert found.ghi_impossible.values.tolist() == [False, True, False, False, False]
+    assert found.dni_impossible.values.tolist() == [False, True, False, False, False]
+    assert found.parts_disagree.values.tolist() == [False, True, True, True, False]
+    kept, counts = checked(station)
+    assert np.isnan(kept.ghi[1])
+    assert counts["dni_rare"] == 1
+
+
+def test_an_upwelling_column_without_values_is_no_albedo(tmp_path):
+    station = read_station(_table(tmp_path / "a.csv", ["2016-06-23T11:40Z,930,930,80,,20,50"]), lat=46.8, lon=6.9)
+    assert "up" not in station
+    assert albedo_of(station) == 0.2
+    gueymard = pytest.importorskip("pvlib.atmosphere").gueymard94_pw(20, 50)
+    assert vapour_of(station) == pytest.approx(float(gueymard), rel=0.005)
+
+
+def test_global_light_alone_does_not_make_a_clear_sky():
+    time = np.arange("2019-07-05T15:00", "2019-07-05T16:00", dtype="datetime64[m]")
+    model = {name: np.full(60, value) for name, value in (("ghi", 800.0), ("dni", 850.0), ("dhi", 90.0))}
+    measured = {"ghi": np.full(60, 780.0), "dni": np.full(60, 420.0), "dhi": np.full(60, 380.0)}  # thin cloud
+    assert clear_times(time, {"ghi": measured["ghi"]}, model).all()
+    assert not clear_times(time, measured, model).any()
+    assert clear_times(time, model, model).all()
+    flicker = {"ghi": np.where(np.arange(60) % 2, 800.0, 700.0)}
+    assert not clear_times(time, flicker, model).any()
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A day that the model itself has made, with an optical depth of .12."""
+    times = np.arange("2016-06-23T05:00", "2016-06-23T12:00", 20, dtype="datetime64[m]").astype("datetime64[ns]")
+    about = {"latitude": 46.8, "longitude": 6.9, "height_m": 491.0, "source": "made"}
+    bare = xr.Dataset(coords={"time": times}, attrs=about)
+    scene = scene_over(bare, AerosolProfile(0.12, base_height_m=491.0))
+    light = irradiance(scene, 46.8, 6.9, times)
+    return bare.assign({name: ("time", light[name].values) for name in ("ghi", "dni", "dhi")}), light
+
+
+def test_the_aerosol_that_made_a_beam_is_found(made):
+    station, _ = made
+    fit = fit_aerosol(station, np.ones(station.time.size, bool), scene_over(station))
+    assert fit.optical_depth == pytest.approx(0.12, abs=0.001)
+    assert fit.rms_w_m2 < 1
+    with pytest.raises(UserError, match="too few"):
+        fit_aerosol(station, np.zeros(station.time.size, bool), scene_over(station))
+
+
+def test_differences_and_their_plot(made, tmp_path):
+    station, light = made
+    off = station.assign(ghi=station.ghi - 3.0)
+    found = differences(light, off, np.ones(station.time.size, bool))
+    assert found["ghi"].bias == pytest.approx(3.0)
+    assert found["ghi"].rmse == pytest.approx(3.0)
+    assert found["dni"].rmse == 0
+    plot(light, off, tmp_path / "day.png")
+    assert (tmp_path / "day.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "utc,ghi\nnoon,3\n", "\x00\x01"])
+def test_what_is_no_station_file_is_refused(tmp_path, text):
+    (tmp_path / "x.csv").write_text(text)
+    with pytest.raises(UserError):
+        read_station(tmp_path / "x.csv")
