@@ -58,8 +58,9 @@ def to_xyz(image: xr.Dataset | xr.DataArray) -> np.ndarray:
     of colour; an image of such alone is grey, as bright as at the shortest of them.
     """
     data = solar_relative(image)
-    seen = np.flatnonzero(data["wavelength"].values <= LAST_SEEN_NM)
-    data = data.isel(wavelength=seen if seen.size else [int(data["wavelength"].argmin())])
+    known_nm = data["wavelength"].values
+    seen = np.flatnonzero(known_nm <= max(LAST_SEEN_NM, float(known_nm.min())))
+    data = data.isel(wavelength=seen)
     wavelengths, weights = xyz_weights(step_nm=10)
     extension = Extension(data["wavelength"].values, wavelengths)
     flat = data.values.reshape(-1, data.sizes["wavelength"])
