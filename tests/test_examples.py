@@ -65,3 +65,12 @@ def test_irradiance_of_a_model_and_of_a_clear_sky(folder: Path) -> None:
     east, noon = found["day"].ghi.values
     assert 250 < east < 400  # a clear June morning and noon
     assert 850 < noon < 1000
+
+
+def test_reflectance_of_an_imager(folder: Path) -> None:
+    found = run("docs/satellites.md")
+    picture = found["picture"]
+    known = np.isfinite(picture.reflectance_factor.values[0])
+    assert known.any()
+    assert (picture.reflectance_factor.values[0][known] > 0.005).all()
+    assert found["red"].error < 0.003

@@ -387,3 +387,27 @@ def test_cameras_that_look_alike_see_alike(clear, allsky: xr.Dataset) -> None:
     far &= far[::-1, ::-1]
     turned = half.radiance.values[::-1, ::-1]
     np.testing.assert_allclose(turned[far], allsky.radiance.values[far], rtol=2e-3)
+
+
+def test_an_eye_on_the_ground_is_not_in_it() -> None:
+    """At height 0 a slope shows the same sky as from a centimetre above, wherever one stands."""
+    terrain = 300.0 + 200.0 * np.sin(np.arange(6))[:, None] * np.cos(np.arange(6))
+    scene = grid_scene({}, (6, 6, 6), (1e3, 1e3, 1e3), curved=True, air=True, terrain_m=terrain, surface_albedo=0.1)
+    lit = light(scene, "swim", wavelengths_nm=[550.0], sun=SUN)
+    middle = scene.place
+    for north, east in ((0.0, 0.0), (0.011, 0.007), (-0.008, 0.013), (0.004, -0.012)):
+        place = middle[0] + north, middle[1] + east
+        down, up = (
+            lit.viewpoint(Camera.allsky(*place, height_m=height, size=8)).view().radiance.values
+            for height in (0.0, 0.01)
+        )
+        np.testing.assert_allclose(down, up, rtol=1e-3)
+    with pytest.raises(UserError, match="in the ground"):
+        lit.viewpoint(Camera.satellite(*middle, height_m=10.0, size=4))
+
+
+def test_a_camera_in_the_ground_is_known_before_the_light(monkeypatch) -> None:
+    monkeypatch.setattr(Solver, "solve", None)
+    scene = grid_scene({}, (4, 5, 6), curved=True, terrain_m=np.full((5, 6), 200.0), surface_albedo=0.1)
+    with pytest.raises(UserError, match="in the ground, which lies at 150 m"):
+        openswim.render(scene, Camera.satellite(*scene.place, height_m=100.0, size=4), sun=SUN)

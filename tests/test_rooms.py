@@ -41,6 +41,8 @@ ORDER = (
     "viewpoint",
     "lighting",
     "rendering",
+    "films",
+    "satellites",
     "observations",
     "comparison",
     "stations",

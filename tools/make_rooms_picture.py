@@ -34,14 +34,16 @@ class Place(NamedTuple):
 
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
-    "validation": Place(1, 1.55, 1.5, "how far off we are"),
-    "comparison": Place(1, 3.45, 1.6, "frames beside skies"),
-    "stations": Place(1, 5.1, 1.3, "light through time"),
-    "observations": Place(1.9, 4.05, 1.6, "cameras by their frames"),
-    "rendering": Place(1, 6.6, 1.5, "openswim.render"),
-    "lighting": Place(1.9, 6.6, 1.5, "openswim.light"),
-    "kept_light": Place(3.6, 8.9, 1.35, "light on disk"),
-    "viewpoint": Place(2.8, 5.5, 1.6, "a camera in the light"),
+    "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
+    "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
+    "stations": Place(1.6, 4.9, 1.3, "light through time"),
+    "films": Place(0.88, 9.75, 1.2, "skies in motion"),
+    "satellites": Place(0.88, 8.3, 1.5, "imagers in space"),
+    "observations": Place(1.6, 3.2, 1.6, "cameras by their frames"),
+    "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
+    "lighting": Place(2.28, 6.6, 1.5, "openswim.light"),
+    "kept_light": Place(3.65, 8.9, 1.35, "light on disk"),
+    "viewpoint": Place(2.95, 5.5, 1.6, "a camera in the light"),
     "colour": Place(4.75, 0.75, 1.35, "what an eye sees"),
     "fluxes": Place(4.75, 2.3, 1.35, "W m⁻² on a plane"),
     "images": Place(4.75, 4.25, 1.35, "labelled data"),
@@ -99,7 +101,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison", "stations", "films",
+USERS = {"cli", "observations", "comparison", "stations", "films", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

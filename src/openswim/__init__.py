@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from openswim.cameras.files import save_camera as save_camera
     from openswim.colour import to_rgb as to_rgb
     from openswim.comparison import compare as compare
+    from openswim.comparison import correct_clouds as correct_clouds
     from openswim.errors import UserError as UserError
+    from openswim.films import film as film
     from openswim.ground import Ground as Ground
     from openswim.lighting import light as light
     from openswim.lighting import open_light as open_light
@@ -36,6 +38,8 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "compare": "openswim.comparison",
+    "correct_clouds": "openswim.comparison",
+    "film": "openswim.films",
     "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
     "load_camera": "openswim.cameras.files",
@@ -47,8 +51,8 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "irradiance", "light", "load_camera",
-    "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
+    "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 

@@ -10,7 +10,7 @@ class UserError(Exception):
     """
 
     def __init__(self, message: object = "") -> None:
-        text = str(message)
+        text = " ".join(part.strip() for part in str(message).splitlines())
         if len(text) > _LONGEST:
             text = f"{text[: _LONGEST - _END]} ... {text[-_END:]}"
         super().__init__(text)

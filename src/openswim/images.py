@@ -9,12 +9,27 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.cameras.pixels import Pixels
+from openswim.errors import UserError
 from openswim.lights import solar_irradiance
+from openswim.machine import free_memory
 from openswim.scene.frame import Frame
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
+
+PIXEL_BYTES = 90  # of memory that a view takes for each pixel and wavelength
+
+
+def check_fits(shape: tuple[int, int], wavelengths: int) -> None:
+    """Refuse a picture that the memory does not hold, before it is begun."""
+    taken, free = PIXEL_BYTES * wavelengths * shape[0] * shape[1], free_memory()
+    if taken > free:
+        share = (0.8 * free / taken) ** 0.5
+        raise UserError(
+            f"size = {shape}: such a picture takes {taken / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: "
+            f"use size=({int(shape[0] * share)}, {int(shape[1] * share)}) or less"
+        )
 
 
 def dataset(

@@ -158,7 +158,7 @@ def _ground(scene: Scene) -> dict[str, Any] | None:
         return None
     return {
         "chlorophyll_mg_m3": ground.chlorophyll_mg_m3, "mountains": ground.mountains,
-        "maps": len(paths("albedo", ground.albedo)) + len(paths("height", ground.height)),
+        "maps": sum(len(paths(name, getattr(ground, name))) for name in ("albedo", "height", "lights")),
     }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from openswim.heavens.lamps import Lamps, lamps_of
 from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
+from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
@@ -42,11 +43,12 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     if when is None:
         raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
     place = sun_position(when, *((frame.lat, frame.lon) if frame.curved else scene.place))
+    lit_from_deg = lit_altitude_deg(place.altitude_deg)
     if not frame.curved:
-        direction = frame.direction(place.azimuth_deg, place.refracted_altitude_deg, 0.0, 0.0)
+        direction = frame.direction(place.azimuth_deg, lit_from_deg, 0.0, 0.0)
         return Daylight(direction, place.distance_au, place.angular_radius_deg)
     direction = frame.enu(*subsolar_point(when))[2]
-    lift = np.radians(place.refracted_altitude_deg - place.altitude_deg)
+    lift = np.radians(lit_from_deg - place.altitude_deg)
     if lift > 0:
         up = np.array([0.0, 0.0, 1.0])
         tangent = up - direction * direction[2]
@@ -100,7 +102,7 @@ def light(
         return LitScene(scene, field, day, at, lamps=None if lamps is None else lamps.unsolved())
     lights = []
     for lamp in lamps.every:
-        found = (chosen.solve_starlit(scene, wavelengths) if lamp.direction is None
+        found = (chosen.solve_starlit(scene, wavelengths, lamp.towns) if lamp.direction is None
                  else chosen.solve(scene, lamp.direction, wavelengths))  # fmt: skip
         assert isinstance(found, Field)
         lights.append(LitBy(lamp.name, found, lamp.strength))
@@ -110,7 +112,8 @@ def light(
 def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
     frame = scene_frame(scene)
-    return lamps_of(when, (frame.lat, frame.lon) if frame.curved else scene.place, frame, day, wavelengths)
+    place = (frame.lat, frame.lon) if frame.curved else scene.place
+    return lamps_of(when, place, frame, day, wavelengths, scene.ground)
 
 
 def _is_day(lamps: Lamps) -> bool:

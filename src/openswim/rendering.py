@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from openswim.arguments import check_kind
 from openswim.cameras import Camera
+from openswim.images import check_fits
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
 from openswim.observer import check_observer
 from openswim.scene import Scene
@@ -39,6 +41,7 @@ def render(
     if isinstance(scene, LitScene):
         return scene.viewpoint(camera).view()
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
+    check_fits(camera.shape, np.size(wavelengths_nm))
     chosen = solver_of(solver)
     part = _needed(scene, camera, chosen.name)
     check_observer(part, camera, chosen.name)

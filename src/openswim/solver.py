@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,14 +41,21 @@ class Solver(Options):
         matter = self._matter(scene, wavelengths, plan)
         return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)
 
-    def solve_starlit(self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0)) -> Field | ReferenceField:
-        """The field of light of ``scene`` under an even sky of L' = 1 beyond its air, without a sun."""
+    def solve_starlit(
+        self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None
+    ) -> Field | ReferenceField:
+        """The field of light of ``scene`` under an even sky of L' = 1 beyond its air, without a sun.
+
+        lamps (nw,): L' of the ground where it shines with 1 nW cm-2 sr-1 (`ground.cities`); None: it is dark.
+        """
         if self.name == "reference":
             raise UserError("solver reference follows no light from the night's sky: take fast")
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = self._matter(scene, wavelengths, None).starlit()
-        return solve(self, matter, surface_of(scene, matter.wavelengths_nm), NADIR)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
+        return solve(self, matter, replace(surface, lamps=each), NADIR)
 
     def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)

@@ -160,6 +160,16 @@ class Viewpoint:
         return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 
     @property
+    def gases(self) -> dict[str, float]:
+        """What `openswim.fluxes.broadband` asks of the gases above the camera; the scene's own water vapour where it
+        has any."""
+        height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
+        vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
+        if vapour_cm is not None:
+            vapour_cm *= vapour_left(height_m - self.ground_m)
+        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
+
+    @property
     def _disc(self) -> Disc:
         return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm)
 
@@ -202,16 +212,6 @@ class Viewpoint:
             return eye.through(rays)[:2]
         view = eye.of_others(rays).view(rays)
         return view.transmittance, view.hit
-
-    @property
-    def gases(self) -> dict[str, float]:
-        """What `openswim.fluxes.broadband` asks of the gases above the camera; the scene's own water vapour where it
-        has any."""
-        height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
-        vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
-        if vapour_cm is not None:
-            vapour_cm *= vapour_left(height_m - self.ground_m)
-        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -264,14 +264,13 @@ class Viewpoint:
 
     def _irradiance(self) -> dict[str, Any]:
         """Spectral and broadband irradiance on the horizontal at the observer."""
-        field, day, eye = self.lit.field, self.lit.daylight, self._eye
+        field, day = self.lit.field, self.lit.daylight
         quadrature = quadrature_directions(_QUADRATURE, *self.sun)
-        rays = Rays(self.rays.origin_m, horizon_vector(quadrature.azimuth_deg, quadrature.altitude_deg) @ self._axes)
-        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
+        radiance, _ = self.sky(quadrature.azimuth_deg, quadrature.altitude_deg)
         beam = beam_of(self._disc, self._through)
         wl, altitude = field.wavelengths_nm, beam.altitude_deg
         direct = beam.direct * self.lit.strength("sun")
-        spectral = spectral_irradiance(view.radiance, quadrature, direct, altitude, wl, day.distance_au)
+        spectral = spectral_irradiance(radiance, quadrature, direct, altitude, wl, day.distance_au)
         gases = self.gases
         diffuse = spectral["relative_diffuse_horizontal"].values
         wide = broadband(beam.open, diffuse, wl, altitude, day.distance_au, visible=beam.visible, **gases)

@@ -141,6 +141,25 @@ def test_the_sun_of_another_time_or_place(world) -> None:
     assert world.suns == [{}, {"time": np.datetime64("2023-01-15T11:00")}, {"sun": (180.0, 30.5)}]
 
 
+def test_wavelengths_of_ones_own(world) -> None:
+    assert run(["render", "f.nc", *ARGUMENTS, "--wavelengths", "640,550", "-o", "x.nc"]) == 0
+    assert world.suns == [{"wavelengths_nm": (640.0, 550.0)}]
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "depth"),
+    [(["--aod", "0.4"], "continental", 0.4), (["--aerosol", "dust"], "dust", 0.05), (["--aerosol", "none"], None, 0.0)],
+)
+def test_an_aerosol_of_ones_own(world, monkeypatch, capsys, options, kind, depth) -> None:
+    clear, seen = openswim.Scene.clear(47.0, 11.0, terrain_m=2000.0), []
+    monkeypatch.setitem(vars(openswim), "open_scene", lambda *_, **__: clear)
+    monkeypatch.setitem(vars(openswim), "render", lambda scene, *_, **__: seen.append(scene) or _image())
+    assert run(["render", "f.nc", *ARGUMENTS, *options, "-o", "x.png"]) == 0
+    layers = seen[0].atmosphere.layers
+    assert [(layer.name, layer.optical_depth) for layer in layers] == ([] if kind is None else [(kind, depth)])
+    assert ("no aerosol" if kind is None else f"{kind}, optical depth {depth}") in capsys.readouterr().err
+
+
 def test_a_flat_scene_takes_metres(world) -> None:
     assert run(["render", "f.nc", "--x", "100", "--y", "250", "-o", "x.png"]) == 0
     assert (world.cameras[0].x_m, world.cameras[0].y_m) == (100.0, 250.0)
@@ -158,6 +177,8 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--solver", "reference", "--paths", "1"], "paths = 1"),
         (["-o", "x.png", "--solver", "reference", "--error", "150"], "target_error"),
         (["-o", "x.png", "--size", "big"], "--size"),
+        (["-o", "x.png", "--wavelengths", "red"], "--wavelengths red"),
+        (["-o", "x.png", "--wavelengths", "550,550"], "each once"),
         (["-o", "x.png", "--size", "0"], "--size 0"),
         (["-o", "x.png", "--size", "10x99999"], "--size 10x99999"),
         (["-o", "x.png", "--size", "20x30"], "square"),

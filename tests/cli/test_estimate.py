@@ -10,7 +10,9 @@ from pyproj import CRS
 
 import openswim
 from openswim.cameras import Camera
-from openswim.cli.estimate import estimate
+from openswim.cli import estimate as module
+from openswim.cli.estimate import announce, estimate
+from openswim.errors import UserError
 from openswim.scene import Scene
 
 CLEAR = SimpleNamespace(grid=None, wider=None)
@@ -101,3 +103,17 @@ def test_only_large_jobs_are_announced() -> None:
     assert not estimate(CLEAR, Camera.allsky(47, 11, size=100)).large
     assert estimate(_scene(64, 500, 500), Camera.allsky(47, 11, size=100)).large
     assert "GB" in str(estimate(_scene(64, 500, 500), Camera.allsky(47, 11)))
+
+
+@pytest.mark.parametrize("size", [(20_000, 20_000), (3000, 12_000)])
+def test_a_picture_larger_than_the_machine_is_refused_with_a_size_that_fits(monkeypatch, size) -> None:
+    monkeypatch.setattr(module, "free_memory", lambda: 2e9)
+    with pytest.raises(UserError, match=r"GB of memory, and 2.0 GB are free: use --size \d+(x\d+)? or less") as caught:
+        announce(CLEAR, Camera.panorama(47, 11, size=size), "fast")
+    columns, _, rows = str(caught.value).rpartition("--size ")[2].removesuffix(" or less").partition("x")
+    fits = Camera.panorama(47, 11, size=(int(rows or columns), int(columns)))
+    assert 1.4e9 < estimate(CLEAR, fits).memory_bytes < 1.6e9
+    announce(CLEAR, fits, "fast")
+    monkeypatch.setattr(module, "free_memory", lambda: 1e8)
+    with pytest.raises(UserError, match="use a smaller domain"):
+        announce(CLEAR, fits, "fast")

@@ -65,5 +65,26 @@ def test_nothing_to_map_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for name in ("liquid_content", "ice_content"):
         clear.data[name][:] = 0
     clear.to_netcdf(tmp_path / "a.nc")
-    assert run(["info", str(tmp_path / "a.nc"), "--map", str(tmp_path / "a.png")]) == 2
+    assert run(["info", str(tmp_path / "a.nc"), "--map", str(tmp_path / "a.png")]) == 0
     assert "nothing to map" in capsys.readouterr().err
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_the_extent_is_that_of_the_sides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene().to_netcdf(tmp_path / "a.nc")
+    assert run(["info", str(tmp_path / "a.nc")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("extent")]
+    # 7 km north and east of 47 N 8 E, on a sphere of 6371 km
+    assert line.split(maxsplit=1)[1] == "47.00 to 47.06 N, 8.00 to 8.09 E"
+
+
+def test_maps_have_their_coasts_where_they_are() -> None:
+    """Land begins at 5.3 W on the line of 36 N (Tarifa): shores beside it, none in the Atlantic."""
+    axis = np.linspace(0, 3, 60)
+    crs = CRS.from_proj4("+proj=longlat +R=6371000")
+    fields = {"liquid_content": np.full((3, 60, 60), 1e-4, np.float32)}
+    marked = np.asarray(maps(Scene.from_arrays({}, axis - 8.0, axis + 35.0, LEVELS, crs=crs, fields=fields)))
+    panel = marked[-(PANEL + 4 + 12 + 36) :][:PANEL, 12 : 12 + PANEL].astype(int)
+    white = (panel > 250).all(axis=-1)
+    assert white[:, 2 * PANEL // 3 :].sum() > 150  # Cadiz and Gibraltar, Tangier
+    assert not white[PANEL // 3 : PANEL // 2, 60 : PANEL // 3].any()  # the Gulf of Cadiz

@@ -251,3 +251,16 @@ def test_missing_rasterio_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(UserError, match=r"pip install 'openswim\[geotiff\]'"):
         maps_of(openswim.Ground(albedo=path))
+
+
+def test_data_without_an_image_are_no_map(tmp_path):
+    """Such as a model's own netCDF file, which GDAL sees several sets of data in."""
+    import netCDF4
+
+    with netCDF4.Dataset(tmp_path / "weather.nc", "w") as file:
+        for name in "yx":
+            file.createDimension(name, 4)
+        for name in "ab":
+            file.createVariable(name, "f4", ("y", "x"))[:] = 1.0
+    with pytest.raises(UserError, match=r"weather.nc: no image in it"):
+        openswim.open_scene("anything.nc", ground=openswim.Ground(albedo=tmp_path / "weather.nc"))

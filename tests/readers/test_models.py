@@ -67,6 +67,23 @@ def test_wrf_chem_extinction(wrf_file):
     assert any("EXTCOF55" in note for note in scene.notes)
 
 
+def test_wrf_chem_dust_and_soot(wrf_file):
+    """Five bins of dust are one kind; info says the same of the background as opening does."""
+    path = wrf_file(
+        extra={
+            name: (LEVELS, _wrf_field(mass), "ug/kg-dryair")
+            for name, mass in (("DUST_1", 50.0), ("DUST_5", 50.0), ("BC1", 1.0))
+        }
+    )
+    scene = open_scene(path)
+    assert scene.species[-2:] == ["dust", "black_carbon"]
+    rho = scene.data.liquid_content.values[1] / 1e-3
+    np.testing.assert_allclose(scene.data.extinction_dust.values[1], 50e-6 * rho * (1.22 + 0.079), rtol=0.02)
+    np.testing.assert_allclose(scene.data.extinction_black_carbon.values[1], 1e-6 * rho * 9.39, rtol=0.02)
+    (note,) = (note for note in scene.notes if "no aerosol but" in note)
+    assert note in describe(path).assumed
+
+
 def test_wrf_smoke_lies_on_the_background(wrf_file):
     scene = open_scene(wrf_file(extra={"smoke": (LEVELS, _wrf_field(100.0), "ug/kg")}))
     rho = scene.data.liquid_content.values[1] / 1e-3

@@ -176,3 +176,20 @@ def test_terrain_and_levels_belong_together():
     Scene.from_arrays({}, axis, axis, levels, terrain_m=terrain)
     with pytest.raises(UserError, match="500 m above the highest level in most columns"):
         Scene.from_arrays({}, axis, axis, levels, terrain_m=np.full((4, 4), 3500.0))
+
+
+def test_arrays_on_a_sphere_have_air_and_ground_as_in_a_file():
+    """Unless they are told otherwise; flat ones are alone in the dark, as theory wants them."""
+    degrees = dict(x_m=np.arange(4) * 0.1, y_m=np.arange(3) * 0.1, z_m=AXES["z_m"])
+    bare = Scene.from_arrays(None, **degrees, crs="EPSG:4326", fields={"liquid_content": np.zeros(SHAPE)})
+    assert bare.atmosphere is not None
+    assert "surface_albedo" not in bare.data
+    assert "US standard atmosphere" in " ".join(bare.notes)
+    assert "surface albedo, terrain height, land and water: of the ground map" in " ".join(bare.notes)
+    told = Scene.from_arrays(None, **degrees, crs="EPSG:4326", atmosphere=None, surface_albedo=0.0)
+    assert told.atmosphere is None
+    assert not told.data["surface_albedo"].any()
+    flat = Scene.from_arrays(None, **AXES)
+    assert flat.atmosphere is None
+    assert not flat.data["surface_albedo"].any()
+    assert flat.notes == []

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.transport.scenes import WAVELENGTH_NM, changed, grid_scene, toward
+from tests.transport.scenes import WAVELENGTH_NM, box, changed, grid_scene, toward
 
 from openswim.cameras import Rays
 from openswim.scene.procedural import demo_scene
@@ -176,7 +176,7 @@ def test_rays_know_how_wide_they_have_become(cumulus: Field) -> None:
     later = march_rays(o - 400.0 * d, d, *world, cone=np.tile([-400.0 * 2e-3, 2e-3], (n, 1)), detail=pack.detail)
     clear = march_rays(o - 400.0 * d, d, *world, ends=np.full(n, -400.0)).scaled
     bright = whole.full[:, 0] < 0.98
-    np.testing.assert_allclose((later.scaled / clear)[bright], whole.scaled[bright], atol=0.0012)
+    np.testing.assert_allclose((later.scaled / clear)[bright], whole.scaled[bright], atol=0.0014)
 
 
 def test_forward_peaks_have_the_detail_that_their_cloud_has(cumulus: Field) -> None:
@@ -227,3 +227,19 @@ def test_extinction_that_is_given_stays_as_given(kind: str) -> None:
     field = Solver().solve(scene, SUN, [WAVELENGTH_NM])
     rays = Rays(np.array([120.0, -80.0, 2.0]), looking(0.0).directions(), 1e-3)
     np.testing.assert_array_equal(field.view(rays).radiance, without(field, rays))
+
+
+def test_there_are_no_stripes_aslant() -> None:
+    """Through an even slab of cells of 30 km, 12 degrees above the horizon, invented brightness changes steadily from
+    row to row: where a ray's steps begin leaves no lines."""
+    shape = (24, 8, 8)
+    cloud = {"liquid_content": box(shape, (slice(8, 20), slice(0, 8), slice(0, 8)), 2e-5)}
+    scene = grid_scene({}, shape, (30_000.0, 30_000.0, 250.0), curved=True, air=True, fields=cloud)
+    field = Solver(tolerance=0.3).solve(scene, SUN, [WAVELENGTH_NM])
+    wide = 6e-4
+    azimuth, altitude = np.meshgrid(80 + np.degrees(wide) * np.arange(120), 12 + np.degrees(wide) * np.arange(120))
+    direction = np.stack([toward(a, h) for a, h in zip(azimuth.ravel(), altitude.ravel(), strict=True)])
+    rays = Rays(np.array([0.0, 0.0, 2.0]), direction, wide)
+    change = np.log(field.view(rays).radiance / without(field, rays)).reshape(120, 120)
+    assert change.std() > 0.03
+    assert np.abs(np.diff(change, 2, axis=0)).mean() < 0.00066  # of parts that began where steps do 0.0023

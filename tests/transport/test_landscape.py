@@ -313,7 +313,8 @@ def test_a_high_eye_sees_the_terrain_to_its_horizon() -> None:
     x = 40e3 * (np.arange(61) - 30)
     crs = CRS.from_proj4(f"+proj=laea +lat_0={LAT} +lon_0={LON} +R=6371000")
     terrain = np.broadcast_to(2000.0 + 1500.0 * np.sin(x / 300e3), (61, 61))
-    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain)
+    scene = Scene.from_arrays({}, x, x, np.linspace(0.0, 10e3, 11), crs=crs, terrain_m=terrain,
+                              atmosphere=None, surface_albedo=0.0)  # fmt: skip
     land = Landscape(surface_of(scene, WAVELENGTH_NM), medium_of(scene, np.array([WAVELENGTH_NM]), 0.5))
     seen = land.seen_from(Rays(eye_at(land, 60e3), fan(90.0, np.linspace(-0.5, 0.1, 50)), 2e-3))
     lon = LON + np.array([-8.0, -4.0, 3.0, 7.5])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from tests.validation.fakes import FakeSolver, single_scattering
 
+from openswim.stations.clear_sky import clear_times
 from openswim.validation import colours, sunpos
-from openswim.validation.measured import steady
 from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference
 
@@ -70,7 +70,7 @@ def test_clear_minutes_are_the_steady_ones_near_the_model() -> None:
     ratio = 1.03 + rng.normal(0, 0.002, 120)
     ratio[30:45] = rng.uniform(0.4, 1.2, 15)  # broken cloud
     ratio[70:100] = 0.5  # steady overcast
-    kept = steady(time, ratio)
+    kept = clear_times(time, {"ghi": 800 * ratio}, {"ghi": np.full(120, 800.0)})
     assert kept[:25].all()
     assert kept[50:65].all()
     assert not kept[30:45].any()

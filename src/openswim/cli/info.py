@@ -37,12 +37,15 @@ def run(files: Sequence[Path], picture: Path | None, time: str | None, allow_ref
         raise UserError("--time is the time of the maps: give --map FILE.png, or leave it out")
     click.echo(str(describe(files, allow_references)))
     if picture is not None:
-        draw(files, picture, time, allow_references)
-        click.echo(f"{picture}: column maxima")
+        drawn = draw(files, picture, time, allow_references)
+        if drawn:
+            click.echo(f"{picture}: column maxima")
+        else:
+            click.echo(f"note: there is no cloud, precipitation or aerosol: nothing to map, no {picture}", err=True)
 
 
-def draw(files: Sequence[Path], picture: Path, time: str | None = None, allow_references: bool = False) -> None:
-    """Write the maps of one time."""
+def draw(files: Sequence[Path], picture: Path, time: str | None = None, allow_references: bool = False) -> bool:
+    """Write the maps of one time; False where there is nothing to map."""
     import numpy as np
 
     from openswim.colour import check_writable
@@ -51,37 +54,47 @@ def draw(files: Sequence[Path], picture: Path, time: str | None = None, allow_re
     from openswim.scene.files import written_whole
 
     check_writable(picture, files_of(files))
-    image = maps(open_scene(files, time, allow_references=allow_references))
+    scene = open_scene(files, time, allow_references=allow_references)
+    if not column_maxima(scene):
+        return False
+    image = maps(scene)
     with written_whole(picture) as partial:
         write_picture(np.asarray(image), partial, {})
+    return True
 
 
 def maps(scene: Scene) -> Image.Image:
-    """One panel for each species that is anywhere present: north (+y) up, logarithmic colours, three decades."""
+    """One panel for each species that is anywhere present: north (+y) up, logarithmic colours, three decades; coasts,
+    latitudes and longitudes (of flat scenes kilometres), and a scale below."""
     from PIL import Image, ImageDraw, ImageFont
+
+    from openswim.cli.map_marks import mark, scale
 
     fields = column_maxima(scene)
     if not fields:
         raise UserError(f"{scene.source}: no cloud, precipitation or aerosol at this time: there is nothing to map")
     across = min(3, len(fields))
     height, width = next(iter(fields.values()))[0].shape
-    scale = PANEL / max(height, width)
-    size = max(int(width * scale), 40), max(int(height * scale), 40)
+    stretch = PANEL / max(height, width)
+    size = max(int(width * stretch), 40), max(int(height * stretch), 40)
     cell = PANEL + 2 * _MARGIN, size[1] + _TITLE + _BAR + 3 * _MARGIN
     rows = math.ceil(len(fields) / across)
     sheet = Image.new("RGB", (across * cell[0], rows * cell[1] + _TITLE), (250, 250, 248))
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    pen, font, small = ImageDraw.Draw(sheet), ImageFont.load_default(13), ImageFont.load_default(11)
     when = "" if scene.time is None else f", {str(scene.time)[:16]} UTC"
     pen.text((_MARGIN, _MARGIN), f"{scene.source}{when}"[: across * 46], (30, 30, 30), font)
     for index, (name, (field, units)) in enumerate(fields.items()):
         left, top = (index % across) * cell[0] + _MARGIN, (index // across) * cell[1] + _TITLE
         most = float(field.max())
-        title = f"{name}, column maximum\n{most / 10**_DECADES:.2g} to {most:.2g} {units}"
+        title = f"{name}, column maximum\n{units}, up to {most:.2g}, logarithmic"
         pen.text((left, top), title, (30, 30, 30), font)
         panel = Image.fromarray(_coloured(field, most)).resize(size, Image.Resampling.NEAREST)
         sheet.paste(panel, (left, top + _TITLE + 4))
+        if scene.grid is not None:
+            mark(pen, small, scene.grid, left, top + _TITLE + 4, size)
         bar = Image.fromarray(_coloured(_ramp(size[0]), 1.0)).resize((size[0], _BAR))
         sheet.paste(bar, (left, top + _TITLE + 4 + size[1] + 4))
+        scale(pen, small, left, top + _TITLE + 8 + size[1] + _BAR, size[0], most, _DECADES)
     return sheet
 
 
@@ -93,7 +106,8 @@ def column_maxima(scene: Scene) -> dict[str, tuple[NDArray[np.float32], str]]:
             field = 1e3 * scene.data[name].max("z").values
             found[name.removesuffix("_content")] = field, "g m-3"
         elif "extinction" in name:
-            found[name.replace("_", " ")] = 1e3 * scene.data[name].max("z").values, "km-1"
+            kind = name.removeprefix("extinction_").removesuffix("_extinction").replace("_", " ")
+            found[f"{kind} extinction"] = 1e3 * scene.data[name].max("z").values, "km-1"
     return {name: (field, units) for name, (field, units) in found.items() if field.max() > 0}
 
 

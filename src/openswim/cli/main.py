@@ -106,6 +106,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
 )
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]")
 @click.option(
     "--sun",
     help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
@@ -129,6 +130,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--dem", "height_maps", type=click.Path(path_type=Path), multiple=True,
     help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--town-lights", "town_lights", type=click.Path(path_type=Path), multiple=True,
+    help="Your own map of towns at night: GeoTIFF in nW cm-2 sr-1, such as VIIRS; may be given several times.",
 )  # fmt: skip
 @click.option(
     "--aerosol",
@@ -161,6 +166,54 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
     from openswim.cli.render import RenderRequest, run
 
     run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--lat", type=float, help="Observer's latitude, degrees north.")
+@click.option("--lon", type=float, help="Observer's longitude, degrees east.")
+@click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat.")
+@click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat.")
+@click.option("--height", "height_m", type=float, help="Metres above ground (satellite: above sea level).")
+@click.option("--path", type=click.Path(path_type=Path),
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
+              "like) or GPX. The film then follows it.")  # fmt: skip
+@click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
+@click.option("--from", "start", help="First time, UTC, ISO 8601.")
+@click.option("--to", "end", help="Last time, UTC.")
+@click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path), help="TOML file of a real camera.")
+@click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True)
+@click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
+@click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
+@click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
+@click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
+@click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@_quality
+@click.option("--member", type=int, help="Of an ensemble: the member's number.  [default: the first]")
+@click.option("--exposure", type=float, help="Factor from radiance to display.  [default: a smooth curve]")
+@click.option("--keogram", type=click.Path(path_type=Path),
+              help="Also write the middle columns of all frames as this picture.")  # fmt: skip
+@click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True,
+    help="The film: .mp4, .webm, .zarr (radiance), or a folder of pictures.",
+)  # fmt: skip
+@_debug
+def film(
+    file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
+    frames_per_second: float, speed: float, keogram: Path | None, title: bool, **options: Any,
+) -> None:  # fmt: skip
+    """Make a film of the sky over FILE's times, or along a camera's path.
+
+    It shows its progress; stopped by Ctrl-C or worse, the same command goes on where it was.
+    """
+    from openswim.cli.film import FilmRequest, run
+    from openswim.cli.render import RenderRequest
+
+    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), **options)
+    run(FilmRequest(picture, output, every, path, start, end, frames_per_second, speed, keogram, title))
 
 
 @cli.command()
@@ -222,6 +275,37 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
     run(CompareRequest(files, **options))
 
 
+@cli.command("correct-clouds")
+@click.argument("model", type=click.Path(path_type=Path))
+@click.argument("frames", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--camera", "camera_files", type=click.Path(path_type=Path), multiple=True, required=True,
+              help="TOML file of a camera; once for each frame, in their order.")  # fmt: skip
+@click.option("--clear-frame", "clear_frames", type=click.Path(path_type=Path), multiple=True,
+              help="A frame of the camera under a clear sky; once for each camera, in their order.")  # fmt: skip
+@click.option("--time", help="UTC, ISO 8601, of the frames, where they do not tell.")
+@click.option("--passes", type=int, default=2, show_default=True, help="How often the edited scene is looked at again.")
+@click.option("--hold-out/--use-all", default=True, show_default=True,
+              help="Keep every second block of the sky aside, and score by it.")  # fmt: skip
+@click.option("--base", "base_m", type=float, help="Metres: base of clouds to add.  [default: like the model's own]")
+@click.option("--thickness", "thickness_m", type=float, default=400.0, show_default=True, help="Of these, metres.")
+@click.option("--quality", type=click.Choice(QUALITIES), default="standard", show_default=True,
+              help="How finely light is solved for.")  # fmt: skip
+@click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]")
+@click.option("--sun-mask", "sun_mask_deg", type=float, help="Degrees around the sun that say nothing.  [default: 12]")
+@click.option("--lowest", "lowest_deg", type=float, help="Altitude below which pixels say nothing.  [default: 5]")
+@click.option("--encoding", help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The edited scene, .nc or .zarr.")
+@_debug
+def correct_clouds(**options: Any) -> None:
+    """Clear and add clouds of MODEL where cameras' FRAMES, one of each camera, show clear sky or cloud.
+
+    Writes the edited scene, and the scores before and after each pass.
+    """
+    from openswim.cli.correct_clouds import CorrectCloudsRequest, run
+
+    run(CorrectCloudsRequest(**options))
+
+
 @cli.command()
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1)
 @click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
@@ -252,6 +336,23 @@ def irradiance(**options: Any) -> None:
     from openswim.cli.irradiance import IrradianceRequest, run
 
     run(IrradianceRequest(**options))
+
+
+@cli.command()
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--like", type=click.Path(path_type=Path), required=True,
+              help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
+@click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
+@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
+@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
+@click.option("-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, help=".nc or .tif to write.")
+@_debug
+def satellite(**options: Any) -> None:
+    """The clouds of a model's FILES as an imager in space sees them, beside what it saw."""
+    from openswim.cli.satellite import SatelliteRequest, run
+
+    run(SatelliteRequest(**options))
 
 
 @cli.command()
@@ -335,7 +436,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        return _fail(f"{error.format_message()} (see openswim --help)", USERS_MISTAKE, state)
+        return _fail(str(UserError(f"{error.format_message()} (see openswim --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED

@@ -35,6 +35,7 @@ class RenderRequest:
     y_m: float | None = None
     height_m: float | None = None
     time: str | None = None
+    member: int | None = None
     sun: str | None = None
     camera_file: Path | None = None
     view: str = "allsky"
@@ -51,6 +52,7 @@ class RenderRequest:
     exposure: float | None = None
     allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
+    town_lights: tuple[Path, ...] = ()
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
@@ -65,7 +67,7 @@ def run(request: RenderRequest) -> None:
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
-    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps]
+    inputs = [*files_of(request.file), *request.albedo_maps, *request.height_maps, *request.town_lights]
     inputs += [] if request.camera_file is None else [request.camera_file]
     if request.checkpoint is not None:
         check_target(request.checkpoint, inputs, "--checkpoint")
@@ -84,11 +86,12 @@ def run(request: RenderRequest) -> None:
     from openswim.optics.species import for_wavelengths
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
-    given = request.albedo_maps or request.height_maps
-    ground = openswim.Ground(request.albedo_maps, request.height_maps) if given else None
+    given = request.albedo_maps or request.height_maps or request.town_lights
+    maps = openswim.Ground(request.albedo_maps, request.height_maps, lights=request.town_lights)
+    ground = maps if given else None
     scene = openswim.open_scene(
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
-        allow_references=request.allow_references,
+        allow_references=request.allow_references, member=request.member,
     )
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
@@ -99,8 +102,9 @@ def run(request: RenderRequest) -> None:
     announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
+    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, wavelengths_nm=wavelengths, **sun)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, request.exposure)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
@@ -279,12 +283,15 @@ def report(image: "xr.Dataset") -> None:
             f"sun: altitude {float(attributes['sun_altitude_deg']):.2f}, "
             f"azimuth {float(attributes.get('sun_azimuth_deg', math.nan)):.2f} degrees"
         )
-        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG:
+        if float(attributes["sun_altitude_deg"]) < DARK_SUN_DEG and "lights" not in attributes:
+            click.echo("note: it is night there; moon and stars need a time (--sun TIME)", err=True)
+        if "lights" in attributes and float(attributes["sun_altitude_deg"]) < 0:
             click.echo(
-                "note: it is night there; moon, stars and city lights are not simulated yet (--sun TIME: light of "
-                "another time)",
-                err=True,
+                f"lights: {attributes['lights']}; moon: altitude {float(attributes['moon_altitude_deg']):.2f}, azimuth "
+                f"{float(attributes['moon_azimuth_deg']):.2f} degrees, {float(attributes['moon_illuminated']):.0%} lit"
             )
+        if "illuminance_lx" in attributes:
+            click.echo(f"illuminance: {float(attributes['illuminance_lx']):.3g} lx")
     if "mean_error_percent" in attributes:
         cut = ", interrupted" if attributes.get("interrupted") else ""
         click.echo(

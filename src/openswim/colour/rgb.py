@@ -33,6 +33,7 @@ HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shou
 # what it goes to falls from a third of white to less than a tenth
 DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
 MOST_EXPOSURE = 1e9
+_LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
 SHOULDER = 0.5  # below this tones are proportional to the scene
 PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
 
@@ -139,12 +140,27 @@ def to_rgb(
         found = ", ".join(map(str, dims))
         raise UserError(f"image has dimensions ({found}), not (y, x, wavelength): cut rows and columns as isel(x=[0])")
     factor = auto_exposure(image) if exposure == "auto" else exposure
+    return developed(display_light(image, matrix, glare), float(factor), gamma, roll_off, dither)
+
+
+def display_light(
+    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True
+) -> np.ndarray:
+    """What a display is to show, before any exposure: linear RGB (y, x, 3), float32, within its primaries; see
+    `to_rgb`. NaN pixels are 0."""
     xyz = np.nan_to_num(to_xyz(image))
     if glare and (sun := glare_of_sun(image)) is not None:
         share, irradiance = sun
         xyz += share[..., None] * to_xyz(irradiance)
-    xyz *= np.float32(factor)
-    linear = into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
+    return into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
+
+
+def developed(
+    light: np.ndarray, exposure: float, gamma: float | Literal["srgb"] = "srgb", roll_off: bool = True,
+    dither: bool = True,
+) -> np.ndarray:  # fmt: skip
+    """The picture, uint8 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
+    linear = light * np.float32(exposure)
     if roll_off:
         linear = shoulder(linear)
     return quantise(encode(np.clip(linear, 0, 1), gamma), dither)
@@ -153,11 +169,11 @@ def to_rgb(
 def check_exposure(exposure: float | str) -> None:
     """Raise UserError unless `to_rgb` takes this exposure."""
     if exposure != "auto" and not _is_positive(exposure):
-        raise UserError(f"exposure {exposure!r} must be a positive number or 'auto'")
+        raise UserError(f"exposure {exposure!r} must be a positive number up to {_LARGEST_EXPOSURE:.0e}, or 'auto'")
 
 
 def _is_positive(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and bool(0 < value < np.inf)
+    return isinstance(value, (int, float, np.number)) and bool(0 < value <= _LARGEST_EXPOSURE)
 
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:

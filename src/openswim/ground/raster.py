@@ -42,6 +42,8 @@ class Raster:
         self.path = Path(path)
         self._file = _opened(self.path)
         self.shape: tuple[int, int] = (int(self._file.height), int(self._file.width))
+        if not self._file.count:
+            raise UserError(f"{self.path}: no image in it, but several sets of data: give a GeoTIFF")
         self.bands = tuple(range(1, self._file.count + 1)) if bands is None else bands
         self.dtype = np.dtype(self._file.dtypes[0])
         self.crs, self._transform = _georeference(self.path, self._file)

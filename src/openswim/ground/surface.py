@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth
 from openswim.ground.albedo import surface_properties
+from openswim.ground.cities import city_radiance
 from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
@@ -33,13 +34,15 @@ class SceneSurface:
 
     scene: Scene
     wavelengths_nm: F64
+    lamps: F64 | None = None  # (nw,) L' of what shines with 1 nW cm-2 sr-1; None by day
 
     @property
     def wider(self) -> SceneSurface | None:
         return None if self.scene.wider is None else replace(self, scene=self.scene.wider)
 
     def at_wavelengths(self, which: NDArray[np.int64]) -> SceneSurface:
-        return replace(self, wavelengths_nm=self.wavelengths_nm[which])
+        lamps = None if self.lamps is None else self.lamps[which]
+        return replace(self, wavelengths_nm=self.wavelengths_nm[which], lamps=lamps)
 
     def window(self, rows: slice, columns: slice) -> SceneSurface:
         return replace(self, scene=_ground_of(self.scene, rows, columns))
@@ -57,6 +60,11 @@ class SceneSurface:
 
     def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:
         return hemispherical_albedo(self.sample(lat, lon), self.wavelengths_nm)
+
+    def shining(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0) -> F64 | None:
+        if self.lamps is None or (self.scene.grid is not None and not self.scene.grid.curved):
+            return None
+        return np.asarray(city_radiance(lat, lon, self.scene.ground, footprint_m)[..., None] * self.lamps)
 
     # how high it is
 

@@ -11,25 +11,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.ground.cities import city_radiance, lamp_spectrum
 from openswim.lights import NightSky, moon_irradiance, moon_position, solar_irradiance
 from openswim.lights.daylight import Daylight
 from openswim.lights.eclipses import light_left, moonlight_left
 from openswim.lights.eclipses.solar import discs
 from openswim.lights.illuminance import NIGHT_SKY_LX, moon_lux, shares, sun_lux
 from openswim.scene.frame import Frame
+from openswim.scene.ground import Ground
 from openswim.scene.times import Time
 
 F64 = NDArray[np.float64]
+
+_LUX_PER_NW = 4e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
     """A light to be solved: from a ``direction`` (3,) in the scene frame, or, where that is None, from all the sky
-    beyond the air. ``strength`` (nw,): what its solar-relative radiance counts."""
+    beyond the air and from towns. ``strength`` (nw,): what its solar-relative radiance counts; ``towns`` (nw,): that of
+    ground which shines with 1 nW cm-2 sr-1, over the sky's."""
 
     name: str
     direction: F64 | None
     strength: F64
+    towns: F64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +57,10 @@ def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:
     return np.asarray(solar_irradiance(wavelengths_nm) / day.distance_au**2)
 
 
-def lamps_of(time: Time, place: tuple[float, float], frame: Frame, day: Daylight, wavelengths_nm: F64) -> Lamps:
+def lamps_of(
+    time: Time, place: tuple[float, float], frame: Frame, day: Daylight, wavelengths_nm: F64,
+    ground: Ground | None = None,
+) -> Lamps:  # fmt: skip
     """Sun, moon and night sky over the middle of a scene, ``place`` its latitude and longitude.
 
     A light that adds less than a hundredth to what falls on the ground fades out, and is not solved for at a third of
@@ -64,7 +73,7 @@ def lamps_of(time: Time, place: tuple[float, float], frame: Frame, day: Daylight
     eclipsed = moonlight_left(time, wavelengths_nm)
     lux = {
         "sun": sun_lux(altitude) * float(covered.mean()), "moon": moon_lux(moon) * float(eclipsed.mean()),
-        "sky": NIGHT_SKY_LX,
+        "sky": NIGHT_SKY_LX + _town_lux(place, ground),
     }  # fmt: skip
     part = shares(lux)
     night = NightSky.at(time, *place, np.eye(3))
@@ -74,10 +83,18 @@ def lamps_of(time: Time, place: tuple[float, float], frame: Frame, day: Daylight
     if part["moon"] > 0:
         toward = frame.direction(moon.azimuth_deg, moon.refracted_altitude_deg, *_middle(frame))
         lamps.append(Lamp("moon", toward, part["moon"] * eclipsed * moon_irradiance(moon, wavelengths_nm) / toa))
-    mean = part["sky"] * night.mean(wavelengths_nm)
+    whole = night.mean(wavelengths_nm)
+    mean = part["sky"] * whole
     if part["sky"] > 0:
-        lamps.append(Lamp("sky", None, 4 * np.pi * mean / toa))
+        lamps.append(Lamp("sky", None, 4 * np.pi * mean / toa, lamp_spectrum(wavelengths_nm) / whole))
     return Lamps(tuple(lamps), night, mean)
+
+
+def _town_lux(place: tuple[float, float], ground: Ground | None) -> float:
+    """What clear air sends down of the light of towns around, roughly."""
+    north, east = np.meshgrid([-0.2, 0.0, 0.2], [-0.3, 0.0, 0.3])
+    around = city_radiance(np.clip(place[0] + north, -90, 90), place[1] + east, ground)
+    return float(_LUX_PER_NW * around.mean())
 
 
 def _middle(frame: Frame) -> tuple[float, float]:

@@ -35,3 +35,21 @@ def refracted_altitude_deg(
     for _ in range(30):  # a contraction: each round brings two digits, fewer at the horizon
         apparent = true + refraction_deg(apparent, pressure_pa, temperature_k)
     return apparent
+
+
+TWILIGHT_LIFT_DEG = 0.2  # of sunlight that passes 10 to 20 km above the ground, on its way in and out: .35 to .1
+_SETTLES_DEG = 1.2
+
+
+def lit_altitude_deg(altitude_deg: float, pressure_pa: float = STANDARD_PRESSURE_PA) -> float:
+    """From where straight rays of a sun at a true altitude light a place as its bent ones do.
+
+    While any of the sun is up, where it appears. Below, what lights the sky has passed high above the ground, and is
+    bent the less; smooth, so that nothing leaps at sunset.
+    """
+    lift_at_horizon = float(refraction_deg(0.0, pressure_pa))
+    below = -lift_at_horizon - altitude_deg
+    if below <= 0:
+        return float(refracted_altitude_deg(altitude_deg, pressure_pa))
+    fading = np.exp(-below / _SETTLES_DEG)
+    return float(altitude_deg + TWILIGHT_LIFT_DEG + (lift_at_horizon - TWILIGHT_LIFT_DEG) * fading)

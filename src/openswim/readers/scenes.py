@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from openswim import arguments
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import check_kind, number, numbers, shown, whole
 from openswim.errors import UserError
-from openswim.readers.common.base import Reader, SceneInfo, Time
+from openswim.readers.common.base import SceneInfo, Time
 from openswim.readers.common.bounds import references_allowed
+from openswim.readers.common.members import OneMember
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -32,6 +33,7 @@ def open_scene(
     radius_km: float | None = None,
     ground: Ground | None = None,
     allow_references: bool = False,
+    member: int | None = None,
 ) -> Scene:
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
@@ -42,6 +44,7 @@ def open_scene(
     around : (latitude, longitude): only the part of the domain around this place, to `radius_km` (default 200 km) to
         the north, east, south and west. Works over the date line and the poles. Global fields need it: light is
         followed on up to a hemisphere (radius_km=10000). Domains without a place on Earth are laid around it.
+    member : which member of an ensemble, by the file's own number (default: the first, and a note says which).
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
     allow_references : follow what the files say lies in others, wherever that is, in the network too. By default
         references of kerchunk are followed below the folder of their JSON only, and no other file points anywhere.
@@ -55,7 +58,9 @@ def open_scene(
     place = _neighbourhood(around, radius_km)
     # what comes of absurd numbers is checked in the end
     with references_allowed(allow_references), np.errstate(all="ignore"):
-        groups = by_reader(paths)
+        groups: dict[Any, list[Path]] = dict(by_reader(paths))
+        if member is not None:
+            groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if place is not None and scene.cut and scene.wider is None and not place.from_space:
         scene.notes.append("nothing of the domain beyond this part is seen")
@@ -116,7 +121,7 @@ def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood |
     return merged([_read(reader, path, time, _wider(place)) for path in holding], place)
 
 
-def _open_several(groups: dict[Reader, list[Path]], time: Time, place: Neighbourhood | None) -> Scene:
+def _open_several(groups: dict[Any, list[Path]], time: Time, place: Neighbourhood | None) -> Scene:
     """The scene of several models' files, one domain within the other."""
     from openswim.readers.domain.nested import merged
 

@@ -167,8 +167,8 @@ def great_circle_m(lon: ArrayLike, lat: ArrayLike, radius_m: float) -> float:
     return float(2.0 * radius_m * np.arcsin(np.sqrt(haversine)))
 
 
-def extent_text(grid: Grid) -> str:
-    """ "it covers about latitude ... to ..., longitude ... to ...", over the date line up to beyond 180."""
+def extent_deg(grid: Grid) -> tuple[float, float, float, float]:
+    """South, north, west and east end of a domain's sides; over the date line east is beyond 180."""
     _, ny, nx = grid.shape
     i = np.concatenate([np.arange(nx), np.arange(nx), np.zeros(ny), np.full(ny, nx - 1.0)])
     j = np.concatenate([np.zeros(nx), np.full(nx, ny - 1.0), np.arange(ny), np.arange(ny)])
@@ -177,7 +177,13 @@ def extent_text(grid: Grid) -> str:
     lon = middle + (lon - middle + 180.0) % 360.0 - 180.0
     if lon.min() < -180.0:
         lon = lon + 360.0
-    return f"it covers about latitude {lat.min():.2f} to {lat.max():.2f}, longitude {lon.min():.2f} to {lon.max():.2f}"
+    return float(lat.min()), float(lat.max()), float(lon.min()), float(lon.max())
+
+
+def extent_text(grid: Grid) -> str:
+    """ "it covers about latitude ... to ..., longitude ... to ..."."""
+    south, north, west, east = extent_deg(grid)
+    return f"it covers about latitude {south:.2f} to {north:.2f}, longitude {west:.2f} to {east:.2f}"
 
 
 def check_places(x: NDArray[np.float64], y: NDArray[np.float64], crs: CRS | None) -> None:

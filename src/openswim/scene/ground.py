@@ -23,6 +23,8 @@ class Ground:
     height : one or more digital elevation models, metres above sea level.
     chlorophyll_mg_m3 : of all water; by default .2 in the sea and 2 in lakes.
     mountains : whether those of the default Earth stand beyond the domain, where they are known (docs/ground.md).
+    lights : one or more images of the lights of towns in nW cm-2 sr-1, such as annual composites of VIIRS; beyond
+        them a coarse map of all the Earth (docs/night.md).
 
     Model latitudes are taken as geodetic ones of WGS 84, as models' own ground data are.
     """
@@ -31,6 +33,7 @@ class Ground:
     height: PathLike | Sequence[PathLike] = ()
     chlorophyll_mg_m3: float | None = None
     mountains: bool = True
+    lights: PathLike | Sequence[PathLike] = ()
 
     def __post_init__(self) -> None:
         if self.chlorophyll_mg_m3 is not None and not 0.0 < self.chlorophyll_mg_m3 <= 100.0:

@@ -26,7 +26,8 @@ _SPREAD, _SPREAD_PER_M = 0.7, 1 / 40_000.0  # of ln(p/standard): a plateau calle
 _ROUNDING = 2e-5  # of the largest pressure: that of files packed in 16 bits
 _THIN_M, _HIGH_PA = 50.0, 2000.0  # thinner or higher layers tell no temperature
 _LAYER_K, _COLUMN_K = (60.0, 1000.0), (150.0, 450.0)  # of layers and of columns, from thickness and pressures
-_MOST_PATH_KG_M2 = 25.0  # of water in the mean of a domain; hurricanes have 5
+_MOST_PATH_KG_M2 = 12.0  # of water in the mean of a domain; hurricanes have 5
+_MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
 _HIGHEST_CLOUD_M = 20_000.0  # where the mean of all water may be, or the lowest level of a file with water
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
@@ -153,6 +154,11 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
         paths[name] = float(np.trapezoid(content, high, axis=0).mean())
         raised += float(np.trapezoid(content * high, high, axis=0).mean())
         most = float(data[name].max())
+        if most > _MOST_KG_M3[species]:
+            raise UserError(
+                f"scene: {name} is {most:.3g} kg m-3 at most; clouds have up to {_MOST_KG_M3[species] / 5:g}: is it in "
+                "g/kg or g m-3 (1000 times too large)?"
+            )
         if 0 < most < _FAINT_KG_M3 and species in ("liquid", "rain"):
             notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
         notes += _sizes(data, species, content)

@@ -108,6 +108,8 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         hint="is it in seconds?",
     ),
     "surface_albedo": _fraction("surface albedo", "surface_albedo"),
+    "wind_east": Variable("m s-1", "eastward wind", -250.0, 250.0, "eastward_wind"),
+    "wind_north": Variable("m s-1", "northward wind", -250.0, 250.0, "northward_wind"),
     "wind_east_10m": Variable(
         "m s-1", "eastward wind 10 m above ground", -150.0, 150.0, "eastward_wind", SURFACE_DIMS
     ),

@@ -75,8 +75,8 @@ def fit_aerosol(station: xr.Dataset, rows: NDArray[np.bool_], scene: Scene) -> A
     use = rows & np.isfinite(station.dni.values)
     if use.sum() < 3:
         raise UserError(f"{int(use.sum())} clear values of direct irradiance: too few to fit an aerosol to")
-    if scene.atmosphere is None or scene.atmosphere.aerosol is None:
-        raise UserError("the scene has no aerosol whose optical depth could be fitted")
+    if scene.atmosphere is None or not isinstance(scene.atmosphere.aerosol, AerosolProfile):
+        raise UserError("the scene has no aerosol of one kind, whose optical depth could be fitted")
     track = sun_of(station)
     parts = SunTrack(*(getattr(track, field.name)[use] for field in dataclasses.fields(SunTrack)))
     measured = station.dni.values[use]

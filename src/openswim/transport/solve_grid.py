@@ -154,7 +154,7 @@ def _with_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> 
         layers = solve_layers(
             light.medium.levels_m, c.scaled @ extinction, (c.scattering.T @ extinction).T,
             light.beams[w][:, 0, 0].astype(float), sun, float(lighting.albedo[w, 0, 0]),
-            float(lighting.direct_horizontal(w)[0, 0]),
+            float(lighting.flux_for_sweeps(w)[0, 0]),
         )  # fmt: skip
         every.append(layers)
         lighting.diffuse[w], lighting.up_top[w] = layers.down, layers.up
@@ -220,7 +220,7 @@ def _with_moments(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
-            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.direct_horizontal(w)
+            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.flux_for_sweeps(w)
             albedo = lighting.albedo_for_sweeps(w)
             sides = None
             if not ends and not medium.periodic:

@@ -114,6 +114,8 @@ def read_reference(path: Path) -> Reference:
         beside = path.with_suffix(".json")
         if path.suffix == ".csv":
             data = _read_csv(path)
+        elif path.suffix not in (".nc", ".nc4", ".cdf"):  # a network's, read where it is compared
+            data = xr.Dataset()
         else:
             with opened(path) as lazy, reading(path):
                 data = lazy.load()

@@ -1,5 +1,6 @@
 """The walk through a folder of reference files: what is compared is decided by content, never by name."""
 
+import os
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -11,6 +12,7 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.progress import Quiet, job, use
 from openswim.scene.phase import HenyeyGreenstein
+from openswim.stations.files import kind_of
 from openswim.validation import (
     cases3d,
     clearsky,
@@ -18,8 +20,11 @@ from openswim.validation import (
     measured,
     night_lights,
     night_places,
+    night_skies,
+    sky_glow,
     slab_tables,
     slabs,
+    spectral,
     sunpos,
 )
 from openswim.validation.clearsky import ClearSky
@@ -28,6 +33,7 @@ from openswim.validation.reference import Reference, Row, Solver, read_reference
 from openswim.validation.slabs import Slab, radiance
 
 SUFFIXES = (".nc", ".nc4", ".csv")
+STATION_SUFFIXES = (".dat", ".gz", ".txt", ".cdf")
 
 
 class Family(NamedTuple):
@@ -49,6 +55,7 @@ FAMILIES = (
     Family(clearsky.is_sky_table, clearsky.compare_sky_table),
     Family(sunpos.matches, sunpos.compare),
     Family(colours.matches, colours.compare),
+    Family(spectral.matches, spectral.compare),
     Family(measured.matches, measured.compare),
     Family(night_places.is_star_table, night_places.compare_stars),
     Family(night_places.is_planet_table, night_places.compare_planets),
@@ -61,12 +68,16 @@ FAMILIES = (
     Family(night_lights.is_milky_way_table, night_lights.compare_milky_way),
     Family(night_lights.is_airglow_table, night_lights.compare_airglow),
     Family(night_lights.is_refraction_table, night_lights.compare_refraction),
+    Family(night_skies.is_moonlit_table, night_skies.compare_moonlit_sky),
+    Family(night_skies.is_illuminance_table, night_skies.compare_illuminance),
+    Family(sky_glow.is_sky_glow, sky_glow.compare_sky_glow),
+    Family(night_skies.is_twilight_fit, night_skies.compare_twilight_fit),
 )
 
 
 def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
     """Compare every reference file below `directory`: rows, worst first, and a line per file left out."""
-    if not directory.is_dir():
+    if not os.path.isdir(directory):
         raise UserError(f"{directory}: no such folder; name one with reference files ({', '.join(SUFFIXES)})")
     references, skipped = _read_all(directory)
     tables = PhaseTables([])
@@ -86,7 +97,15 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
 
 def reference_files(directory: Path) -> list[Path]:
     """The files below a folder that may be references."""
-    return sorted(p for p in directory.rglob("*") if p.suffix in SUFFIXES and p.is_file())
+    found = (Path(folder, name) for folder, _, names in os.walk(directory) for name in names)  # folders may vanish
+    return sorted(p for p in found if p.is_file() and (p.suffix in SUFFIXES or _is_station(p)))
+
+
+def _is_station(path: Path) -> bool:
+    """Whether this is a network's file of measured irradiance."""
+    with suppress(UserError):
+        return path.suffix in STATION_SUFFIXES and kind_of(path) is not None
+    return False
 
 
 def _read_all(directory: Path) -> tuple[list[Reference], list[str]]:

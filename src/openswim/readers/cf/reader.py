@@ -21,6 +21,7 @@ from openswim.readers.common.base import (
     pick_time,
 )
 from openswim.readers.common.bounds import check_size
+from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
@@ -42,6 +43,7 @@ _HELPERS = {
     GRID_MAPPING,
     *PROFILES,
     VAPOUR_PROFILE,
+    *MEMBER_DIMS,
 }
 _NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"
 
@@ -61,13 +63,15 @@ class CFReader:
         except UserError:
             return False
 
-    def read(self, path: Path, time: Time = None) -> Scene:
-        """The scene at one time of the file (default: its first); only that time is read."""
+    def read(self, path: Path, time: Time = None, member: int | None = None) -> Scene:
+        """The scene at one time of the file (default: its first), of one member; only that is read."""
         with naming(path), _opened(path) as whole:
             data, valid = _at_time(path, whole, time)
+            chosen: list[str] = []
+            data = _of_member(path, data, member, chosen)
             for name in data.variables:
                 check_size(path, str(name), data[name].shape)
-            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line] + chosen
             with reading(path, _NOT_THE_LAYOUT):
                 data = upright(data)
                 grid = grid_of(data, notes)
@@ -94,14 +98,15 @@ class CFReader:
     def grid(self, path: Path, time: Time = None) -> Grid | None:
         """The grid at one time; None for a clear sky."""
         with naming(path), _opened(path) as whole, reading(path, _NOT_THE_LAYOUT):
-            return grid_of(upright(_at_time(path, whole, time)[0]), [])
+            return grid_of(upright(_of_member(path, _at_time(path, whole, time)[0], None, [])), [])
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents, from the header, the coordinates and the heights of the first time."""
         with naming(path), _opened(path) as whole:
             times = _times(whole)
-            data = upright(_at_time(path, whole, None)[0])
-            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line]
+            chosen: list[str] = []
+            data = upright(_of_member(path, _at_time(path, whole, None)[0], None, chosen))
+            notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line] + chosen
             with reading(path, _NOT_THE_LAYOUT):
                 grid = grid_of(data, notes)
                 atmosphere_of(data, notes)
@@ -152,6 +157,13 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
             'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
         )
     return rounded(values)
+
+
+def _of_member(path: Path, data: xr.Dataset, member: int | None, notes: list[str]) -> xr.Dataset:
+    chosen = member_index(path, data, member, notes)
+    if member is not None and not chosen:
+        raise UserError(f"{path}: no ensemble members in it: leave out member (--member)")
+    return data.isel(chosen)
 
 
 def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.common.bounds import check_container, check_header, check_name
 from openswim.readers.common.classic import classic_length
+from openswim.scene.grid import extent_deg
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
 
@@ -57,12 +58,13 @@ class SceneInfo:
     missing: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     others: list[SceneInfo] = field(default_factory=list)  # of further files, on grids of their own
+    extent: str = ""
 
     @classmethod
     def on(cls, grid: Grid | None, /, **others: Any) -> SceneInfo:
         """With what a grid tells of itself, unless that is among the others."""
         own = {"grid": shape_text(grid), "projection": projection_text(grid), "spacing": spacing_text(grid),
-               "levels": levels_text(grid)}  # fmt: skip
+               "levels": levels_text(grid), "extent": covered_text(grid)}  # fmt: skip
         return cls(**(own | others))
 
     def __str__(self) -> str:
@@ -72,6 +74,7 @@ class SceneInfo:
             ("model", self.model),
             ("grid", self.grid),
             ("projection", self.projection),
+            ("extent", self.extent),
             ("spacing", self.spacing),
             ("levels", self.levels),
             ("times", ", ".join(self.times[:6]) + more or "none"),
@@ -80,7 +83,7 @@ class SceneInfo:
             ("missing", ", ".join(self.missing) or "nothing"),
         ]
         rows += [("" if line else "assumed", note) for line, note in enumerate(self.assumed)]
-        own = "\n".join(f"{label:<11}{text}" for label, text in rows)
+        own = "\n".join(f"{label:<11}{text}" for label, text in rows if text)
         return "\n\n".join([own, *map(str, self.others)])
 
 
@@ -178,6 +181,24 @@ def place_text(grid: Grid | None) -> str:
         return ""
     lon, lat = (float(angle) for angle in grid.lonlat(*grid.centre_index))
     return f", centre {abs(lat):.3f} {'NS'[lat < 0]} {abs(lon):.3f} {'EW'[lon < 0]}"
+
+
+def covered_text(grid: Grid | None) -> str:
+    """ "21.80 to 25.67 N, 91.90 to 87.18 W"; in kilometres of a flat grid."""
+    if grid is None:
+        return ""
+    if not grid.curved:
+        ends = (f"{name} {axis[0] / 1e3:g} to {axis[-1] / 1e3:g} km" for name, axis in (("x", grid.x), ("y", grid.y)))
+        return ", ".join(ends)
+    south, north, west, east = extent_deg(grid)
+    return f"{_angles(south, north, 'NS')}, {_angles(west, (east + 180) % 360 - 180 if east > 180 else east, 'EW')}"
+
+
+def _angles(first: float, last: float, letters: str) -> str:
+    sides = [letters[angle < 0] for angle in (first, last)]
+    if sides[0] == sides[1]:
+        return f"{abs(first):.2f} to {abs(last):.2f} {sides[0]}"
+    return f"{abs(first):.2f} {sides[0]} to {abs(last):.2f} {sides[1]}"
 
 
 def spacing_text(grid: Grid | None) -> str:

@@ -15,14 +15,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.base import pick_time
+from openswim.readers.common.base import naming, pick_time
 from openswim.readers.common.bounds import check_size
+from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.common.units import conversion
 from openswim.scene.times import Time, rounded
 
-_SINGLES = ("number", "member", "ensemble", "realization", "realization_index", "bnds")
+_SINGLES = (*MEMBER_DIMS, "bnds")
 _SECONDS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "m": 60.0, "min": 60.0,
     "minute": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
@@ -49,6 +50,7 @@ class FileSet:
         self.parts = list(parts)
         self.time: np.datetime64 | None = None
         self._chosen: list[dict[Any, int] | None] = [{} for _ in self.parts]
+        self._fields: list[xr.DataArray] | None = None
 
     @property
     def path(self) -> Path:
@@ -75,16 +77,32 @@ class FileSet:
             if part.elapsed:
                 part.times = start + (part.times - np.datetime64(0, "ms"))
 
-    def go_to(self, time: Time) -> np.datetime64 | None:
-        """Choose a time; files without it give no variables, files without times give theirs at any time."""
+    def go_to(self, time: Time, member: int | None = None) -> tuple[np.datetime64 | None, list[str]]:
+        """Choose a time and a member of an ensemble, with notes on which.
+
+        Files without the time give no variables, files without times give theirs at any time.
+        """
         times = self.times
         if times.size:
             self.time = times[pick_time(self.path, times, time)]
+        self._fields = None
         self._chosen = [_choice(part, self.time) for part in self.parts]
-        return self.time
+        notes: list[str] = []
+        ensembles = [any(dim in part.data.dims for dim in MEMBER_DIMS) for part in self.parts]
+        if member is not None and not any(ensembles):
+            raise UserError(f"{self.path}: no ensemble members in it: leave out member (--member)")
+        for part, chosen, several in zip(self.parts, self._chosen, ensembles, strict=True):
+            if chosen is not None and several:
+                chosen |= member_index(part.path, part.data, member, notes)
+        return self.time, list(dict.fromkeys(notes))
 
     def __iter__(self) -> Iterator[xr.DataArray]:
         """Every variable at the chosen time, lazily, without time and ensemble dimensions."""
+        if self._fields is None:
+            self._fields = list(self._selected())
+        return iter(self._fields)
+
+    def _selected(self) -> Iterator[xr.DataArray]:
         for part, chosen in zip(self.parts, self._chosen, strict=True):
             if chosen is None:
                 continue
@@ -119,7 +137,7 @@ def opened_set(
         parts = []
         for path in paths:
             data = stack.enter_context(opened(path, decode=False))
-            with reading(path):
+            with naming(path), reading(path):
                 parts.append(_part(path, data if adapt is None else adapt(path, data)))
         yield FileSet(parts)
 

@@ -6,7 +6,7 @@ within, the domain's field is what it says, no more and no less, and plumes fade
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,12 +46,16 @@ class Haze:
     def background(self, height_m: NDArray[Any], notes: list[str]) -> list[AerosolProfile]:
         """The layers of the background: how this aerosol goes on, on the default one if it is not all there is."""
         beyond = layers_beyond(self.extinction_per_m, self.optics, height_m)
-        if not self.whole:
-            notes.append(f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}")
-            return [AerosolProfile(), *beyond]
-        kinds = ", ".join(kind.replace("_", " ") for kind in self.extinction_per_m)
-        notes.append(f"gas background: US standard atmosphere; no aerosol but the file's ({kinds})")
-        return beyond
+        notes.append(background_note(self.extinction_per_m if self.whole else ()))
+        return beyond if self.whole else [AerosolProfile(), *beyond]
+
+
+def background_note(kinds: Iterable[str]) -> str:
+    """What the background is where a file's own aerosol is all there is, of these kinds; of none: where it is not."""
+    named = ", ".join(kind.replace("_", " ") for kind in kinds)
+    if not named:
+        return f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}"
+    return f"gas background: US standard atmosphere; no aerosol but the file's ({named})"
 
 
 def layers_beyond(

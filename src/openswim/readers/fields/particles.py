@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.optics.hydrometeors import known_radius_m
+from openswim.scene.checks import checked_values
+from openswim.scene.variables import Variable
 
 F32 = NDArray[np.float32]
 
@@ -23,6 +25,14 @@ class Category:
     content: F32
     number: F32 | None = None
     effective_radius_m: F32 | None = None
+
+
+def checked_content(name: str, values: F32, units: str, notes: list[str]) -> F32:
+    """Content of one category, noise below zero clipped with a note; gaps (NaN) stay."""
+    gaps = np.isnan(values)
+    there = np.where(gaps, np.float32(0), values)
+    spec = Variable(units, "", 0.0, 0.1, clip=True, hint="is it in g/kg? 1000 times too large")
+    return np.where(gaps, values, checked_values(name, there, spec, notes))
 
 
 def known_sizes(name: str, values: F32, notes: list[str]) -> F32:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +103,7 @@ def grid_of(file: GRIBFile, one: Field, notes: list[str]) -> GribGrid:
         raise UserError(f"{file.path}: {one.name} has {points} points on a grid of {nx} x {ny}: damaged, or one column")
     try:
         crs, radius = _crs(keys, kind, notes)
-        x, y = _axes(file, one, keys, kind, crs, nx, ny)
+        x, y = _axes(file, one, keys, kind, crs, nx, ny, notes)
     except (TypeError, ValueError) as error:
         raise UserError(f"{file.path}: the grid definition of {one.name} is incomplete: damaged") from error
     repeated = bool(crs.is_geographic and not counts.size and abs(x[-1] - x[0] - 360.0) < 1e-3)
@@ -176,7 +177,7 @@ def _middle_lon(keys: dict[str, Any]) -> float:
 
 
 def _axes(
-    file: GRIBFile, one: Field, keys: dict[str, Any], kind: str, crs: CRS, nx: int, ny: int
+    file: GRIBFile, one: Field, keys: dict[str, Any], kind: str, crs: CRS, nx: int, ny: int, notes: list[str]
 ) -> tuple[F64, F64]:
     """Ascending node coordinates in the projection."""
     lon, lat = (float(keys[f"{name}OfFirstGridPointInDegrees"]) for name in ("longitude", "latitude"))
@@ -189,7 +190,15 @@ def _axes(
             raise UserError(f"{file.path}: a reduced Gaussian grid that is not global: regrid it to even longitudes")
         return lon + np.linspace(0.0, span, nx), y
     if kind in ("regular_ll", "rotated_ll"):
-        last = float(keys["latitudeOfLastGridPointInDegrees"])
+        last, step = float(keys["latitudeOfLastGridPointInDegrees"]), keys["jDirectionIncrementInDegrees"]
+        off = abs(step * (ny - 1) - abs(last - lat)) if step and 0 < step < 90.0 else 0.0
+        if off > 1.5 * (step or 0.0):
+            raise UserError(
+                f"{file.path}: {ny} rows from latitude {lat:g} to {last:g} are not {step:g} degrees apart: damaged"
+            )
+        if off > 0.5 * (step or 0.0):  # a part that was cut out of a larger grid, GEFS-Aerosols for one
+            last = lat + math.copysign(step * (ny - 1), last - lat)
+            notes.append(f"{ny} rows of {step:g} degrees end a row beside where the file says: at latitude {last:g}")
         span = _span(keys, nx)
         west = lon - span if keys["iScansNegatively"] else lon
         return west + np.linspace(0.0, span, nx), np.linspace(min(lat, last), max(lat, last), ny)

@@ -13,6 +13,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
+    covered_text,
     iso,
     labelled,
     naming,
@@ -20,6 +21,7 @@ from openswim.readers.common.base import (
     place_text,
     spacing_text,
 )
+from openswim.readers.common.members import picked
 from openswim.readers.common.opening import reading
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -70,13 +72,15 @@ class GRIBReader:
         """True for files that begin with a GRIB message."""
         return path.is_file() and is_grib(path)
 
-    def read(self, path: Path, time: Time = None, around: Neighbourhood | None = None) -> Scene:
+    def read(
+        self, path: Path, time: Time = None, around: Neighbourhood | None = None, member: int | None = None
+    ) -> Scene:
         """The scene at one valid time (default: the first); only the fields of that time are decoded, one by one.
 
         around : the part of the domain that is wanted.
         """
         with naming(path), reading(path), GRIBFile(path) as file:
-            columns, valid = _columns(file, time, around)
+            columns, valid = _columns(file, time, around, member=member)
             air = air_of(columns) if columns.kind else None
             fields: dict[str, Any]
             if air is not None:
@@ -148,6 +152,7 @@ class GRIBReader:
                 grid=f"{nx} x {ny}{levels}",
                 projection=NAMES[columns.layout.kind] + place_text(whole),
                 spacing=spacing_text(whole),
+                extent=covered_text(whole),
                 times=[iso(moment) for moment in _times(file)],
                 species=species,
                 surface=sorted(found),
@@ -164,7 +169,7 @@ def _times(file: GRIBFile) -> NDArray[np.datetime64]:
 
 
 def _columns(
-    file: GRIBFile, time: Time, around: Neighbourhood | None, only_index: bool = False
+    file: GRIBFile, time: Time, around: Neighbourhood | None, only_index: bool = False, member: int | None = None
 ) -> tuple[Columns, np.datetime64]:
     """The fields of one time, grid and member, and the part of the grid that is wanted."""
     if not file.fields:
@@ -180,9 +185,9 @@ def _columns(
     fields += [one for one in file.fields if one.valid != valid and (one.name == "land" or _is_place(one))]
     notes: list[str] = []
     members = sorted({one.member for one in fields if one.kind != "surface"} or {0})
-    if len(members) > 1:
-        notes.append(f"{len(members)} ensemble members in the file: member {members[0]} is shown")
-        fields = [one for one in fields if one.member in (members[0], 0)]
+    if len(members) > 1 or member is not None:
+        shown = members[picked(file.path, members, member, notes)]
+        fields = [one for one in fields if one.member == shown or (one.member == 0 and one.kind == "surface")]
     chosen = kind_and_grid(fields)
     kind, definition = chosen if chosen is not None else ("", fields[0].grid)
     fields = [one for one in fields if one.grid == definition]

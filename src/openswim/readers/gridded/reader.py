@@ -85,13 +85,15 @@ class GriddedReader:
         except UserError:
             return False
 
-    def read(self, path: Path, time: Time = None) -> Scene:
+    def read(self, path: Path, time: Time = None, member: int | None = None) -> Scene:
         """The scene at one time of the file (default: its first); only that time is read."""
-        return self.read_parts([path], time)
+        return self.read_parts([path], time, member=member)
 
-    def read_parts(self, paths: Sequence[Path], time: Time = None, around: Neighbourhood | None = None) -> Scene:
+    def read_parts(
+        self, paths: Sequence[Path], time: Time = None, around: Neighbourhood | None = None, member: int | None = None
+    ) -> Scene:
         """The scene of several files that hold different variables or times of one model."""
-        return _read(self, paths, time, around)[0]
+        return _read(self, paths, time, around, member)[0]
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents; the first time is read for it."""
@@ -132,7 +134,7 @@ def _is_model(files: FileSet) -> bool:
 
 
 def _read(
-    reader: GriddedReader, paths: Sequence[Path], time: Time, around: Neighbourhood | None
+    reader: GriddedReader, paths: Sequence[Path], time: Time, around: Neighbourhood | None, member: int | None = None
 ) -> tuple[Scene, Columns, list[str]]:
     with opened_set(paths, reader.adapt) as files, naming(files.path), reading(files.path):
         notes = [line for line in str(files.attrs("openswim_notes")).split("\n") if line]
@@ -140,7 +142,8 @@ def _read(
             files.start_at(start_of_undated(None if around is None else around.lon))
             notes.append(f"times count from an unknown start: it is set to {iso(files.times[0])} UTC")
         times = [iso(each) for each in files.times]
-        valid = files.go_to(time if files.dated or files.times.size > 1 else None)
+        valid, told = files.go_to(time if files.dated or files.times.size > 1 else None, member)
+        notes += told
         columns = Columns(files, around, notes)
         surface = _surface(columns)
         terrain = surface.get("surface_altitude")

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.readers.common.fileset import values
-from openswim.readers.fields.particles import Category, known_sizes, together
+from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
 
 F32 = NDArray[np.float32]
@@ -35,7 +35,7 @@ class COSPReader(GriddedReader):
         notes: list[str] = []
 
         def field(name: str, units: str = "kg kg-1") -> F32:
-            return values(path, data[name].transpose(*dims), units)
+            return checked_content(name, values(path, data[name].transpose(*dims), units), units, notes)
 
         def radius(index: int) -> F32 | None:
             if "Reff" not in data.variables or data["Reff"].ndim != 4 or data["Reff"].shape[0] <= index:
@@ -55,7 +55,7 @@ class COSPReader(GriddedReader):
             if size is not None:
                 out[f"{species}_effective_radius"] = (dims, size, {"units": "m"})
         for species, names in (("rain", RAIN), ("snow", SNOW), ("graupel", GRAUPEL)):
-            flux = [np.maximum(field(name, "kg m-2 s-1"), 0.0) for name in names if name in data.variables]
+            flux = [field(name, "kg m-2 s-1") for name in names if name in data.variables]
             if flux:
                 attrs = {"units": "kg m-3", "called": ", ".join(names)}
                 out[f"{species}_content"] = (dims, content_of_flux(species, flux), attrs)

@@ -16,7 +16,7 @@ from openswim.readers.common.base import Time
 from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.particles import Category, known_sizes, together
+from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
@@ -53,8 +53,10 @@ class RAMSReader(GriddedReader):
     def detects(self, path: Path) -> bool:
         return is_header(path) or super().detects(path)
 
-    def read_parts(self, paths: Sequence[Path], time: Time = None, around: Neighbourhood | None = None) -> Scene:
-        return super().read_parts(_without_headers(paths), time, around)
+    def read_parts(
+        self, paths: Sequence[Path], time: Time = None, around: Neighbourhood | None = None, member: int | None = None
+    ) -> Scene:
+        return super().read_parts(_without_headers(paths), time, around, member)
 
     def adapt(self, path: Path, data: xr.Dataset) -> xr.Dataset:
         """The file as CF: coordinates, names, units; heights and pressure from what RAMS keeps."""
@@ -73,6 +75,9 @@ class RAMSReader(GriddedReader):
 
         def field(name: str) -> F32:
             return np.asarray(data[name].transpose(z, y, x).values[levels], np.float32)
+
+        def mass(name: str) -> F32:
+            return checked_content(name, field(name), "kg kg-1", notes)
 
         def number(name: str) -> F32:
             return known_sizes(name, field(name), notes)
@@ -94,10 +99,13 @@ class RAMSReader(GriddedReader):
         out["pressure"] = (dims, pressure[levels].astype(np.float32), {"units": "Pa"})
         out["temperature"] = (dims, (theta.values * exner / HEAT_CAPACITY)[levels].astype(np.float32), {"units": "K"})
         out["qv"] = (dims, (vapour / (1 + vapour))[levels].astype(np.float32), {"units": "kg kg-1"})
+        wanted = ["RV", *(name for categories in SPECIES.values() for name, _ in categories)]
+        lacking = [name for name in wanted if name not in data.variables]
+        notes += [f"no {', '.join(lacking)} in the file: none of it"] if lacking else []
         for species, categories in SPECIES.items():
             there = [(mass, number) for mass, number in categories if mass in data.variables]
             if there:
-                parts = [Category(field(m), number(n) if n in data.variables else None) for m, n in there]
+                parts = [Category(mass(m), number(n) if n in data.variables else None) for m, n in there]
                 content, radius = together(species, parts)
                 called = ", ".join(mass for mass, _ in there)
                 said = {"units": "kg kg-1", "standard_name": f"{species}_mixing_ratio", "called": called}
@@ -105,9 +113,9 @@ class RAMSReader(GriddedReader):
                 if radius is not None and radius.any():
                     out[f"{species}_effective_radius"] = (dims, radius, {"units": "m"})
         for name, species in AEROSOL.items():
-            if name in data.variables and (mass := field(name)).any():
-                mass = out[species][1] + mass if species in out else mass
-                out[species] = (dims, mass, {"units": "kg kg-1", "called": name})
+            if name in data.variables and (found := field(name)).any():
+                found = out[species][1] + found if species in out else found
+                out[species] = (dims, found, {"units": "kg kg-1", "called": name})
         out |= _ground(data, terrain, (y, x))
         lat, lon = (np.asarray(data[name].transpose(y, x).values, np.float64) for name in ("GLAT", "GLON"))
         axes, mapping = _placed(path, lat, lon, header)

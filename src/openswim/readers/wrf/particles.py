@@ -141,6 +141,14 @@ def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) ->
     return Haze(*added_up(parts), whole and bool(parts))
 
 
+def aerosol_kinds(file: WRFFile) -> list[str]:
+    """Kinds of aerosol that replace the default background, by the names of the file's variables."""
+    if EXTINCTION in file:
+        return ["aerosol"]
+    kinds = [aerosol_species.SPECIES[like].kind for name, like in GOCART.items() if name in file]
+    return list(dict.fromkeys(kinds)) or [aerosol_species.FINE_PARTICLES.kind] * (PARTICULATE in file)
+
+
 def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str]) -> F32 | None:
     """The first of some fields that the file has, where it is anywhere positive."""
     for name in names:

@@ -11,6 +11,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
+    covered_text,
     iso,
     labelled,
     naming,
@@ -19,7 +20,7 @@ from openswim.readers.common.base import (
 from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
-from openswim.readers.fields.aerosol_beyond import Haze
+from openswim.readers.fields.aerosol_beyond import background_note
 from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes, with_vapour
 from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
@@ -30,6 +31,7 @@ from openswim.readers.wrf.particles import (
     CONTENTS,
     EXPECTED,
     aerosol,
+    aerosol_kinds,
     cover,
     cover_guess,
     hydrometeors,
@@ -135,7 +137,12 @@ class WRFReader:
                 notes += low_top(grid.height_m)
                 notes += high_bottom(grid.height_m[0], file.field("HGT", SURFACE, "m") if "HGT" in file else None)
             notes += _absences(file)
-            Haze().background(np.zeros(2), notes)
+            notes.append(background_note(aerosol_kinds(file)))
+            extent = covered_text(grid)
+            if grid is not None and len(times) > 1:  # nests move
+                file.go_to(times[-1])
+                last = covered_text(wrf_grid(file, []))
+                extent += f" at first, {last} at last: it moves" if last != extent else ""
             kind = projection_kind(file)
             nx, ny, nz = (file.size(dim) for dim in ("west_east", "south_north", "bottom_top"))
             everything = (*NEEDED, "QVAPOR", *EXPECTED, *SURFACE_FIELDS)
@@ -146,6 +153,7 @@ class WRFReader:
                 grid=f"{nx} x {ny} x {nz} (x, y, z)",
                 projection=PROJECTIONS[kind] + place_text(grid),
                 times=times,
+                extent=extent,
                 species=[f"{species} ({name})" for name, species in CONTENTS.items() if name in file]
                 + [f"aerosol ({name})" for name in AEROSOL if name in file],
                 surface=[name for name in SURFACE_FIELDS if name in file],

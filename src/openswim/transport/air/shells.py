@@ -48,8 +48,10 @@ _MOMENT_LEVELS_M = np.array(
      33000, 40000, 50000, 65000, 80000, 100000], float
 )  # fmt: skip
 _SUNS_DEG = np.array(
-    [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 98, 100, 104, 110], float
-)
+    [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102,
+     104, 106, 108, 110], float
+)  # fmt: skip
+_DUSK_DEG, _DUSK_DEX = 91.0, 0.47  # from this zenith angle of the sun on light falls by so much a degree
 _SUN_NODES = 160
 _DIFFUSE_DEGREE = 10  # moments of the diffuse field, which is narrow near the horizon
 _HARMONICS = _DIFFUSE_DEGREE * (_DIFFUSE_DEGREE + 1) // 2
@@ -158,7 +160,7 @@ def build_shells(
     if len(suns) < 2:
         suns = _SUNS_DEG[-2:]
     sun_mu = np.cos(np.radians(suns[::-1]))
-    sun_table = fractional_index(sun_mu, np.linspace(-1, 1, 4001))
+    sun_table = _sun_table(suns[::-1])
     flux = np.repeat(np.maximum(sun_mu, 0)[:, None], nw, 1)
     if background is None:
         levels = np.array([0.0, max(top_m - ground_m, 1.0)])
@@ -194,6 +196,18 @@ def build_shells(
     )  # fmt: skip
     glow = _even_sky(shells.source.shape) if background.starlit else None
     return tidy(_solve(tidy(shells), phase, sun_mu, scale, glow))
+
+
+def _sun_table(suns_deg: Array) -> Array:
+    """Fractional index in descending zenith angles of suns for cosines from -1 to 1: between suns light is linear in
+    the cosine, and in twilight falls from one to the next as fast as it usually does."""
+    mu = np.linspace(-1, 1, 4001)
+    index = fractional_index(np.cos(np.radians(suns_deg)), mu)
+    low = np.minimum(index.astype(int), len(suns_deg) - 2)
+    dark, bright = suns_deg[low], suns_deg[low + 1]
+    gain = 10 ** (_DUSK_DEX * (dark - bright))
+    part = np.clip((dark - np.degrees(np.arccos(mu))) / (dark - bright), 0, 1)
+    return np.asarray(np.where(bright >= _DUSK_DEG, low + (gain**part - 1) / (gain - 1), index))
 
 
 def _even_sky(shape: tuple[int, ...]) -> NDArray[np.float32]:

@@ -87,7 +87,7 @@ def columns_of_grid(
     count: int, once: bool, ends: bool = True,
 ) -> Columns:  # fmt: skip
     """`Columns` of a medium. ``ends``: no wider grid is beyond."""
-    direct = np.stack([lighting.direct_horizontal(w) for w in range(count)])
+    direct = np.stack([lighting.flux_for_sweeps(w) for w in range(count)])
     albedo = np.stack([lighting.albedo_for_sweeps(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,

@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 SKY_MU = np.sin(np.radians(np.array([0.5, 2, 4, 7, 11, 16, 23, 32, 44, 60, 90])))  # of `clear_sky_table`
 SKY_AZIMUTHS = 19
+_DARKEST = 0.01  # albedo by which light of the ground's own is divided, since what it adds is multiplied by it
 _TOP_ZENITHS = 24  # enough for the edge of the Earth's disc
 
 
@@ -52,6 +53,7 @@ class Lighting:
     forward_depth: F32 | None = None  # (nw, ny, nx) of the way to the sun: e^-depth of `direct` is unscattered
     terrain: Terrain | None = None  # None where it is level
     local_sun: F64 | None = None  # (3,) along the middle column's axes
+    shining: F32 | None = None  # (nw, ny, nx) L' of the ground's own light
 
     @classmethod
     def of_clear_sky(cls, surface: Surface, frame: Frame) -> Lighting:
@@ -77,7 +79,7 @@ class Lighting:
             medium.ground_m, albedo.mean(axis=(1, 2)), albedo.astype(FLOAT), blank, blank.copy(), blank.copy(),
             normal=normal, axes=medium.axes,
             steepness=steepness_below(blurred(slope_x**2 + slope_y**2), medium.scene_cell_m),
-            terrain=None if land.level else land,
+            terrain=None if land.level else land, shining=_shining(surface, lat, lon, (ny, nx)),
         )  # fmt: skip
 
     def place_sun(self, sun: F64) -> None:
@@ -90,6 +92,13 @@ class Lighting:
     def direct_horizontal(self, w: int) -> F32:
         """Direct flux through the horizontal (ny, nx)."""
         return (self.direct[w] * np.maximum(self.mu_sun, 0)).astype(FLOAT)
+
+    def flux_for_sweeps(self, w: int) -> F32:
+        """`direct_horizontal`, and as much more as makes the ground return what it shines with as well."""
+        direct = self.direct_horizontal(w)
+        if self.shining is None:
+            return direct
+        return (direct + self.shining[w] / (4 * np.maximum(self.albedo_for_sweeps(w), _DARKEST))).astype(FLOAT)
 
     def albedo_for_sweeps(self, w: int) -> F32:
         """Albedo (ny, nx) of a plain that returns as much as the terrain does: of what slopes and hollows reflect part
@@ -184,6 +193,11 @@ class Lighting:
             "up_bottom": self.albedo * (beam + self.diffuse_on_slopes()),
         }
         return {name: np.asarray(v, float).mean(axis=(1, 2)) for name, v in named.items()}
+
+
+def _shining(surface: Surface, lat: F64, lon: F64, shape: tuple[int, int]) -> F32 | None:
+    found = surface.shining(lat, lon)
+    return None if found is None else np.ascontiguousarray(found.T.reshape(-1, *shape), FLOAT)
 
 
 def ground_flux(shells: Shells, mu_sun: F64) -> F64:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from numba import njit
@@ -29,8 +30,8 @@ _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 FAINT = 0.03  # transmission below which detail is not seen
 _FINEST, _COARSEST_M = 0.07, 35.0  # least part of a step, of the first wavelength, and at most
 _PART = 1.5  # part of a step, of the ray's width
-_BLUR = 1.6  # wavelength that begins to be seen, in parts of a step
-_HASTE = FLOAT(6.0)  # by how much parts grow, less one, as it becomes dark
+_BLUR = 1.5  # wavelength that begins to be seen, in parts of a step
+_HASTE = FLOAT(2.0)  # by how much parts grow, less one, as it becomes dark
 _FOLLOWS = FLOAT(0.8)  # share of the beam's changes that the diffuse light follows in full sun
 _NOTHING = FLOAT(1e-12)
 
@@ -44,22 +45,30 @@ WIDEST = widest_m(1.0)
 
 
 class Step(NamedTuple):
-    """A step of a ray through cloud: its length, the ray's width, and where among the places its ends stand."""
+    """A step of a ray through cloud: its length, the ray's width and distance from the eye where it ends, and where
+    among the places its ends stand."""
 
     ds_m: Any
     width_m: float
+    away_m: float
     before: int
     place: int
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _next_part(a, least, left):
-    """How much of a step is done after its next part, and that part; ``left``: transmission so far."""
-    part = least * (_ONE + _HASTE * (_ONE - left))
-    rest = _ONE - a
-    if left < FLOAT(FAINT) or FLOAT(1.2) * part > rest:
-        return _ONE, rest
-    return a + part, part
+def _part_m(least_m, longer):
+    """How long a part is: at most so many times as long as the least, by whole powers of two."""
+    if longer < FLOAT(2.0):
+        return least_m
+    return 2.0 * least_m if longer < FLOAT(4.0) else 4.0 * least_m
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _part_ends(away_m, end_m, part_m, left):
+    """Distance from the eye where a part ends that begins at another: at a multiple of its length, the same for all
+    rays, or where the step ends. Else what noise lies between the places would make lines where steps begin."""
+    ends_m = (math.floor(away_m / part_m + 0.1) + 1.0) * part_m
+    return end_m if left < FLOAT(FAINT) or ends_m + 0.1 * part_m > end_m else ends_m
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -88,17 +97,22 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
     dense_far = scalar_at(detail.in_cloud, ix, iy, flat(places, step.place + PLACE_LEVEL))
     first_m = flat(detail.wavelength_m, 0)
     finest_m = max(_PART * step.width_m, min(_FINEST * first_m, _COARSEST_M))
-    count, edge = seen_octaves(detail, _BLUR * finest_m, scratch)
-    least, lump_m = FLOAT(min(finest_m / step.ds_m, 1.0)), FLOAT(0.25 * first_m)
+    least_m, lump_m = 2.0 ** math.floor(math.log2(finest_m)), FLOAT(0.25 * first_m)
     clear = largest(near.air) + _NOTHING
     radiance, through, ahead = seen.radiance, seen.through, seen.ahead
     last, last_forward, last_source = (
         read(scratch, HERE), read(scratch, HERE + PACK), read(scratch, HERE + 2 * PACK)
     )  # fmt: skip
-    a, part = _ZERO, _ZERO
+    end_m, length_m = step.away_m, 1.0 * step.ds_m
+    at_m = next_m = end_m - length_m
+    left = largest(through)
+    longer = _ONE + _HASTE * (_ONE - left)
     if flat(scratch, FRESH) > _ZERO:
-        a, part = _next_part(a, least, largest(through))
+        next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
     while True:
+        # what is finer than the way between places would alias to stripes
+        count, edge = seen_octaves(detail, _BLUR * finest_m * longer, scratch)
+        a = _ONE - FLOAT((end_m - next_m) / length_m)
         noise_at(detail, count, x + a * dx, y + a * dy, z + a * dz, scratch)
         mean, all_cloud = lerp(near.refined, far.refined, a), lerp(near.cloud, far.cloud, a)
         most = lerp(dense, dense_far, a)
@@ -113,17 +127,20 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
         here = ratio * lerp(near.extinction, far.extinction, a)
         forward_here = ratio * lerp(near.forward, far.forward, a)
         source = ratio * (lerp(near.diffuse, far.diffuse, a) * follows + lerp(near.single, far.single, a) * lit)
-        if part > _ZERO:
-            part_m = part * step.ds_m
-            depth = (last + here) * (_HALF * part_m)
-            ahead += (last_forward + forward_here) * (_HALF * part_m)
+        if next_m > at_m:
+            way_m = FLOAT(next_m - at_m)
+            depth = (last + here) * (_HALF * way_m)
+            ahead += (last_forward + forward_here) * (_HALF * way_m)
             trans = transmission(depth)
-            radiance += through * step_emission(depth, trans, part_m, last_source, source, last, here)
+            radiance += through * step_emission(depth, trans, way_m, last_source, source, last, here)
             through *= trans
-        if a >= _ONE:
+        if next_m >= end_m:
             break
         last, last_forward, last_source = here, forward_here, source
-        a, part = _next_part(a, least, largest(through))
+        left = largest(through)
+        longer = _ONE + _HASTE * (_ONE - left)
+        at_m = next_m
+        next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
     write(scratch, HERE, here)
     write(scratch, HERE + PACK, forward_here)
     write(scratch, HERE + 2 * PACK, source)

@@ -158,7 +158,7 @@ def _gather(lane, world, cone, species_depth):
             near.refined + refined > _ZERO and ds_m > _ZERO and level >= 0.0
             and flat(places, before + PLACE_LEVEL) >= 0.0 and largest(seen.through) > FLOAT(FAINT)
         ):  # fmt: skip
-            step = Step(ds_m, width_m, before, place)
+            step = Step(ds_m, width_m, width_m / widens, before, place)
             seen = detailed_step(
                 seen, near, far, step, w, places, lane.gathered[DETAIL:], radius_m, volume.cell_m, detail
             )

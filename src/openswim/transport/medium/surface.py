@@ -39,6 +39,10 @@ class Surface(Protocol):
         """Hemispherical albedo (n, nwl)."""
         ...
 
+    def shining(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = ...) -> F64 | None:
+        """What it shines with itself, L' (n, nwl) as seen from above; None where it is dark."""
+        ...
+
     @property
     def terrain_m(self) -> F32:
         """Height (ny, nx) at the grid's nodes; (1, 1) where there is no grid."""

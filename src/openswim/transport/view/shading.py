@@ -94,6 +94,8 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
                 mirrored = np.full((len(ground.mu_sun), PACK), np.nan, FLOAT)
                 mirrored[wet] = own.mirrored.along(direction[part][wet])
             out[part] = _reflected(lit, own.sky, ground, mirrored)
+            if lit.lighting.shining is not None:
+                out[part] += _own_light(lit, place[part], width_m[part])
 
     in_threads(share, parts=-(-len(place) // _PART))
     return out
@@ -213,6 +215,13 @@ def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | No
         ground.sample, lit.wavelengths_nm, ground.mu_sun, ground.mu_view, ground.azimuth, direct,
         ground.diffuse, sky,
     ).astype(FLOAT)  # fmt: skip
+
+
+def _own_light(lit: LitGrid, place: F64, width_m: F64) -> F32:
+    """L' (n, nw) that the ground shines with at places (n, 3)."""
+    lat, lon, _ = lit.frame.latlon(place)
+    found = lit.surface.shining(lat, lon, width_m)
+    return np.zeros((len(place), PACK), FLOAT) if found is None else found.astype(FLOAT)
 
 
 def _steepness(lighting: Lighting, medium: Medium, ix: F64, iy: F64) -> F64:

@@ -1,0 +1,67 @@
+"""`openswim correct-clouds`: a model's clouds corrected by what cameras see, written as a scene."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from openswim.errors import UserError
+
+
+@dataclass(frozen=True)
+class CorrectCloudsRequest:
+    """The options of `openswim correct-clouds`; None: not given."""
+
+    model: Path
+    frames: tuple[Path, ...]
+    output: Path
+    camera_files: tuple[Path, ...] = ()
+    clear_frames: tuple[Path, ...] = ()
+    time: str | None = None
+    passes: int = 2
+    hold_out: bool = True
+    base_m: float | None = None
+    thickness_m: float = 400.0
+    quality: str = "standard"
+    size: int | None = None
+    sun_mask_deg: float | None = None
+    lowest_deg: float | None = None
+    encoding: str | None = None
+
+
+def run(request: CorrectCloudsRequest) -> None:
+    """Correct and write; the scores before and after are printed, and written beside the scene."""
+    from openswim.comparison.cloud_correction import correct_clouds
+    from openswim.ground.earth import preload
+    from openswim.readers import files_of
+    from openswim.scene.cf import save_netcdf
+    from openswim.scene.files import check_target
+    from openswim.solver import Solver
+
+    frames = [Path(path) for path in files_of(request.frames)]
+    if request.output.suffix not in (".nc", ".zarr"):
+        raise UserError(f"output {request.output}: the scene is written as .nc or .zarr")
+    scores = request.output.with_name(f"{request.output.stem}_scores.nc")
+    for target in (request.output, scores):
+        check_target(target, [*frames, *request.camera_files, *request.clear_frames, request.model])
+    names = ("size", "sun_mask_deg", "lowest_deg", "encoding")
+    settings: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
+    preload()
+    scene, history = correct_clouds(
+        str(request.model), frames, request.camera_files, time=request.time, clear_frames=request.clear_frames,
+        passes=request.passes, hold_out=request.hold_out, base_m=request.base_m, thickness_m=request.thickness_m,
+        solver=Solver("fast", quality=request.quality), **settings,
+    )  # fmt: skip
+    for number in history["edit"].values:
+        used, unused = (history[f"r_{name}"].sel(edit=number).mean("camera").item() for name in ("used", "unused"))
+        of_unused = f", {unused:.3f} of pixels that were not used" if request.hold_out else ""
+        error = 100 * history["cloud_error"].sel(edit=number).item()
+        title = "model" if number == 0 else f"edit {number}"
+        click.echo(f"{title}: mean r {used:.3f}{of_unused}; cloud masks differ on {error:.1f} % of the sky")
+    if history.attrs["chosen_edit"] == 0:
+        click.echo("no edit has raised r: the scene is written as it was", err=True)
+    save = scene.to_zarr if request.output.suffix == ".zarr" else scene.to_netcdf
+    save(request.output)
+    save_netcdf(history, scores)
+    click.echo(f"{request.output}, {scores}")

@@ -1,0 +1,82 @@
+"""`openswim film`: a sky over model times, or along a camera's path."""
+
+import re
+import time as clock
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from openswim.cli.render import RenderRequest, camera_of, neighbourhood, solver_of
+from openswim.errors import UserError
+
+_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
+
+
+@dataclass(frozen=True)
+class FilmRequest:
+    """The options of `openswim film` beside those of a picture; None: not given."""
+
+    picture: RenderRequest
+    output: Path
+    every: str | None = None
+    path: Path | None = None
+    start: str | None = None
+    end: str | None = None
+    frames_per_second: float = 25.0
+    speed: float = 1.0
+    keogram: Path | None = None
+    title: bool = True
+
+
+def run(request: FilmRequest) -> None:
+    """Check the request, say what it will take, make the film."""
+    from openswim.cli.estimate import estimate
+    from openswim.films import CameraPath, Weather, film
+    from openswim.films.making import shots_of
+    from openswim.films.outputs import check_output
+
+    check_output(request.output)
+    path = None if request.path is None else CameraPath.read(request.path)
+    picture = request.picture
+    camera = camera_of(picture if path is None else _at_start(picture, path))
+    every = None if request.every is None else seconds_of(request.every)
+    around = neighbourhood(picture, camera)
+    weather = Weather.of_files(
+        picture.file, around=around, member=picture.member, allow_references=picture.allow_references
+    )
+    shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
+    solver = solver_of(picture)
+    one = estimate(weather.first, camera, solver.name, quality=solver.quality)
+    solves = len({shot.time for shot in shots}) if path is None else 1
+    click.echo(
+        f"{len(shots)} frames, {solves} times to be lit; a frame lit anew: {one}; what is done is kept beside the "
+        "output, and a film that was stopped goes on", err=True,
+    )  # fmt: skip
+    start = clock.perf_counter()
+    film(
+        weather, camera, request.output, every_s=every, path=path, frames_per_second=request.frames_per_second,
+        speed=request.speed, exposure="auto" if picture.exposure is None else picture.exposure,
+        keogram=request.keogram, title=request.title, solver=solver, from_time=request.start, to_time=request.end,
+    )  # fmt: skip
+    click.echo(f"{request.output}: {len(shots)} frames, {clock.perf_counter() - start:.0f} s")
+
+
+def seconds_of(text: str) -> float:
+    """Seconds of "5min", "30s", "1h" or a bare number of minutes."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]*)\s*", text.lower())
+    if match is None or (match.group(2) and match.group(2) not in _UNITS) or float(match.group(1)) <= 0:
+        raise UserError(f"--every {text}: write a length of time, such as 5min, 30s or 1h")
+    return float(match.group(1)) * _UNITS.get(match.group(2) or "min", 60.0)
+
+
+def _at_start(picture: RenderRequest, path: "object") -> RenderRequest:
+    from dataclasses import replace
+
+    from openswim.films import CameraPath
+
+    assert isinstance(path, CameraPath)
+    if picture.lat is not None or picture.lon is not None:
+        raise UserError("--path says where the camera is: leave out --lat and --lon")
+    lat, lon, _ = path.place[0]
+    return replace(picture, lat=float(lat), lon=float(lon))

@@ -1,0 +1,176 @@
+"""The path of a camera: places, heights and attitudes at times, from CSV or GPX, and smoothly in between."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.cameras import Camera
+from openswim.errors import UserError
+from openswim.scene.frame import horizon_vector
+from openswim.scene.times import parse_time
+
+F64 = NDArray[np.float64]
+
+PLACE = ("lat", "lon", "height_m")
+ATTITUDE = ("azimuth", "altitude", "roll", "fov")
+MOST_POINTS = 100_000
+MOST_BYTES = 50_000_000
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Where a camera is and how it looks, at times.
+
+    time : (n,) datetime64[ms], increasing. place : (n, 3) latitude, longitude in degrees, height in m above sea level.
+    attitude : (n, 4) azimuth, altitude, roll and field of view in degrees, NaN where the camera's own are kept.
+    """
+
+    time: NDArray[np.datetime64]
+    place: F64
+    attitude: F64
+
+    def __post_init__(self) -> None:
+        if len(self.time) < 2:
+            raise UserError("a camera's path needs at least two points")
+        if not np.all(np.diff(self.time.astype(np.int64)) > 0):
+            raise UserError("a camera's path must go forward in time: sort its points, each time once")
+        lat, _, height = self.place.T
+        if not np.isfinite(self.place).all() or np.abs(lat).max() > 90.0 or np.abs(height).max() > 1e9:
+            raise UserError("a camera's path has places that are none: latitude, longitude in degrees, height in m")
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> CameraPath:
+        """A path from GPX (ele, time), or CSV: columns time, lat, lon, height_m; optional azimuth, altitude, roll,
+        fov."""
+        file = Path(path)
+        try:
+            if file.stat().st_size > MOST_BYTES:
+                raise UserError(f"{file}: larger than {MOST_BYTES // 1_000_000} MB: too many points for a path")
+            text = file.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(f"{file}: cannot be read as text ({error}): give a CSV or GPX file") from error
+        rows = _gpx(text, file) if file.suffix.lower() == ".gpx" or text.lstrip().startswith("<") else _csv(text, file)
+        if len(rows) > MOST_POINTS:
+            raise UserError(f"{file}: {len(rows)} points; a path has at most {MOST_POINTS}")
+        time = np.array([row[0] for row in rows], "datetime64[ms]")
+        values = np.array([row[1] for row in rows], float).reshape(len(rows), len(PLACE) + len(ATTITUDE))
+        try:
+            return cls(time, values[:, :3], values[:, 3:])
+        except UserError as error:
+            raise UserError(f"{file}: {error}") from error
+
+    def at(self, times: NDArray[np.datetime64]) -> tuple[F64, F64]:
+        """Place (n, 3) and attitude (n, 4) at times: monotone cubics in place, great circles in the line of sight."""
+        from scipy.interpolate import PchipInterpolator
+
+        own = (self.time - self.time[0]).astype("timedelta64[ms]").astype(float)
+        asked = (np.asarray(times, "datetime64[ms]") - self.time[0]).astype("timedelta64[ms]").astype(float)
+        asked = np.clip(asked, own[0], own[-1])
+        place = self.place.copy()
+        place[:, 1] = np.degrees(np.unwrap(np.radians(place[:, 1])))
+        place = PchipInterpolator(own, place)(asked)
+        place[:, 1] = (place[:, 1] + 180.0) % 360.0 - 180.0
+        attitude = np.full((len(asked), 4), np.nan)
+        known = np.isfinite(self.attitude)
+        for column in (2, 3):
+            if known[:, column].all():
+                attitude[:, column] = PchipInterpolator(own, self.attitude[:, column])(asked)
+        if known[:, :2].all():
+            attitude[:, :2] = _looking(own, self.attitude[:, :2], asked)
+        return place, attitude
+
+    def camera(self, base: Camera, times: NDArray[np.datetime64]) -> list[Camera]:
+        """The cameras of frames at times: ``base``, moved and turned. Without azimuths it looks along its way."""
+        place, attitude = self.at(times)
+        out = []
+        ahead = self._headings(times) if base.view in ("perspective", "pinhole") else np.full(len(times), np.nan)
+        for (lat, lon, height), (azimuth, altitude, roll, fov), heading in zip(place, attitude, ahead, strict=True):
+            change: dict[str, Any] = {
+                "lat": float(lat), "lon": float(lon), "height_m": float(height), "above": "sea level",
+                "x_m": None, "y_m": None,
+            }  # fmt: skip
+            turned = {"azimuth_deg": azimuth if np.isfinite(azimuth) else heading, "altitude_deg": altitude,
+                      "roll_deg": roll, "fov_deg": fov}  # fmt: skip
+            if base.view == "perspective":
+                change |= {name: float(value) for name, value in turned.items() if np.isfinite(value)}
+            out.append(replace(base, **change))
+        return out
+
+    def _headings(self, times: NDArray[np.datetime64]) -> F64:
+        """Azimuths (n,) of the way itself, degrees; NaN where it stands still."""
+        step = np.timedelta64(500, "ms")
+        (before, _), (after, _) = self.at(times - step), self.at(times + step)
+        north = after[:, 0] - before[:, 0]
+        east = ((after[:, 1] - before[:, 1] + 180.0) % 360.0 - 180.0) * np.cos(np.radians(before[:, 0]))
+        still = np.hypot(north, east) < 1e-9
+        return np.where(still, np.nan, np.degrees(np.arctan2(east, north)) % 360.0)
+
+
+def _looking(own: F64, looking_deg: F64, asked: F64) -> F64:
+    """Azimuth and altitude on the great circles between the lines of sight of neighbouring points."""
+    vectors = horizon_vector(looking_deg[:, 0], looking_deg[:, 1])
+    at = np.clip(np.searchsorted(own, asked, side="right") - 1, 0, len(own) - 2)
+    share = ((asked - own[at]) / (own[at + 1] - own[at]))[:, None]
+    one, other = vectors[at], vectors[at + 1]
+    angle = np.arccos(np.clip((one * other).sum(-1, keepdims=True), -1.0, 1.0))
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, np.sin(angle))
+    first = np.where(small, 1 - share, np.sin((1 - share) * angle) / safe)
+    second = np.where(small, share, np.sin(share * angle) / safe)
+    mixed = first * one + second * other
+    mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
+    azimuth = np.degrees(np.arctan2(mixed[:, 0], mixed[:, 1])) % 360.0
+    return np.column_stack([azimuth, np.degrees(np.arcsin(np.clip(mixed[:, 2], -1.0, 1.0)))])
+
+
+def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
+    lines = csv.DictReader(text.splitlines())
+    names = [name.strip().lower() for name in lines.fieldnames or []]
+    lines.fieldnames = names
+    lacking = [name for name in ("time", *PLACE) if name not in names]
+    if lacking:
+        raise UserError(
+            f"{file}: no column {', '.join(lacking)}; the first line names time, lat, lon, height_m and, as you like, "
+            f"{', '.join(ATTITUDE)}"
+        )
+    rows = []
+    for number, row in enumerate(lines, 2):
+        try:
+            values = [float(row.get(name) or "nan") for name in (*PLACE, *ATTITUDE)]
+            time = parse_time(str(row["time"]).strip())
+        except (ValueError, UserError) as error:
+            raise UserError(f"{file}: line {number} is no point of a path ({error})") from error
+        assert time is not None
+        rows.append((time, values))
+    return rows
+
+
+def _gpx(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
+    from xml.etree import ElementTree
+
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise UserError(f"{file}: a GPX file with declarations of its own is not read; save it without them")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise UserError(f"{file}: damaged GPX ({error})") from error
+    rows = []
+    for number, point in enumerate((each for each in root.iter() if each.tag.endswith("trkpt")), 1):
+        inside = {child.tag.rpartition("}")[2]: (child.text or "").strip() for child in point}
+        try:
+            time = parse_time(inside["time"])
+            place = [float(point.attrib["lat"]), float(point.attrib["lon"]), float(inside.get("ele", "nan"))]
+        except (KeyError, ValueError, UserError) as error:
+            raise UserError(f"{file}: track point {number} lacks time, lat or lon, or they are none") from error
+        assert time is not None
+        rows.append((time, [*place, *[np.nan] * len(ATTITUDE)]))
+    if not rows:
+        raise UserError(f"{file}: no track points (trkpt) in it")
+    return rows

@@ -1,0 +1,91 @@
+"""Frames of a film in the making: each is written whole as it is done, so that a film goes on where it was stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.scene.files import written_whole
+
+_PLAN = "film.json"
+
+
+@dataclass(frozen=True)
+class KeptFrame:
+    """One frame: its linear light (y, x, 3) at the exposure that it wants by itself, what is known of it, that exposure
+    among it, and its radiance (y, x, w) where that is asked for."""
+
+    light: NDArray[np.float16]
+    facts: dict[str, Any]
+    radiance: NDArray[np.float32] | None = None
+
+
+class KeptFrames:
+    """The folder beside a film, in which its frames wait; `remove` it when the film is whole."""
+
+    def __init__(self, output: Path, plan: dict[str, Any]) -> None:
+        """``plan``: all that the frames depend on, as JSON takes it; frames of another plan are thrown away."""
+        self.folder = output.parent / f".{output.name}.frames"
+        self._print = hashlib.sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
+        if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
+            raise UserError(f"{self.folder}: is in the way of the film's frames: remove it")
+        if self.folder.is_dir() and not self._is_of_plan():
+            shutil.rmtree(self.folder)
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise UserError(f"{self.folder}: cannot be made ({error.strerror}): choose another folder") from error
+        with written_whole(self.folder / _PLAN) as partial:
+            partial.write_text(json.dumps({"fingerprint": self._print}))
+
+    def _is_of_plan(self) -> bool:
+        try:
+            return bool(json.loads((self.folder / _PLAN).read_text())["fingerprint"] == self._print)
+        except (OSError, ValueError, KeyError, TypeError):
+            return False
+
+    def has(self, number: int) -> bool:
+        """Whether a frame is there whole."""
+        return self._path(number).is_file()
+
+    def put(self, number: int, frame: KeptFrame) -> None:
+        """Write a frame, whole or not at all."""
+        facts = np.frombuffer(json.dumps(frame.facts).encode(), np.uint8)
+        arrays: dict[str, Any] = {"light": frame.light, "facts": facts}
+        if frame.radiance is not None:
+            arrays["radiance"] = frame.radiance
+        with written_whole(self._path(number)) as partial, zipfile.ZipFile(
+            partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1
+        ) as archive:
+            for name, array in arrays.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                    np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+
+    def get(self, number: int) -> KeptFrame:
+        """A frame that was put; UserError where its file is damaged."""
+        path = self._path(number)
+        try:
+            with np.load(path, allow_pickle=False) as arrays:
+                facts = json.loads(arrays["facts"].tobytes().decode())
+                return KeptFrame(arrays["light"], facts, arrays.get("radiance"))
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            raise UserError(f"{path}: damaged ({error}): remove it and start again, the others are kept") from error
+
+    def all(self, count: int) -> Iterator[KeptFrame]:
+        return (self.get(number) for number in range(count))
+
+    def remove(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"frame_{number + 1:06d}.npz"

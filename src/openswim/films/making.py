@@ -1,0 +1,270 @@
+"""`film`: a sky over model times, or along a camera's path."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.arguments import check_kind, number
+from openswim.cameras import Camera
+from openswim.errors import UserError
+from openswim.films.camera_path import CameraPath
+from openswim.films.exposure import exposure_curve
+from openswim.films.keogram import keogram as keogram_of
+from openswim.films.kept_frames import KeptFrame, KeptFrames
+from openswim.films.outputs import KINDS, check_output, write_film
+from openswim.films.titles import titled
+from openswim.films.weather import Weather
+from openswim.lighting import WAVELENGTHS_NM, light, solver_of
+from openswim.observer import check_observer, ground_below
+from openswim.progress import track
+from openswim.scene import Scene
+from openswim.solver import Solver
+from openswim.viewpoint import LitScene
+
+MOST_FRAMES = 100_000
+LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
+_MOST_HALF = 65000.0  # that half floats hold
+_LOWEST_M = 1.5  # above the ground, of a camera on a path
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame to be: the time of its weather and light, and its camera."""
+
+    time: np.datetime64
+    camera: Camera
+
+
+def film(
+    weather: Weather | Sequence[Scene] | Scene | str | os.PathLike[str],
+    camera: Camera,
+    output: str | os.PathLike[str],
+    *,
+    every_s: float | None = None,
+    path: CameraPath | str | os.PathLike[str] | None = None,
+    frames_per_second: float = 25.0,
+    speed: float = 1.0,
+    exposure: float | str = "auto",
+    keogram: str | os.PathLike[str] | None = None,
+    title: bool = True,
+    solver: str | Solver = "fast",
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
+    from_time: Any = None,
+    to_time: Any = None,
+) -> Path:
+    """Make a film and return its path.
+
+    weather : scenes, or a model's files. camera : how it looks, and from where if there is no path.
+    output : .mp4 (H.264), .webm (AV1), .zarr (spectral radiance of all frames), or a folder, for pictures by number.
+    every_s : seconds from frame to frame, also between model times, where clouds are carried by the wind (`between`);
+        without it each model time is a frame. from_time, to_time: only this part, UTC.
+    path : a camera's path (or its CSV or GPX file), played at ``speed`` times its own speed; see `CameraPath.read`.
+    exposure : a factor from L' to display, or "auto": one smooth curve for the film (`exposure_curve`).
+    keogram : also write the middle columns of all frames, side by side, as this picture.
+    title : valid time, place and model at the foot of each frame.
+
+    Frames that are done are kept in a hidden folder beside the output: a film that was stopped goes on where it was.
+    """
+    check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
+    target = Path(output)
+    kind = check_output(target)
+    if keogram is not None and Path(keogram).suffix.lower() not in (".png", ".jpg", ".tif"):
+        raise UserError(f"keogram {keogram}: give a picture's name, .png, .jpg or .tif")
+    fps = number("film: frames_per_second", frames_per_second)
+    if not 0 < fps <= 240:
+        raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
+    sky = _weather(weather)
+    track_ = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
+    shots = shots_of(sky, camera, every_s, track_, fps, number("film: speed", speed), from_time, to_time)
+    chosen = solver_of(solver)
+    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind))
+    _make(kept, sky, shots, chosen, wavelengths_nm, every_s if track_ is None else LIGHT_EVERY_S, kind == "radiance")
+    curve = _exposures(kept, len(shots), exposure)
+    if keogram is not None:
+        _write_keogram(Path(keogram), _pictures(kept, curve, False))
+    facts = kept.get(0).facts
+    write_film(target, kept, len(shots), _pictures(kept, curve, title), fps, facts, wavelengths_nm)
+    kept.remove()
+    return target
+
+
+def _weather(weather: Any) -> Weather:
+    if isinstance(weather, Weather):
+        return weather
+    if isinstance(weather, Scene):
+        return Weather.of_scenes([weather])
+    if isinstance(weather, Sequence) and weather and all(isinstance(each, Scene) for each in weather):
+        return Weather.of_scenes(weather)
+    return Weather.of_files(weather)
+
+
+def shots_of(
+    sky: Weather, camera: Camera, every_s: float | None, path: CameraPath | None, fps: float, speed: float,
+    from_time: Any, to_time: Any,
+) -> list[Shot]:  # fmt: skip
+    """What is to be seen in each frame."""
+    from openswim.scene.times import parse_time
+
+    begin, end = parse_time(from_time), parse_time(to_time)
+    if path is not None:
+        if not 0 < speed <= 1e6:
+            raise UserError(f"film: speed {speed:g}; give more than 0")
+        length_s = float((path.time[-1] - path.time[0]) / np.timedelta64(1, "ms")) / 1e3
+        count = _count(length_s / speed * fps)
+        steps = np.round(np.arange(count) / fps * speed * 1e3).astype("timedelta64[ms]")
+        times = path.time[0] + steps
+        return [Shot(time, each) for time, each in zip(times, path.camera(camera, times), strict=True)]
+    times = sky.times
+    if every_s is not None:
+        step = np.timedelta64(round(number("film: every", every_s) * 1e3), "ms")
+        if step <= np.timedelta64(0, "ms"):
+            raise UserError(f"film: every {every_s:g} s; give more than 0")
+        first, last = times[0] if begin is None else begin, times[-1] if end is None else end
+        _count(float((last - first) / step))
+        times = np.arange(first, last + np.timedelta64(1, "ms"), step)
+    chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
+    if not chosen:
+        raise UserError("film: no frames between these times")
+    return [Shot(time, camera) for time in chosen]
+
+
+def _count(frames: float) -> int:
+    if not frames <= MOST_FRAMES:
+        raise UserError(f"film: {frames:.0f} frames; at most {MOST_FRAMES} are made: choose longer steps")
+    return int(np.floor(frames + 1e-9)) + 1
+
+
+def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str) -> dict[str, Any]:
+    import openswim
+
+    return {
+        "openswim": openswim.__version__, "times": sky.times.astype(str).tolist(), "solver": repr(solver),
+        "wavelengths": list(map(float, wavelengths_nm)), "kind": kind,
+        "shots": [(str(shot.time), repr(replace(shot.camera, mask=None))) for shot in shots],
+        "sources": [sky.source],
+    }  # fmt: skip
+
+
+def _make(
+    kept: KeptFrames, sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, light_every_s: Any,
+    radiance: bool,
+) -> None:  # fmt: skip
+    """Make all frames that are not there yet."""
+    lights = _Lights(sky, solver, wavelengths_nm, shots, light_every_s)
+    for count, shot in enumerate(track(shots, "film")):
+        if kept.has(count):
+            continue
+        kept.put(count, _frame(lights.at(shot.time), shot, radiance))
+
+
+class _Lights:
+    """Solved light about a time: one, or two of which a frame is blended; not more than two are held."""
+
+    def __init__(
+        self, sky: Weather, solver: Solver, wavelengths_nm: Any, shots: Sequence[Shot], every_s: float | None
+    ) -> None:
+        self._sky, self._solver, self._wavelengths = sky, solver, wavelengths_nm
+        self._held: dict[np.datetime64, LitScene] = {}
+        self._nodes = self._times(shots, every_s)
+
+    @staticmethod
+    def _times(shots: Sequence[Shot], every_s: float | None) -> NDArray[np.datetime64]:
+        times = np.unique(np.array([shot.time for shot in shots]))
+        if every_s is None or times.size < 2:
+            return times
+        span_s = float((times[-1] - times[0]) / np.timedelta64(1, "ms")) / 1e3
+        steps = int(np.ceil(span_s / every_s))
+        nodes = times[0] + np.round(np.linspace(0, span_s, steps + 1) * 1e3).astype("timedelta64[ms]")
+        return nodes if nodes.size < times.size else times
+
+    def at(self, time: np.datetime64) -> list[tuple[float, LitScene]]:
+        """Shares and lights."""
+        nodes = self._nodes
+        later = int(np.clip(np.searchsorted(nodes, time), 0, len(nodes) - 1))
+        if later == 0 or nodes[later] == time:
+            return [(1.0, self._light(nodes[later]))]
+        share = float((time - nodes[later - 1]) / (nodes[later] - nodes[later - 1]))
+        return [(1 - share, self._light(nodes[later - 1])), (share, self._light(nodes[later]))]
+
+    def _light(self, time: np.datetime64) -> LitScene:
+        if time not in self._held:
+            while len(self._held) > 1:
+                self._held.pop(next(iter(self._held)))
+            scene = self._sky.at(time)
+            when = None if np.isnat(time) else time
+            self._held[time] = light(scene, self._solver, self._wavelengths, when)
+        return self._held[time]
+
+
+def _frame(lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool) -> KeptFrame:
+    from openswim.colour.rgb import auto_exposure, display_light
+
+    camera = _above_ground(lights[0][1], shot.camera)
+    images = [(share, lit.viewpoint(camera).view()) for share, lit in lights if share > 0]
+    image = images[0][1]
+    for share, other in images[1:]:
+        for name in ("solar_relative_radiance", "radiance"):
+            image[name] = ((1 - share) * image[name] + share * other[name]).assign_attrs(image[name].attrs)
+    data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
+    wanted = auto_exposure(image)
+    shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
+    return KeptFrame(shown, _facts(image, wanted), data)
+
+
+def _above_ground(lit: LitScene, camera: Camera) -> Camera:
+    """No eye in the ground: a camera of a path is lifted to stand on it."""
+    if camera.above != "sea level" or camera.height_m > 9000.0 or camera.lat is None:
+        return camera
+    standing = replace(camera, above="ground", height_m=_LOWEST_M)
+    try:
+        check_observer(lit.scene, standing, lit.field.solver.name)
+    except UserError:  # beside the domain it flies over ground that nobody knows
+        return camera
+    ground_m = ground_below(lit.scene, lit.field, standing)
+    return standing if camera.height_m < ground_m + _LOWEST_M else replace(
+        camera, above="ground", height_m=camera.height_m - ground_m
+    )
+
+
+def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
+    known = {name: value for name, value in image.attrs.items() if isinstance(value, str | int | float)}
+    known |= {"exposure": exposure, "view": image.attrs.get("view", "")}
+    return known
+
+
+def _exposures(kept: KeptFrames, count: int, exposure: float | str) -> NDArray[np.float64]:
+    from openswim.colour.rgb import check_exposure
+
+    check_exposure(exposure)
+    if not isinstance(exposure, str):
+        return np.full(count, float(exposure))
+    return exposure_curve([kept.get(n).facts["exposure"] for n in range(count)])
+
+
+def _pictures(kept: KeptFrames, curve: NDArray[np.float64], title: bool) -> Iterator[NDArray[np.uint8]]:
+    from openswim.colour.rgb import developed
+
+    for number_, factor in enumerate(curve):
+        frame = kept.get(number_)
+        picture = developed(frame.light.astype(np.float32), float(factor / frame.facts["exposure"]))
+        yield titled(picture, frame.facts) if title else picture
+
+
+def _write_keogram(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
+    from openswim.colour.picture import write_picture
+    from openswim.scene.files import written_whole
+
+    lines = [picture[:, picture.shape[1] // 2] for picture in pictures]
+    with written_whole(path) as partial:
+        write_picture(keogram_of(lines), partial, {"Content": "keogram: the middle columns of a film's frames"})
+
+
+__all__ = ["KINDS", "film"]

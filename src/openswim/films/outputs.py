@@ -1,0 +1,115 @@
+"""What a film is written as: a video, numbered pictures, or radiance."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.films.kept_frames import KeptFrames
+from openswim.films.video import CODECS, check_video, write_video
+from openswim.scene.files import check_target, written_whole
+
+KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
+_FILLED = "film.txt"  # in a folder of pictures that a film has made
+
+
+def check_output(path: Path) -> str:
+    """The kind of output, by suffix; UserError where it could not be written."""
+    suffix = path.suffix.lower()
+    if suffix not in KINDS:
+        raise UserError(
+            f"film {path}: suffix {path.suffix!r} is unknown; use {', '.join(CODECS)}, .zarr, or none for a folder of "
+            "pictures"
+        )
+    kind = KINDS[suffix]
+    if kind == "video":
+        check_video(suffix)
+    if kind == "pictures":
+        if path.exists() and not (path.is_dir() and (not any(path.iterdir()) or (path / _FILLED).is_file())):
+            raise UserError(f"film {path}: exists and is no film's folder; choose another name")
+        if not os.access(path.parent, os.W_OK):
+            raise UserError(f"film {path}: folder {path.parent} takes no files; choose another")
+    else:
+        check_target(path)
+    return kind
+
+
+def write_film(
+    path: Path, kept: KeptFrames, count: int, pictures: Iterator[NDArray[np.uint8]], frames_per_second: float,
+    facts: dict[str, Any], wavelengths_nm: Sequence[float],
+) -> None:  # fmt: skip
+    """Write all frames under the film's name, whole or not at all."""
+    kind = KINDS[path.suffix.lower()]
+    about = f"{facts.get('valid_time', '')} {facts.get('source', '')}".strip()
+    if kind == "video":
+        with written_whole(path) as partial:
+            write_video(partial, pictures, frames_per_second, "OpenSWIm", about)
+    elif kind == "radiance":
+        with written_whole(path) as partial:
+            _write_radiance(partial, kept, count, wavelengths_nm)
+    else:
+        _write_pictures(path, pictures, about)
+
+
+def _write_pictures(path: Path, pictures: Iterator[NDArray[np.uint8]], about: str) -> None:
+    from openswim.colour.picture import write_picture
+
+    workshop = path.parent / f".{path.name}.pictures"
+    shutil.rmtree(workshop, ignore_errors=True)
+    workshop.mkdir()
+    for number, picture in enumerate(pictures, 1):
+        write_picture(picture, workshop / f"frame_{number:06d}.png", {"Film": about})
+    (workshop / _FILLED).write_text(f"{about}\n")
+    if path.exists():
+        shutil.rmtree(path)
+    os.replace(workshop, path)
+
+
+def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Sequence[float]) -> None:
+    """Radiance (frame, y, x, wavelength) with a frame a chunk, and time of each frame."""
+    import zarr
+
+    first = kept.get(0).radiance
+    assert first is not None
+    root = zarr.open_group(str(path), mode="w", zarr_format=2)
+    root.attrs.put({"Conventions": "CF-1.11", "title": "OpenSWIm film", **_plain(kept.get(0).facts)})
+    array = root.create_array(
+        "radiance", shape=(count, *first.shape), chunks=(1, *first.shape), dtype="f4", fill_value=np.nan
+    )
+    array.attrs.put({"_ARRAY_DIMENSIONS": ["frame", "y", "x", "wavelength"], "units": "W m-2 sr-1 nm-1",
+                     "long_name": "spectral radiance"})  # fmt: skip
+    series: dict[str, list[float]] = {}
+    times = []
+    for number, frame in enumerate(kept.all(count)):
+        assert frame.radiance is not None
+        array[number] = frame.radiance
+        times.append(frame.facts.get("valid_time"))
+        for name, value in frame.facts.items():
+            if name.endswith("_w_m2") or name.startswith("sun_a") or name in ("latitude", "longitude", "height_m"):
+                series.setdefault(name, []).append(float(value))
+    for name, values in series.items():
+        if len(values) == count:
+            _write_line(root, name, np.asarray(values, np.float64), "frame", {})
+    _write_line(root, "wavelength", np.asarray(wavelengths_nm, np.float64), "wavelength", {"units": "nm"})
+    if all(times):
+        seconds = np.array([np.datetime64(str(t).rstrip("Z"), "s").astype(np.int64) for t in times])
+        _write_line(root, "time", seconds, "frame", {"units": "seconds since 1970-01-01", "standard_name": "time"})
+    zarr.consolidate_metadata(str(path), zarr_format=2)
+
+
+def _write_line(root: Any, name: str, values: NDArray, dim: str, attrs: dict[str, Any]) -> None:
+    line = root.create_array(name, shape=values.shape, chunks=values.shape, dtype=values.dtype)
+    line[:] = values
+    line.attrs.put({"_ARRAY_DIMENSIONS": [dim], **attrs})
+
+
+def _plain(facts: dict[str, Any]) -> dict[str, Any]:
+    kept = ("source", "solver", "quality", "view", "assumptions")
+    return {name: facts[name] for name in kept if name in facts}

@@ -1,0 +1,50 @@
+"""What stands on each frame of a film: valid time, place and model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NARROWEST = 200  # pixels: under it nobody could read a title
+_SHADE = 0.45  # of the picture's light that is left behind the title
+
+
+def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint8]:
+    """The picture (y, x, 3) with a line at its foot, on a darker strip of the picture itself."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = picture.shape[:2]
+    text = title(facts)
+    if width < NARROWEST or not text:
+        return picture
+    size = float(np.clip(width / 62, 9, 28))
+    font = ImageFont.load_default(size)
+    while text and font.getlength(text) > width - 12:
+        text = text[:-1]
+    rows = min(round(1.7 * size), height // 4)
+    out = picture.copy()
+    out[height - rows :] = (out[height - rows :] * _SHADE).astype(np.uint8)
+    drawn = Image.fromarray(out)
+    ImageDraw.Draw(drawn).text((6, height - rows + 0.2 * size), text, (235, 235, 230), font=font)
+    return np.asarray(drawn)
+
+
+def title(facts: dict[str, Any]) -> str:
+    """Valid time, where the light is of another time that too, place, model."""
+    parts = []
+    weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
+    if weather:
+        parts.append(f"{weather} UTC")
+    if light and light != weather:
+        parts.append(f"light of {light} UTC")
+    if facts.get("latitude") is not None:
+        lat, lon = float(facts["latitude"]), (float(facts["longitude"]) + 180) % 360 - 180
+        parts.append(f"{abs(lat):.2f} {'N' if lat >= 0 else 'S'} {abs(lon):.2f} {'E' if lon >= 0 else 'W'}")
+    if facts.get("height_m") is not None:
+        parts.append(f"{float(facts['height_m']):,.0f} m")
+    source = str(facts.get("source", "")).split(":")[0]
+    parts += [Path(source).name] if source else []
+    return "   ".join(parts)

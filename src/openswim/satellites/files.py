@@ -1,0 +1,127 @@
+"""Files of pictures from space: written as CF netCDF and as GeoTIFF (COG), read as ABI's netCDF and GeoTIFF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.satellites.fixed_grid import FixedGrid
+from openswim.scene.cf import save_netcdf
+from openswim.scene.files import written_whole
+
+F64 = NDArray[np.float64]
+
+
+def write(picture: xr.Dataset, path: str | Path) -> None:
+    """A picture of `openswim.satellites.reflectance` as .nc (CF, which satpy and xarray read) or .tif (a
+    cloud-optimised GeoTIFF of reflectance factors, one band each)."""
+    target = Path(path)
+    if target.suffix.lower() == ".nc":
+        save_netcdf(picture, target)
+    elif target.suffix.lower() in (".tif", ".tiff"):
+        _write_geotiff(picture, target)
+    else:
+        raise UserError(f"output {target}: suffix {target.suffix!r} is unknown; use .nc or .tif")
+
+
+def _write_geotiff(picture: xr.Dataset, target: Path) -> None:
+    try:
+        import rasterio
+        from rasterio.io import MemoryFile
+        from rasterio.shutil import copy
+    except ImportError as error:
+        raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
+    grid = grid_of(picture)
+    values = picture.reflectance_factor.values
+    count, ny, nx = values.shape
+    step = [(axis[-1] - axis[0]) / (axis.size - 1) * grid.height_m for axis in (grid.x, grid.y)]
+    corner = [axis[0] * grid.height_m - 0.5 * one for axis, one in zip((grid.x, grid.y), step, strict=True)]
+    profile = {
+        "driver": "GTiff", "count": count, "height": ny, "width": nx, "dtype": "float32", "nodata": np.nan,
+        "crs": _proj(grid), "transform": rasterio.Affine(step[0], 0, corner[0], 0, step[1], corner[1]),
+    }  # fmt: skip
+    with MemoryFile() as memory:
+        with memory.open(**profile) as file:
+            file.write(values)
+            for number, name in enumerate(picture.band.values, 1):
+                file.set_band_description(number, str(name))
+            file.update_tags(**{k: str(v) for k, v in picture.attrs.items()}, AREA_OR_POINT="Area")
+        with written_whole(target) as partial, memory.open() as file:
+            copy(file, partial, driver="COG", compress="deflate")
+
+
+def _proj(grid: FixedGrid) -> str:
+    return (
+        f"+proj=geos +lon_0={grid.lon_0} +h={grid.height_m} +a={grid.semi_major_m} +b={grid.semi_minor_m} "
+        f"+sweep={grid.sweep} +units=m +no_defs"
+    )
+
+
+def grid_of(picture: xr.Dataset) -> FixedGrid:
+    """The grid of a picture."""
+    return FixedGrid.of_cf(picture.x.values, picture.y.values, picture.geostationary.attrs)
+
+
+def read(path: str | Path) -> xr.Dataset:
+    """An observed picture: ``reflectance_factor`` on (y, x), and its grid, as `write` writes them.
+
+    Takes netCDF with a CF grid mapping "geostationary" and a reflectance factor (ABI L2 CMI, our own), and GeoTIFF in
+    the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
+    """
+    source = Path(path)
+    try:
+        return _from_netcdf(source) if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff(source)
+    except (OSError, ValueError, KeyError) as error:
+        raise UserError(f"{source}: no picture on a fixed grid of a geostationary imager ({error})") from error
+
+
+def _from_netcdf(path: Path) -> xr.Dataset:
+    with xr.open_dataset(path) as file:
+        names = ("reflectance_factor", "CMI", "Rad")
+        name = next((one for one in names if one in file), None)
+        if name in (None, "Rad"):
+            raise UserError(f"{path}: no reflectance factor in it (reflectance_factor, CMI)")
+        values = file[name]
+        if "band" in values.dims:
+            values = values.isel(band=0)
+        mapping = file[str(values.attrs.get("grid_mapping", values.encoding.get("grid_mapping", "geostationary")))]
+        grid = FixedGrid.of_cf(file.x.values, file.y.values, mapping.attrs)
+        return _picture(values.values.astype(np.float32), grid, str(file.attrs.get("time_coverage_start", "")))
+
+
+def _from_geotiff(path: Path) -> xr.Dataset:
+    try:
+        import rasterio
+        from pyproj import CRS
+        from rasterio.errors import RasterioIOError
+    except ImportError as error:
+        raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
+    try:
+        file = rasterio.open(path)
+    except RasterioIOError as error:
+        raise UserError(f"{path}: cannot be read as GeoTIFF ({error})") from error
+    with file:
+        mapping = {} if file.crs is None else CRS.from_wkt(file.crs.to_wkt()).to_cf()
+        if mapping.get("grid_mapping_name") != "geostationary":
+            raise UserError(f"{path}: its projection is not that of a geostationary imager (+proj=geos)")
+        raw = file.read(1, masked=True)
+        values = np.ma.filled(raw.astype(np.float32) * file.scales[0] + file.offsets[0], np.nan)
+        height, transform = float(mapping["perspective_point_height"]), file.transform
+        x = (transform.c + transform.a * (np.arange(file.width) + 0.5)) / height
+        y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
+        grid = FixedGrid.of_cf(x, y, mapping)
+        return _picture(values, grid, file.tags().get("NC_GLOBAL#time_coverage_start", ""))
+
+
+def _picture(values: Any, grid: FixedGrid, time: str) -> xr.Dataset:
+    lat, lon = grid.latlon()
+    return xr.Dataset(
+        {"reflectance_factor": (("y", "x"), values), "geostationary": ((), 0, grid.to_cf())},
+        coords={"x": grid.x, "y": grid.y, "latitude": (("y", "x"), lat), "longitude": (("y", "x"), lon)},
+        attrs={"time_coverage_start": time},
+    )

@@ -1,0 +1,187 @@
+"""Films of small skies by the quickest solver."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from PIL import Image
+
+from openswim import Camera, Scene, Solver, UserError
+from openswim.films import CameraPath, film
+from openswim.films.exposure import exposure_curve
+from openswim.films.keogram import keogram
+from openswim.films.kept_frames import KeptFrame, KeptFrames
+from openswim.films.titles import title, titled
+from openswim.films.video import write_video
+
+NOON = np.datetime64("2024-06-01T12:00", "ms")
+CLEAR = Scene.clear(47.0, 11.0, time=NOON)
+CAMERA = Camera.allsky(47.0, 11.0, size=32)
+
+
+def _scenes(minutes: list[float]) -> list[Scene]:
+    return [dataclasses.replace(CLEAR, time=NOON + np.timedelta64(round(60e3 * m), "ms")) for m in minutes]
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+def test_videos_hold_every_frame_in_its_colours(tmp_path: Path, suffix: str) -> None:
+    av = pytest.importorskip("av")
+    colours = [(200, 60, 40), (30, 90, 200), (128, 128, 128), (20, 160, 70)] * 12
+    pictures = (np.broadcast_to(np.array(c, np.uint8), (64, 96, 3)) for c in colours)
+    path = tmp_path / f"film{suffix}"
+    assert write_video(path, pictures, 24, "title", "comment") == 48
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.colorspace, stream.codec_context.color_range) == (1, 1)
+        frames = [
+            f.reformat(format="rgb24", src_colorspace="ITU709", dst_colorspace="ITU709").to_ndarray()
+            for f in container.decode(video=0)
+        ]
+        assert container.metadata["title"] == "title"
+    assert len(frames) == 48
+    off = [np.abs(f.astype(int) - np.array(c)).max() for f, c in zip(frames, colours, strict=True)]
+    assert max(off) <= 4
+
+
+def test_exposure_is_smooth_and_of_the_films_level() -> None:
+    rng = np.random.default_rng(2)
+    wanted = np.exp(np.linspace(0, 2, 200) + 0.2 * rng.standard_normal(200))
+    curve = exposure_curve(wanted)
+    assert np.abs(np.diff(np.log(curve))).max() < 0.02
+    assert np.abs(np.log(curve) - np.linspace(0, 2, 200))[20:-20].max() < 0.12
+    np.testing.assert_allclose(exposure_curve(np.full(7, 0.4)), 0.4)
+
+
+def test_static_film_does_not_flicker(tmp_path: Path) -> None:
+    scenes, lines = _scenes([0, 1, 2, 3]), tmp_path / "k.png"
+    folder = film(scenes, CAMERA, tmp_path / "frames", title=False, solver="swim", keogram=lines)
+    files = sorted(folder.glob("*.png"))
+    assert len(files) == 4
+    means = np.array([np.asarray(Image.open(f), float).mean() for f in files])
+    assert np.abs(np.diff(means) / means[:-1]).max() < 0.005
+    kept = np.asarray(Image.open(lines))
+    np.testing.assert_array_equal(kept[:, 0], np.asarray(Image.open(files[0]))[:, 16])
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim.films import making
+
+    scenes = _scenes([0, 60, 120])
+    whole = film(scenes, CAMERA, tmp_path / "whole", solver="swim")
+    real, calls = making._frame, []
+
+    def stops(*arguments: object) -> KeptFrame:
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(*arguments)
+
+    monkeypatch.setattr(making, "_frame", stops)
+    with pytest.raises(KeyboardInterrupt):
+        film(scenes, CAMERA, tmp_path / "film", solver="swim")
+    assert not (tmp_path / "film").exists()
+    found = film(scenes, CAMERA, tmp_path / "film", solver="swim")
+    assert len(calls) == 4  # the one that was cut, again
+    for one in sorted(whole.glob("*.png")):
+        np.testing.assert_array_equal(np.asarray(Image.open(one)), np.asarray(Image.open(found / one.name)))
+
+
+def test_radiance_of_all_frames_is_that_of_single_pictures(tmp_path: Path) -> None:
+    import openswim
+
+    scenes = _scenes([0, 240])
+    path = film(scenes, CAMERA, tmp_path / "film.zarr", solver="swim")
+    with xr.open_dataset(path, engine="zarr") as found:
+        assert found.radiance.dims == ("frame", "y", "x", "wavelength")
+        np.testing.assert_array_equal(found.time.values, [s.time for s in scenes])
+        single = openswim.render(scenes[1], CAMERA, Solver("swim"))
+        np.testing.assert_allclose(found.radiance[1].values, single.radiance.values, rtol=1e-6)
+
+
+def test_path_passes_its_points_and_looks_along_great_circles(tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(
+        "time,lat,lon,height_m,azimuth,altitude\n2024-06-01T12:00:00Z,47,179.9,900,350,0\n"
+        "2024-06-01T12:00:10Z,47,-179.9,400,10,0\n2024-06-01T12:00:20Z,47,-179.7,400,10,-20\n"
+    )
+    path = CameraPath.read(file)
+    place, attitude = path.at(NOON + np.timedelta64(1000, "ms") * np.array([0, 5, 10, 15, 20]))
+    np.testing.assert_allclose(place[[0, 2, 4], 1], [179.9, -179.9, -179.7])
+    assert 179.9 < abs(place[1, 1]) <= 180.0  # the short way over the date line
+    assert (np.diff(place[:, 2]) <= 1e-9).all()  # monotone: never below the last height
+    np.testing.assert_allclose(attitude[:3, 0] % 360, [350, 0, 10], atol=1e-9)
+    np.testing.assert_allclose(attitude[2:, 1], [0, -10, -20], atol=1e-9)
+
+
+def test_gpx_and_headings(tmp_path: Path) -> None:
+    file = tmp_path / "track.gpx"
+    points = "".join(
+        f'<trkpt lat="47" lon="{11 + 0.01 * n}"><ele>800</ele><time>2024-06-01T12:00:{10 * n:02d}Z</time></trkpt>'
+        for n in range(3)
+    )
+    file.write_text(f'<gpx xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>{points}</trkseg></trk></gpx>')
+    when = np.array([NOON + np.timedelta64(9, "s")])
+    camera = CameraPath.read(file).camera(Camera.perspective(0.0, 0.0, size=32), when)[0]
+    assert camera.azimuth_deg == pytest.approx(90, abs=0.1)
+    assert (camera.above, camera.height_m) == ("sea level", 800.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,lat\n2024-01-01,1\n", "no column lon, height_m"),
+        ("time,lat,lon,height_m\n2024-01-01,1,2,3\n", "at least two points"),
+        ("time,lat,lon,height_m\n2024-01-02,1,2,3\n2024-01-01,1,2,3\n", "forward in time"),
+        ("time,lat,lon,height_m\n2024-01-01,1,2,x\n", "line 2"),
+        ("time,lat,lon,height_m\n2024-01-01,1,2,3\n2024-01-02,100,2,3\n", "places that are none"),
+        ("<gpx><!ENTITY a 'b'></gpx>", "declarations"),
+        ("<gpx>", "damaged GPX"),
+    ],
+)
+def test_paths_that_are_none_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    with pytest.raises(UserError, match=message):
+        CameraPath.read(file)
+
+
+def test_frames_of_another_film_are_not_taken(tmp_path: Path) -> None:
+    frame = KeptFrame(np.ones((2, 3, 3), np.float16), {"exposure": 2.0})
+    kept = KeptFrames(tmp_path / "film.mp4", {"a": 1})
+    kept.put(0, frame)
+    assert KeptFrames(tmp_path / "film.mp4", {"a": 1}).has(0)
+    np.testing.assert_array_equal(kept.get(0).light, frame.light)
+    assert not KeptFrames(tmp_path / "film.mp4", {"a": 2}).has(0)
+
+
+def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="suffix"):
+        film(CLEAR, CAMERA, tmp_path / "film.avi")
+    with pytest.raises(UserError, match="at most"):
+        film(_scenes([0, 600]), CAMERA, tmp_path / "film.zarr", every_s=0.001)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("x")
+    with pytest.raises(UserError, match="no film's folder"):
+        film(CLEAR, CAMERA, tmp_path / "mine")
+
+
+def test_titles_say_time_place_and_model() -> None:
+    facts = {"valid_time": "2024-06-01T12:00:00Z", "light_time": "2024-06-01T13:00:00Z", "latitude": 47.0,
+             "longitude": 371.0, "height_m": 2.0, "source": "wrfout_d01: WRF V4"}  # fmt: skip
+    times = "2024-06-01 12:00:00 UTC   light of 2024-06-01 13:00:00 UTC"
+    assert title(facts) == f"{times}   47.00 N 11.00 E   2 m   wrfout_d01"
+    picture = np.full((120, 320, 3), 90, np.uint8)
+    drawn = titled(picture, facts)
+    assert drawn.shape == picture.shape
+    assert drawn[-9:].max() > 150
+    np.testing.assert_array_equal(drawn[:90], 90)
+
+
+def test_keogram_fills_its_width() -> None:
+    lines = [np.full((10, 3), 10 * n, np.uint8) for n in range(4)]
+    found = keogram(lines, 8)
+    assert found.shape == (10, 8, 3)
+    np.testing.assert_array_equal(found[0, :, 0], [0, 0, 10, 10, 20, 20, 30, 30])

@@ -1,0 +1,48 @@
+"""Light of towns: where they are, the watts of the user's map, and what air and cloud make of it."""
+
+import numpy as np
+import pytest
+
+from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum
+from openswim.lights.units import magnitude_of_luminance
+from openswim.scene.ground import Ground
+from openswim.solver import Solver
+from openswim.validation.sky_glow import zenith_luminance
+
+
+def test_lamps_have_the_watts_that_are_measured():
+    """1 nW cm-2 sr-1 is 1e-5 W m-2 sr-1, all of it between 500 and 900 nm."""
+    wavelengths = np.arange(BAND_NM[0], BAND_NM[1], 2.0)
+    assert lamp_spectrum(wavelengths).sum() * 2.0 == pytest.approx(1e-5, rel=1e-6)
+
+
+def test_towns_are_where_they_are():
+    """Berlin, Vienna and Denver are bright, the Atlantic and the Sahara dark."""
+    assert (city_radiance([52.52, 48.21, 39.74], [13.40, 16.37, -104.99]) > 10).all()
+    assert (city_radiance([40.0, 25.0, -80.0], [-40.0, 10.0, 0.0]) < 0.1).all()
+    assert city_radiance(10.0, 179.999) == pytest.approx(city_radiance(10.0, -179.999), abs=1e-3)
+
+
+def test_the_users_map_goes_before(tmp_path):
+    from PIL import Image, TiffImagePlugin
+
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    tags[33550] = (0.01, 0.01, 0.0)
+    tags[33922] = (0.0, 0.0, 0.0, 10.0, 0.0, 0.0)
+    tags.tagtype[33550] = tags.tagtype[33922] = 12
+    tags[34735] = (1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326)
+    tags.tagtype[34735] = 3
+    values = np.full((50, 50), 7.0, np.float32)
+    Image.fromarray(values).save(tmp_path / "viirs.tif", tiffinfo=tags)
+    ground = Ground(lights=tmp_path / "viirs.tif")
+    found = city_radiance([-0.25, 20.0], [10.25, 10.25], ground)
+    assert found == pytest.approx([7.0, float(city_radiance(20.0, 10.25))], abs=1e-5)
+
+
+@pytest.mark.slow
+def test_clouds_over_a_city():
+    """Inside a city of some millions the zenith is at 18 to 19.3 when clear, and 6 to 15 times brighter below cloud."""
+    solver = Solver(quality="preview")
+    clear, overcast = (zenith_luminance(solver, 52.52, 13.4, cloudy, nodes=7) for cloudy in (False, True))
+    assert 18.0 < magnitude_of_luminance(clear) < 19.3
+    assert 6 < overcast / clear < 15

@@ -1,0 +1,93 @@
+"""What a camera sees of moon, stars and the night's sky: all of their light, at their places, through the air."""
+
+import numpy as np
+import pytest
+
+import openswim
+from openswim.cameras import Camera
+from openswim.colour.photometry import luminance_cd_m2, solar_illuminance_lx
+from openswim.heavens.moon_disc import disc_light, even_places, on_the_moon
+from openswim.heavens.points import Points, drawn_points
+from openswim.lights import moon_irradiance, moon_position
+from openswim.lights.units import V0_W_M2_NM, magnitude_of_luminance
+from openswim.optics.bent_rays import LongerWay
+from openswim.scene.atmosphere import Atmosphere
+
+PLACE = (40.0, 10.0)
+
+
+def open_to(direction, width):
+    return np.ones((len(direction), 2)), np.zeros(len(direction), bool)
+
+
+def test_the_moons_disc_holds_its_light_and_faces_the_sun():
+    moon = moon_position("2024-03-17T20:00", *PLACE)  # at first quarter
+    place = even_places(8000)
+    light = disc_light(moon, place, np.array([450.0, 550.0]))
+    assert light.sum(axis=0) == pytest.approx(moon_irradiance(moon, [450.0, 550.0]), rel=1e-3)
+    bright = (light[:, 1:] * place).sum(axis=0)
+    turned = np.degrees(np.arctan2(-bright[0], bright[1])) % 360
+    assert turned == pytest.approx(moon.bright_limb_from_zenith_deg, abs=8.0)
+    # the middle of the disc is the place under the observer, the pole lies where the axis points
+    axis = np.radians(moon.axis_from_zenith_deg)
+    middle, pole = on_the_moon(moon, np.array([[0.0, 0.0], [-np.sin(axis), np.cos(axis)]]))
+    lon, lat = moon.sub_observer_lonlat_deg
+    assert np.degrees(np.arcsin(middle[2])) == pytest.approx(lat, abs=1e-6)
+    assert np.degrees(np.arctan2(middle[1], middle[0])) == pytest.approx(lon, abs=1e-6)
+    assert np.degrees(np.arcsin(pole[2])) == pytest.approx(90 - abs(lat), abs=1e-6)
+
+
+def test_seas_are_dark_where_they_are():
+    """Mare Crisium (17 N, 59 E) against the land around Tycho (43 S, 11 W)."""
+    from openswim.heavens.moon_disc import albedo
+
+    assert albedo(np.array([59.0]), np.array([17.0]))[0] < 0.75 * albedo(np.array([-11.0]), np.array([-43.0]))[0]
+
+
+def test_a_stars_light_falls_on_the_picture_whole():
+    camera = Camera.perspective(*PLACE, azimuth_deg=180, altitude_deg=40, fov_deg=30, size=(120, 160))
+    pixels = camera.pixels()
+    stars = Points(np.array([40.0, 33.3]), np.array([180.0, 186.2]), np.array([0.0, 2.5]), np.array([0.65, 1.5]))
+    wl, toa = np.array([550.0, 450.0]), np.array([1.86, 2.0])
+    drawn = drawn_points(stars, camera, pixels, wl, toa, open_to)
+    solid = pixels.solid_angle_sr[drawn.row, drawn.column]
+    got = (drawn.radiance * solid[:, None]).sum(axis=0) * toa / (4 * np.pi)
+    assert got[0] == pytest.approx(V0_W_M2_NM * (1 + 10**-1.0), rel=1e-6)
+    assert got[1] / got[0] == pytest.approx(2.0 / 1.86, rel=0.15)  # the brighter has the sun's colour
+    brightest = np.argmax(drawn.radiance[:, 0])
+    at = camera.pixel_of(180.0, 40.0)
+    assert abs(drawn.row[brightest] - at[0]) <= 0.5
+    assert abs(drawn.column[brightest] - at[1]) <= 0.5
+
+
+def test_bent_rays_go_through_more_air_near_the_horizon():
+    """Rayleigh's airmass at the horizon is 38.2, that of straight rays sqrt(pi R / 2 H), 34.3 to 35.7 with heights
+    H of 7.9 to 8.5 km; from 20 degrees on next to none is added."""
+    way = LongerWay.at(Atmosphere.us_standard(300.0, None), 0.0, np.array([450.0]))
+    added = -np.log(way.transmittance([0.0, 2.0, 20.0])[:, 0])
+    assert 0.22 * (38.2 - 35.7) < added[0] < 0.22 * (38.2 - 34.3)
+    assert added[1] < 0.25 * added[0]
+    assert added[2] < 1e-3
+
+
+@pytest.mark.slow
+def test_a_dark_night_over_the_alps():
+    """Solar minimum, no moon, away from the Milky Way: a zenith of 21.6 to 22.1, half a millilux to two."""
+    scene = openswim.Scene.clear(47.3, 11.4)
+    camera = Camera.allsky(47.3, 11.4, size=41)
+    lit = openswim.light(scene, time="2019-04-04T23:00")
+    assert [light.name for light in lit.lights] == ["sky"]
+    image = openswim.render(lit, camera)
+    assert image.attrs["lights"] == "sky"
+    assert 5e-4 < image.attrs["illuminance_lx"] < 2e-3
+    luminance = luminance_cd_m2(image)
+    # between the stars
+    assert 21.6 < magnitude_of_luminance(np.nanpercentile(luminance[17:24, 17:24], 20)) < 22.1
+    assert np.nanmin(image.radiance.values) > 0
+    with pytest.raises(openswim.errors.UserError, match="not kept"):
+        lit.save("nowhere")
+
+
+def test_the_sun_has_128_klx_outside_of_the_air():
+    """133.1 klx by the solar constant of 1361 W/m2 and 98 lm/W (CIE: 127 to 134)."""
+    assert 128e3 < solar_illuminance_lx() < 136e3

@@ -1,0 +1,104 @@
+"""Files of pictures, and what is said of two pictures of one place."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.satellites import FixedGrid, band, reflectance
+from openswim.satellites.comparison import agreement, displacement
+from openswim.satellites.files import grid_of, read, write
+from openswim.scene import Scene
+
+SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
+ABI = SHARED / "data/satellite/abi"
+
+
+@pytest.fixture(scope="module")
+def picture() -> xr.Dataset:
+    grid = FixedGrid(2.8e-5 * np.arange(-6, 7), 2.8e-5 * np.arange(1006, 989, -1), -75.0)
+    bare = Scene.clear(10.0, -75.0, None, 0.4)
+    return reflectance(bare, grid, [band("goes-16 abi", "C02"), band("goes-16 abi", "C03")], "2021-06-21T15:00")
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".tif"])
+def test_what_is_written_is_read_at_the_same_places(picture: xr.Dataset, tmp_path: Path, suffix: str) -> None:
+    write(picture, tmp_path / f"a{suffix}")
+    back = read(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(back.reflectance_factor, picture.reflectance_factor[0])
+    for name in ("latitude", "longitude"):  # degrees: a hundredth of a pixel
+        np.testing.assert_allclose(back[name], picture[name], atol=1e-4)
+    assert grid_of(back).sweep == "x"
+
+
+def test_a_geotiff_is_cloud_optimised_and_where_proj_has_it(picture: xr.Dataset, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    from pyproj import Transformer
+
+    write(picture, tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif") as file:
+        assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+        x, y = file.xy(3, 4)
+        lon, lat = Transformer.from_crs(file.crs.to_wkt(), "EPSG:4326", always_xy=True).transform(x, y)
+    assert lat == pytest.approx(float(picture.latitude[3, 4]), abs=1e-4)
+    assert lon == pytest.approx(float(picture.longitude[3, 4]), abs=1e-4)
+
+
+@pytest.mark.skipif(not ABI.exists(), reason="no reference data")
+@pytest.mark.parametrize(("rows", "columns", "least"), [(670, 830, 0.5), (850, 900, 0.8)])  # a lake, the coast
+def test_an_observed_crop_lies_on_its_coast(rows: int, columns: int, least: float) -> None:
+    """Dark water and bright land in the near infrared agree best with the land mask where nothing is shifted.
+
+    With the sweep along the other axis the crop is 10 km off.
+    """
+    from openswim.ground.earth import water_fraction
+
+    (path,) = ABI.glob("*C03*CMI.tif")
+    found = read(path).isel(y=slice(rows, rows + 100), x=slice(columns, columns + 100))
+    factor = found.reflectance_factor.values
+    land = 1 - water_fraction(found.latitude.values, found.longitude.values)
+    inner = np.s_[12:-12, 12:-12]
+    shifts = [(i, j) for i in range(-12, 13, 2) for j in range(-12, 13, 2)]
+    scores = [
+        np.corrcoef(np.roll(land, shift, (0, 1))[inner].ravel(), factor[inner].ravel())[0, 1] for shift in shifts
+    ]
+    assert max(scores) > least
+    assert np.abs(shifts[int(np.argmax(scores))]).max() <= 4  # pixels of 1 km; the mask's are of 4 km
+    assert np.nanmin(factor) > 0
+    assert found.attrs["time_coverage_start"].startswith("2021-05-25T18:10:26")
+
+
+def test_displaced_features_are_found() -> None:
+    rng = np.random.default_rng(3)
+    from scipy.ndimage import gaussian_filter
+
+    field = gaussian_filter(rng.normal(size=(200, 240)), 4)
+    field = 0.3 + 0.2 * field / field.std()
+    seen = np.roll(field, (5, -7), (0, 1)) + rng.normal(0, 0.02, field.shape)
+    down, right, best = displacement(field, seen)
+    assert (np.nanmedian(down), np.nanmedian(right)) == (5, -7)
+    assert np.nanmin(best) > 0.9
+    noise = displacement(rng.normal(size=field.shape), seen)
+    assert np.isfinite(noise[0]).mean() < 0.2
+    shifted = agreement(field + 0.05, field)
+    assert shifted.bias == pytest.approx(0.05)
+    assert shifted.correlation == pytest.approx(1)
+    assert np.isnan(agreement(np.full((4, 4), 0.2), field[:4, :4]).correlation)
+    with pytest.raises(UserError, match="one grid"):
+        agreement(field, seen[1:])
+    with pytest.raises(UserError, match="nothing to compare"):
+        agreement(np.full_like(field, np.nan), seen)
+
+
+def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.tif").write_text("no")
+    with pytest.raises(UserError):
+        read(tmp_path / "a.tif")
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc")
+    with pytest.raises(UserError, match="no reflectance factor"):
+        read(tmp_path / "a.nc")

@@ -1,0 +1,77 @@
+"""Pictures from space: known ground without air, sea and deep cloud, and the row's own time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from openswim.errors import UserError
+from openswim.satellites import FixedGrid, band, imagers, reflectance
+from openswim.scene import Scene
+from openswim.scene.atmosphere import Atmosphere
+
+LAT, LON = 20.0, -75.0
+WHOLE = FixedGrid(2.8e-5 * np.arange(-5400, 5401, 5), 2.8e-5 * np.arange(5400, -5401, -5), -75.0)
+NOON = np.datetime64("2021-06-21T17:00")  # the sun 3.5 degrees from the zenith there
+
+
+def _grid(half: int = 5) -> FixedGrid:
+    row, column = (round(float(v)) for v in WHOLE.index(LAT, LON))
+    return WHOLE.part(slice(row - half, row + half + 1), slice(column - half, column + half + 1))
+
+
+def _scene(water: float = 0.0, ice: float = 0.0, **more) -> Scene:
+    axis = np.linspace(-60_000, 60_000, 7)
+    z = np.array([0.0, 1000, 2000, 4000, 6000, 9000, 12_000, 14_000, 15_000])
+    fields = {name: np.zeros((z.size, 7, 7), np.float32) for name in ("liquid_content", "ice_content")}
+    fields["liquid_content"][1:4] = water
+    fields["ice_content"][4:7] = ice
+    surface = {"land_area_fraction": 0.0, "wind_east_10m": 5.0, "wind_north_10m": 0.0}
+    fields |= {name: np.full((7, 7), value, np.float32) for name, value in surface.items()}
+    crs = f"+proj=lcc +lat_1=15 +lat_2=25 +lat_0={LAT} +lon_0={LON} +R=6371000"
+    scene = Scene.from_arrays({}, axis, axis, z, crs=crs, time=NOON, fields=fields,
+                              atmosphere=Atmosphere.us_standard(), **more)  # fmt: skip
+    if "surface_albedo" not in more:
+        scene.data = scene.data.drop_vars("surface_albedo")
+    return scene
+
+
+def test_white_ground_without_air_has_its_albedo_times_the_height_of_the_sun() -> None:
+    bare = Scene.clear(LAT, LON, None, 0.6, time=np.datetime64("2021-06-21T14:00"))
+    found = reflectance(bare, _grid(1), [band("goes-16 abi", "C02"), band("goes-16 abi", "C03")])
+    expected = 0.6 * np.cos(np.radians(found.sun_zenith))
+    np.testing.assert_allclose(found.reflectance_factor, np.stack([expected] * 2), rtol=0.005)
+    np.testing.assert_allclose(found.bidirectional_reflectance, 0.6, rtol=0.005)
+
+
+def test_the_sea_away_from_glint_and_deep_cloud_below_a_high_sun() -> None:
+    red = band("goes-16 abi", "C02")
+    sea = reflectance(_scene(), _grid(), [red], time="2021-06-21T13:00").bidirectional_reflectance
+    assert float(sea.min()) > 0.03
+    assert float(sea.max()) < 0.06
+    storm = reflectance(_scene(2e-3, 5e-4), _grid(), [red]).bidirectional_reflectance
+    assert 0.95 < float(storm.mean()) < 1.15
+
+
+def test_rows_have_the_light_of_their_own_time() -> None:
+    bare = Scene.clear(LAT, LON, None, 0.6)
+    found = reflectance(bare, _grid(2), [band("goes-16 abi", "C02")], "2021-06-21T13:00", "2021-06-21T13:10")
+    np.testing.assert_allclose(found.bidirectional_reflectance, 0.6, rtol=0.005)
+    assert float(found.sun_zenith[0, 0] - found.sun_zenith[-1, 0]) == pytest.approx(2.3, abs=0.5)
+
+
+def test_bands_weigh_to_one_and_unknown_ones_are_refused() -> None:
+    for imager, names in imagers().items():
+        for name in names:
+            one = band(imager, name)
+            assert one.weight.sum() == pytest.approx(1, abs=2e-4)
+            assert one.weight @ one.wavelength_nm == pytest.approx(one.centre_nm, abs=1.0)
+            assert one.error < 0.0035
+    # centres as the agencies give them
+    for imager, name, centre in (("terra modis", "1", 645), ("terra modis", "2", 858), ("himawari-8 ahi", "2", 510),
+                                 ("meteosat-11 seviri", "VIS08", 810), ("noaa-20 viirs", "M05", 667)):  # fmt: skip
+        assert band(imager, name).centre_nm == pytest.approx(centre, abs=4)
+    with pytest.raises(UserError, match="C09"):
+        band("goes-16 abi", "C09")
+    with pytest.raises(UserError, match="no pixel"):
+        reflectance(_scene(), WHOLE.part(slice(0, 9), slice(0, 9)), [band("goes-16 abi", "C02")])

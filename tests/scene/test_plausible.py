@@ -1,0 +1,99 @@
+"""The gate that every scene passes: the standard atmosphere does, the same in another unit does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim.errors import UserError
+from openswim.scene import Grid, Scene
+from openswim.scene.atmosphere import us_standard_pressure_temperature
+
+HEIGHT = np.linspace(10.0, 30_000.0, 31)
+LEVELS = ("z", "y", "x")
+
+
+def scene(height=HEIGHT, x=None, y=None, crs=None, radius=6_371_000.0, **changed) -> Scene:
+    """The US standard atmosphere with a cloud of .3 g m-3 from 2 to 4 km; fields by name, profiles or functions."""
+    pressure, temperature = us_standard_pressure_temperature(HEIGHT)
+    cloud = np.where((HEIGHT > 2e3) & (HEIGHT < 4e3), 3e-4, 0.0)
+    fields = {"air_pressure": pressure, "air_temperature": temperature, "liquid_content": cloud,
+              "liquid_effective_radius": np.where(cloud > 0, 10e-6, 0.0)}  # fmt: skip
+    for name, change in changed.items():
+        fields[name] = change(fields[name]) if callable(change) else change
+    axes = [np.arange(4) * 1e3 if axis is None else axis for axis in (x, y)]
+    spread = {name: (LEVELS, np.broadcast_to(v[:, None, None], (31, 4, 4)).astype("f4")) for name, v in fields.items()}
+    return Scene(Grid(*axes, height, crs, radius), xr.Dataset(spread))
+
+
+def test_air_as_it_is_passes_without_a_word():
+    assert scene().notes == []
+
+
+def test_the_poles_winter_and_a_plateau_called_sea_level_pass():
+    """CIRA-86 has 5 hPa at 30 km over the winter pole (standard: 12); Lhasa has 650 hPa."""
+    scene(air_pressure=lambda p: p * np.exp(-np.log(12 / 5) * HEIGHT / 3e4))
+    scene(air_pressure=lambda p: 0.65 * p)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"air_pressure": lambda p: p / 100}, "100 times too small"),
+        ({"air_pressure": lambda p: p / 1000}, "1000 times too small"),
+        ({"air_pressure": lambda p: np.full_like(p, 5e4)}, "air_pressure"),
+        ({"air_pressure": lambda p: p[np.r_[0:10, 11, 10, 12:31]]}, "rises with height"),
+        ({"air_pressure": lambda p: p[np.r_[0:10, 11, 11, 12:31]]}, "levels 11 and 12"),
+        ({"air_temperature": lambda t: np.where(HEIGHT > 9e3, 330.0, t)}, "air_temperature"),
+        ({"air_temperature": lambda t: 0.4 * t}, "air_temperature"),
+        ({"height": 0.01 * HEIGHT}, "heights in metres"),
+        ({"height": 3 * HEIGHT}, "heights in metres"),
+        ({"liquid_content": lambda q: 100 * q}, "1000 times too large"),
+        ({"liquid_content": lambda q: np.full_like(q, 1e-3)}, "kg m-2"),
+        ({"liquid_content": lambda q: q[::-1]}, "28 km in the mean"),
+        ({"liquid_effective_radius": lambda r: 1e3 * r}, "1000 times too large"),
+        ({"liquid_effective_radius": lambda r: 1e-3 * r}, "1000 times too small"),
+        ({"aerosol_extinction": np.full(31, 1e-3)}, "optical depth of 30"),
+    ],
+)  # fmt: skip
+def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
+    with pytest.raises(UserError, match=words):
+        scene(**changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"liquid_content": lambda q: 1e-4 * q}, "next to nothing"),
+        ({"liquid_effective_radius": lambda r: np.where(HEIGHT < 3e3, 0.0, r)}, "default sizes there"),
+        ({"height": HEIGHT + 900.0}, "the lowest level is 910 m above sea level"),
+        ({"crs": "EPSG:4326", "x": 2.5 * np.arange(4), "y": 0.25 * np.arange(4)}, "cells of 2.5 x 0.25 degrees"),
+    ],
+)
+def test_what_is_odd_is_told(changed, words):
+    from pyproj import CRS
+
+    if "crs" in changed:
+        changed = changed | {"crs": CRS.from_user_input(changed["crs"])}
+    assert any(words in note for note in scene(**changed).notes)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "words"),
+    [
+        (np.arange(4.0), 88.0 + np.arange(4.0), "latitudes run from 88 to 91"),
+        (np.arange(4.0), 350.0 + np.arange(4.0), "latitudes"),
+        (1e5 + np.arange(4.0), np.arange(4.0), "longitudes"),
+    ],
+)
+def test_places_that_are_not_on_earth(x, y, words):
+    from pyproj import CRS
+
+    with pytest.raises(UserError, match=words):
+        scene(x=x, y=y, crs=CRS.from_epsg(4326))
+
+
+def test_another_planet_has_its_own_air():
+    """The gate knows the Earth's air only: that of Mars, 600 Pa at the ground, passes on Mars's sphere."""
+    scene(radius=3.39e6, air_pressure=lambda p: 0.006 * p)
