@@ -139,8 +139,10 @@ class Viewpoint:
 
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
-        without the sun's disc."""
-        return np.asarray(self._eye.view(self._toward(azimuth_deg, altitude_deg)).radiance, float)
+        without discs and stars."""
+        rays = self._toward(azimuth_deg, altitude_deg)
+        view = self._eye.view(rays)
+        return np.asarray(view.radiance, float) + self._behind(rays.directions(), view)
 
     def sky(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
         """Solar-relative radiance toward directions (n,), of which the sum counts, and the transmittance to space along
@@ -193,14 +195,19 @@ class Viewpoint:
             lit.scene.atmosphere, wl, toa_irradiance(wl, lit.daylight), self.sun[1],
         )  # fmt: skip
 
+    def _behind(self, direction: F64, view: Any) -> F64 | float:
+        """Solar-relative radiance (n, nw) of the night's sky behind what rays (n, 3) see."""
+        heavens = self._heavens
+        if heavens is None or self.sun[1] >= DUSK_DEG:
+            return 0.0
+        return heavens.behind(direction, view.transmittance, view.hit)
+
     def _add_night(self, relative: NDArray, view: Any, pixels: Pixels) -> None:
         """The night's sky behind all else, into radiance (n, nw) of pixels; on single rays the moon as well."""
         heavens = self._heavens
         if heavens is None:
             return
-        if self.sun[1] < DUSK_DEG:
-            direction = pixels.direction[pixels.inside] @ self._axes
-            relative += heavens.behind(direction, view.transmittance, view.hit).astype(np.float32)
+        relative += np.float32(self._behind(pixels.direction[pixels.inside] @ self._axes, view))
         if self.camera.view == "rays":
             _add_disc(relative, view, pixels, heavens.moon_disc(), heavens.moon_strength())
 

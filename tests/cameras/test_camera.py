@@ -159,7 +159,7 @@ def test_sizes_follow_from_a_width():
         lambda: Camera.satellite(0, 0, size=0),
         lambda: Camera.satellite(0, 0, size=[10]),
         lambda: Camera.satellite(0, 0, size=()),
-        lambda: Camera.panorama(0, 0, size="10x20"),
+        lambda: Camera.panorama(0, 0, size="10:20"),
         lambda: Camera.panorama(0, 0, size=None),
         lambda: Camera.perspective(0, 0, size=[10.5, 20]),
         lambda: Camera.perspective(0, 0, size=float("nan")),
@@ -190,3 +190,14 @@ def test_rays_share_an_origin_or_a_direction():
 def test_views_are_called_by_their_constructors():
     views = ("allsky", "panorama", "sphere", "perspective", "satellite")
     assert [getattr(Camera, view)(lat=1, lon=2).name for view in views] == list(views)
+
+
+def test_a_size_in_words_is_that_of_the_command_line() -> None:
+    """Columns first; a tuple is the shape of an array."""
+    place = {"lat": 47.0, "lon": 11.0}
+    assert Camera.panorama(**place, size="1440x720").shape == Camera.panorama(**place, size=(720, 1440)).shape
+    assert Camera.panorama(**place, size="360").shape == Camera.panorama(**place, size=360).shape
+    assert Camera.perspective(**place, size="1920x1080").resized("960x540").shape == (540, 960)
+    for wrong in ("1440,720", "x", "0x5", "1440x720x3"):
+        with pytest.raises(UserError, match="image size"):
+            Camera.panorama(**place, size=wrong)

@@ -82,6 +82,18 @@ def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], t
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sky.nc", "sky.png"]
 
 
+def test_how_a_picture_looks_is_the_users_choice(world, tmp_path: Path) -> None:
+    from PIL import Image
+
+    look = ["--exposure", "sun", "--matrix", "paper", "--gamma", "2.2", "--bits", "16", "--caption", "none"]
+    assert run(["render", "f.nc", *ARGUMENTS, *look, "-o", "deep.png"]) == 0
+    assert (tmp_path / "deep.png").read_bytes()[24] == 16  # bits, in the header
+    assert run(["render", "f.nc", *ARGUMENTS, "--exposure", "0.25", "-o", "given.png"]) == 0
+    with Image.open(tmp_path / "given.png") as given:
+        assert given.text["Exposure"] == "0.25"
+        assert given.size == (9, 6)
+
+
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
@@ -99,6 +111,8 @@ def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], t
             ["--view", "perspective", "--azimuth", "30", "--altitude", "-5", "--fov", "50"],
             {"azimuth_deg": 30.0, "altitude_deg": -5.0, "fov_deg": 50.0},
         ),
+        (["--view", "perspective", "--roll", "12"], {"roll_deg": 12.0}),
+        (["--view", "panorama", "--altitude-range", "-5,40"], {"altitude_range_deg": (-5.0, 40.0)}),
         (["--view", "satellite", "--height", "35786000"], {"above": "sea level", "height_m": 35_786_000.0}),
     ],
 )
@@ -186,6 +200,12 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--sun", "180,91"], "altitude of -90 to 90"),
         (["-o", "x.png", "--sun", "noon"], "noon"),
         (["-o", "x.png", "--azimuth", "3"], "has no --azimuth"),
+        (["-o", "x.png", "--roll", "3"], "has no --roll"),
+        (["-o", "x.png", "--view", "sphere", "--altitude-range", "0,9"], "has no --altitude-range"),
+        (["-o", "x.png", "--view", "panorama", "--altitude-range", "9"], "BOTTOM,TOP"),
+        (["-o", "x.png", "--exposure", "0:"], "ALTITUDE:EXPOSURE"),
+        (["-o", "x.png", "--gamma", "-1"], "gamma"),
+        (["-o", "x.jpg", "--bits", "16"], "JPEG has 8 bits"),
         (["-o", "x.png", "--altitude", "20"], "looks up"),
         (["-o", "x.png", "--view", "panorama", "--fov", "20"], "has no --fov"),
         (["-o", "x.png", "--height", "-3"], "height"),

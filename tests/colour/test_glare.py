@@ -74,3 +74,16 @@ def test_a_hidden_sun_has_none_to_speak_of() -> None:
     plain, glared = (to_rgb(image, exposure=0.5, dither=False, glare=glare).astype(int) for glare in (False, True))
     assert np.abs(glared - plain).max() <= 1
     assert glare_of_sun(image["solar_relative_radiance"]) is None  # which tells no directions
+
+
+def test_no_glow_is_painted_on_the_ground() -> None:
+    low = 200.0, 2.0
+    level = Camera.perspective(**HERE, azimuth_deg=200.0, altitude_deg=0.0, fov_deg=50.0, size=(300, 400))
+    image = image_of(level, low)
+    plain, glared = (to_rgb(image, exposure=0.5, dither=False, glare=glare).astype(int) for glare in (False, True))
+    ground = image["altitude"].values < 0
+    np.testing.assert_array_equal(glared[ground], plain[ground])
+    assert (glared - plain)[~ground].max() > 100
+    image.coords["latitude"] = (("y", "x"), np.where(image["altitude"].values < 1.0, 47.0, np.nan))  # a hill
+    np.testing.assert_array_equal(to_rgb(image, exposure=0.5, dither=False)[image["altitude"].values < 1.0],
+                                  plain[image["altitude"].values < 1.0])  # fmt: skip

@@ -46,7 +46,7 @@ def text_of(path):
 
 @pytest.mark.parametrize("name", ["sky.png", "sky.PNG", "sky.jpg", "sky.jpeg", "sky.tif"])
 def test_pictures_carry_a_caption_below(image, tmp_path, name):
-    save(image, tmp_path / name)
+    save(image, tmp_path / name, caption="below")
     captioned = np.asarray(Image.open(tmp_path / name))
     save(image, tmp_path / f"bare_{name}", caption=False)
     bare = np.asarray(Image.open(tmp_path / f"bare_{name}"))
@@ -59,6 +59,42 @@ def test_pictures_carry_a_caption_below(image, tmp_path, name):
     assert strip.max() > 150  # ink ...
     assert np.median(strip) < 40  # ... on a dark ground
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f"bare_{name}"])
+
+
+def test_a_caption_inside_leaves_the_size_alone(image, tmp_path):
+    """It is over the lowest rows; all else is as without. Where it would hide a quarter there is none."""
+    tall = xr.concat([image] * 8, "y")
+    for caption in ("inside", "none"):
+        save(tall, tmp_path / f"{caption}.png", caption=caption)
+    inside, bare = (np.asarray(Image.open(tmp_path / f"{c}.png")).astype(int) for c in ("inside", "none"))
+    assert inside.shape == bare.shape == (320, 300, 3)
+    np.testing.assert_array_equal(inside[:240], bare[:240])
+    assert inside[270:].max() > 150
+    assert np.median(inside[300:]) < 0.5 * np.median(bare[300:])
+    save(image, tmp_path / "low.png")
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "low.png")), bare[:40])
+    with pytest.raises(UserError, match="inside, below, none"):
+        save(image, tmp_path / "wrong.png", caption="above")
+
+
+@pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
+def test_sixteen_bits_hold_what_eight_do_and_more(image, tmp_path):
+    """Read by rasterio, which knows 16 bits in three channels; its texts by Pillow."""
+    rasterio = pytest.importorskip("rasterio")
+    for name in ("sky.png", "sky.tif"):
+        save(image, tmp_path / name, caption="none", bits=16, exposure=0.5)
+        with rasterio.open(tmp_path / name) as opened:
+            deep = np.moveaxis(opened.read(), 0, -1)
+        with Image.open(tmp_path / name) as opened:
+            assert opened.size == (300, 40)
+            words = opened.text["Source"] if name.endswith("png") else opened.getexif()[270]
+            assert "wrfout_d01" in words
+        assert deep.dtype == np.uint16
+        assert len(np.unique(deep)) > 5000
+        save(image, tmp_path / f"plain_{name}", caption="none", dither=False, exposure=0.5)
+        np.testing.assert_allclose(deep / 257, np.asarray(Image.open(tmp_path / f"plain_{name}")), atol=0.51)
+    with pytest.raises(UserError, match="JPEG has 8 bits"):
+        save(image, tmp_path / "sky.jpg", bits=16)
 
 
 def test_captions_are_whole_or_left_out(image, tmp_path):

@@ -6,7 +6,7 @@ import xarray as xr
 
 from openswim.colour import auto_exposure, to_linear_rgb, to_rgb, to_xyz
 from openswim.colour.cie import standard_observer, xyz_weights
-from openswim.colour.rgb import PAPER_MATRIX, encode, into_gamut, quantise, rgb_matrix, shoulder
+from openswim.colour.rgb import PAPER_MATRIX, encode, exposure_for, into_gamut, quantise, rgb_matrix, shoulder
 from openswim.errors import UserError
 
 THREE = np.array([615.0, 546.0, 450.0])
@@ -164,11 +164,11 @@ def test_auto_exposure_ignores_the_suns_disc_black_space_and_what_is_outside():
 
 @pytest.mark.parametrize(
     ("dimmer", "darkest", "brightest"),
-    # clear skies by `fast`: the factor that a photographer would choose, over that of day
-    [(5e3, 100, 255), (3e4, 40, 160), (2e5, 0, 60), (2e7, 0, 1), (1e9, 0, 1)],
-    ids=["sun at -8 degrees", "-10", "-12", "-18", "-28"],
+    # clear skies by `fast`, over that of day; a night's has moon and stars, and is shown at less than half
+    [(5e3, 200, 240), (3e4, 200, 240), (2e5, 160, 200), (2e7, 100, 135)],
+    ids=["sun at -8 degrees", "-10", "-12", "-18"],
 )
-def test_twilight_is_seen_and_night_is_dark(dimmer, darkest, brightest):
+def test_twilight_is_seen_and_night_is_darker(dimmer, darkest, brightest):
     picture = to_rgb(picture_of(sky_with_clouds()[:, :40] / dimmer), dither=False)  # blue sky
     assert darkest <= picture[30, 10].max() <= brightest
 
@@ -233,3 +233,49 @@ def test_wrong_requests_are_refused_in_one_line(wrong):
 def test_the_papers_matrix_has_its_white():
     white = np.linalg.solve(PAPER_MATRIX, np.ones(3))
     np.testing.assert_allclose(chromaticity(white), [0.3292, 0.3449], atol=1e-4)  # errata, Eq. 36
+
+
+def test_what_is_brighter_is_never_less_white():
+    """The glare of a reddish sun over a whitish sky: inward, past the first white, every colour only grows."""
+    away = np.linspace(12.0, 0.25, 400)
+    for sun in ([1.0, 0.9, 0.75], [1.0, 0.55, 0.2]):
+        light = np.outer(1 / (1 + away), [0.9, 0.95, 1.0]) + np.outer(8 / away**2.5, sun)
+        rolled = shoulder(light)
+        white = rolled.max(axis=1) > 0.97
+        assert white.sum() > 50
+        assert (np.diff(rolled[white], axis=0) >= -0.002).all()
+        assert rolled[-1].min() > 0.995
+
+
+def low_sun(ground=0.02, share=0.4):
+    """Sky of 0.3, aureole of 6 in a twentieth of it, and dark land."""
+    image = np.full((100, 100, 3), 0.3)
+    image[:8, :40] = 6.0
+    image[int(100 * (1 - share)) :] = ground
+    return image
+
+
+def test_a_low_suns_landscape_can_be_read():
+    shown = to_rgb(picture_of(low_sun()), dither=False)
+    assert (shown.max(axis=-1) < 40).mean() < 0.01
+    assert (shown.min(axis=-1) > 250).mean() < 0.15
+    blue = to_rgb(picture_of(sky_with_clouds()), dither=False)  # by day nothing burns out for it
+    assert blue.max() < 255
+
+
+def test_a_series_has_one_exposure_by_the_suns_height():
+    found = []
+    for altitude in (-12.0, -3.0, 1.0, 20.0, 60.0):
+        for brightness in (0.2, 2.0):
+            image = picture_of(np.full((2, 2, 3), brightness)).to_dataset(name="solar_relative_radiance")
+            found.append(exposure_for(image.assign_attrs(sun_altitude_deg=altitude), "sun"))
+    assert found[::2] == found[1::2]
+    assert (np.diff(found[::2]) < 0).all()
+    given = image.assign_attrs(sun_altitude_deg=10.0)
+    assert exposure_for(given, "0:8,20:2") == pytest.approx(4.0)
+    assert exposure_for(given, "-5:8, 5:2") == pytest.approx(2.0)  # as at its end
+    with pytest.raises(UserError, match="altitude the image does not have"):
+        exposure_for(picture_of(np.ones((2, 2, 3))), "sun")
+    for wrong in ("0:", "3", "0:-1", "100:3", "0:1,x", "moon"):
+        with pytest.raises(UserError, match="ALTITUDE:EXPOSURE"):
+            exposure_for(given, wrong)

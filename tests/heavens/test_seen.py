@@ -5,7 +5,8 @@ import pytest
 
 import openswim
 from openswim.cameras import Camera
-from openswim.colour.photometry import luminance_cd_m2, solar_illuminance_lx
+from openswim.colour.cie import solar_illuminance_lx
+from openswim.colour.photometry import luminance_cd_m2
 from openswim.heavens.moon_disc import disc_light, even_places, on_the_moon
 from openswim.heavens.points import Points, drawn_points
 from openswim.lights import moon_irradiance, moon_position

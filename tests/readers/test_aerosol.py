@@ -99,6 +99,10 @@ def test_cams_mixing_ratios_in_grib(tmp_path):
     lat = scene.grid.lonlat(*np.meshgrid(np.arange(scene.grid.shape[2]), np.arange(scene.grid.shape[1])))[1]
     expected = 1e-8 * (1 + np.cos(np.radians(lat))) * density * 2542.0
     np.testing.assert_allclose(scene.data.extinction_dust.values, expected, rtol=0.02)
+    scene.to_netcdf(tmp_path / "scene.nc")
+    again = open_scene(tmp_path / "scene.nc")
+    assert again.optics == scene.optics
+    assert again.atmosphere.layers == scene.atmosphere.layers
 
 
 def test_naaps_and_cams_depths_in_netcdf(tmp_path):
@@ -122,3 +126,19 @@ def test_naaps_and_cams_depths_in_netcdf(tmp_path):
         assert aerosol_depth(scene, 0.0, (15.0, 10.0)) == pytest.approx(0.6 * 1.15, rel=4e-3)
         assert str(scene.time) == "2020-06-01T12:00:00.000"
         assert every[0] in "".join(describe(tmp_path / f"{model}.nc").species)
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_depth_at_one_wavelength_or_in_a_band(tmp_path, single):
+    """ECMWF writes 550 nm, NCEP 545 to 565 nm; what is at another wavelength is not of use."""
+    product = gf.ifs(gf.GLOBAL, levels=8)
+    for kind, nm, depth in ((62001, 550 if single else 545, 0.3), (62001, 865, 0.2), (62004, 550, 0.1)):
+        keys = {"productDefinitionTemplateNumber": 48, "aerosolType": kind, "scaleFactorOfFirstWavelength": 9,
+                "typeOfWavelengthInterval": 11 if single else 7, "scaledValueOfFirstWavelength": nm}  # fmt: skip
+        if not single:
+            keys |= {"scaleFactorOfSecondWavelength": 9, "scaledValueOfSecondWavelength": nm + 20}
+        product.messages.append(gf.Message((0, 20, 102), (10, 0), lambda lat, lon, d=depth: d + 0 * lat, keys=keys))
+    scene = open_scene(gf.write(tmp_path / "depths", product), around=(0.0, -30.0))
+    assert {"dust", "nitrate"} <= set(scene.species)
+    ground = float(scene.data.surface_altitude.values[2, 2])
+    assert aerosol_depth(scene, ground, (2.0, 2.0)) == pytest.approx(0.4, rel=2e-3)

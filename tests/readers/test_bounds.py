@@ -52,7 +52,7 @@ def _references(path: Path, pieces: dict[str, object], **more: object) -> Path:
     return path
 
 
-@pytest.mark.parametrize("where", ["alone", "in a store"])
+@pytest.mark.parametrize("where", ["alone", "in a store", "a loop in a store"])
 def test_a_pipe(tmp_path, where):
     if where == "alone":
         os.mkfifo(tmp_path / "a.nc")
@@ -60,7 +60,10 @@ def test_a_pipe(tmp_path, where):
     else:
         chunk = _store(tmp_path / "a.zarr")
         chunk.unlink()
-        os.mkfifo(chunk)
+        if where == "in a store":
+            os.mkfifo(chunk)
+        else:
+            chunk.symlink_to(chunk.name)
         _refused(tmp_path / "a.zarr", "a pipe, device or link to nowhere")
 
 
@@ -131,8 +134,11 @@ def test_references_count_from_the_folder_of_their_file(tmp_path, monkeypatch):
 
 def test_too_many_references(tmp_path):
     path = tmp_path / "a.json"
-    path.write_bytes(b'{"refs": {' + b" " * 65_000_000 + b"}}")
-    _refused(path, "a.json: references of over 64 MB")
+    path.write_bytes(b'{"refs": {' + b" " * 49_000_000 + b"}}")
+    _refused(path, "a.json: references of over 48 MB")
+    array = dict(zarr_format=2, shape=[20_000], chunks=[1], dtype="<f8", compressor=None, fill_value=0, order="C")
+    path = _references(tmp_path / "b.json", {"x/.zarray": json.dumps(array | dict(filters=None))})
+    _refused(path, "coordinate x lies in 20000 pieces")
 
 
 @pytest.mark.parametrize("kind", ["external", "virtual", "link"])

@@ -66,6 +66,8 @@ def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
     ("changed", "words"),
     [
         ({"liquid_content": lambda q: 1e-4 * q}, "next to nothing"),
+        ({"air_temperature": lambda t: 1.06 * t}, "0.947 times as warm"),
+        ({"air_temperature": lambda t: np.where(np.arange(31) == 5, 0.8 * t, t)}, "times as warm"),
         ({"liquid_effective_radius": lambda r: np.where(HEIGHT < 3e3, 0.0, r)}, "default sizes there"),
         ({"height": HEIGHT + 900.0}, "the lowest level is 910 m above sea level"),
         ({"crs": "EPSG:4326", "x": 2.5 * np.arange(4), "y": 0.25 * np.arange(4)}, "cells of 2.5 x 0.25 degrees"),

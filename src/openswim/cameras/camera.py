@@ -48,7 +48,8 @@ class Camera(RealCameras):
     `geostationary`; `fisheye`, `pinhole`, `from_map` and `from_rays` for real cameras), or read a file by
     `openswim.load_camera`.
 
-    Row 0, column 0 is the centre of the first pixel, on the top left.
+    Row 0, column 0 is the centre of the first pixel, on the top left.  A `size` is a number of columns, or as on the
+    command line "1440x720", columns x rows, or the shape of the image's array, (rows, columns).
     """
 
     view: View

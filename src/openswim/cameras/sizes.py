@@ -1,5 +1,6 @@
 """Sizes of pictures, and how wide the Earth is in them."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -8,12 +9,17 @@ import numpy as np
 from openswim.arguments import number
 from openswim.cameras.checks import MAX_HEIGHT_M, check_altitude_range, check_shape, require
 
-Size = int | Sequence[int]  # columns, or (rows, columns)
+Size = int | str | Sequence[int]  # columns; "COLUMNSxROWS" as the command line has it; an array's (rows, columns)
 WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer fits a flat picture
 
 
 def shape_of(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
     """(rows, columns) of a size; `rows` of so many columns where these alone are given."""
+    if isinstance(size, str):
+        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[xX]\s*(\d{1,6}))?\s*", size)
+        require(match is not None, f"image size {size!r}: write COLUMNS or COLUMNSxROWS, such as 1440x720")
+        assert match is not None
+        size = int(match[1]) if match[2] is None else (int(match[2]), int(match[1]))
     alone = isinstance(size, (int, np.integer))
     shape: Any = tuple(size) if isinstance(size, Iterable) else (rows(int(size)) if alone else size, size)
     check_shape(shape)

@@ -23,6 +23,8 @@ class FitRequest:
     indices: tuple[str, ...] = ()
     irregular: bool = False
     type_name: str | None = None
+    aeronet: tuple[Path, ...] = ()
+    time: str | None = None
     wavelengths: str = "615,546,450"
     json_path: Path | None = None
     plot_path: Path | None = None
@@ -61,7 +63,10 @@ def fit(request: FitRequest) -> None:
     wavelengths = _numbers("--wavelengths", request.wavelengths)
     if not wavelengths or not all(200 <= wl <= 4000 for wl in wavelengths):
         raise UserError(f"--wavelengths {request.wavelengths}: give nanometres within 200 to 4000, such as 615,546,450")
-    particles = _named(request, wavelengths) if request.type_name else _mie(request, wavelengths)
+    if request.aeronet:
+        particles = _sunphotometer(request, wavelengths)
+    else:
+        particles = _named(request, wavelengths) if request.type_name else _mie(request, wavelengths)
     fits = [fit_double_hg(phase) for phase in particles.phases]
     _print(wavelengths, fits, particles)
     if request.json_path is not None:
@@ -79,6 +84,39 @@ def _named(request: FitRequest, wavelengths: list[float]) -> _Particles:
     kind = aerosol_type(str(request.type_name))
     albedo = [float(a) for a in spectral_albedo(kind, wavelengths)]
     return _Particles(spectral_phase(kind, wavelengths), albedo, kind.angstrom_exponent, None)
+
+
+def _sunphotometer(request: FitRequest, wavelengths: list[float]) -> _Particles:
+    """By AERONET's inversions: phase functions as retrieved, else of size distribution and refractive index."""
+    import numpy as np
+
+    from openswim.scene.phase import phases_at
+    from openswim.stations.aeronet import read_aeronet
+
+    if request.modes or request.indices or request.irregular or request.type_name:
+        raise UserError("give --aeronet alone, or --type, or --mode and --index")
+    found = read_aeronet(list(request.aeronet), request.time)
+    if found.spherical < 1 and not found.phase:
+        share = f"{100 * (1 - found.spherical):.0f} %"
+        click.echo(f"note: {share} are no spheres: taken as irregular particles, as no table of spheroids is at hand "
+                   "(a .pfn file has AERONET's own)", err=True)  # fmt: skip
+    if found.phase:
+        phases = phases_at(found.phase, wavelengths)
+        albedo = np.interp(wavelengths, *_sorted(found.albedo or {550.0: 0.95}))
+    else:
+        optics = [found.particles(wl) for wl in wavelengths]
+        phases = [one.phase for one in optics]
+        albedo = np.array([one.single_scattering_albedo for one in optics])
+        if found.albedo:
+            albedo = np.interp(wavelengths, *_sorted(found.albedo))
+    known, depth = _sorted(found.depth)
+    exponent = -float(np.polyfit(np.log(known), np.log(depth), 1)[0]) if len(known) > 1 else None
+    return _Particles(phases, [float(a) for a in albedo], exponent, None)
+
+
+def _sorted(by_wavelength: dict[float, float]) -> tuple[list[float], list[float]]:
+    known = sorted(by_wavelength)
+    return known, [by_wavelength[wl] for wl in known]
 
 
 def _mie(request: FitRequest, wavelengths: list[float]) -> _Particles:

@@ -28,8 +28,9 @@ LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
 _VIEW_SAMPLES_PER_S = 1.8e7
+_SPACE_M, _FROM_SPACE = 1e5, 3.0  # above, rays are seen through the air steeply, and take so many times fewer
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
-_COLUMN_NODE_S = 0.35e-6  # the same where every column is solved by itself
+_COLUMN_NODE_S = 0.17e-6  # the same where every column is solved by itself
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
 _PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
 _CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
@@ -80,6 +81,7 @@ def estimate(
     plan = _plan(scene, solver, quality)
     nodes, wide = (0, False) if plan is None else (math.prod(plan.drawn_shape), solver == "fast" and plan.stands_alone)
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
+    steps /= _FROM_SPACE if camera.height_m > _SPACE_M else 1.0
     pixels, per_pixel = math.prod(camera.shape), wavelengths * PIXEL_BYTES
     per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths

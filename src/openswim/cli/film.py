@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from openswim.cli.render import RenderRequest, camera_of, neighbourhood, solver_of
+from openswim.cli.render import RenderRequest, camera_of, look_of, neighbourhood, solver_of
 from openswim.errors import UserError
 
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
@@ -56,7 +56,7 @@ def run(request: FilmRequest) -> None:
     start = clock.perf_counter()
     film(
         weather, camera, request.output, every_s=every, path=path, frames_per_second=request.frames_per_second,
-        speed=request.speed, exposure="auto" if picture.exposure is None else picture.exposure,
+        speed=request.speed, exposure=look_of(picture)["exposure"],
         keogram=request.keogram, title=request.title, solver=solver, from_time=request.start, to_time=request.end,
     )  # fmt: skip
     click.echo(f"{request.output}: {len(shots)} frames, {clock.perf_counter() - start:.0f} s")

@@ -35,6 +35,7 @@ class IrradianceRequest:
     planes: tuple[str, ...] = ()
     wavelengths: str | None = None
     vapour_cm: float | None = None
+    aeronet: tuple[Path, ...] = ()
     aod: float | None = None
     albedo: float | None = None
     station: Path | None = None
@@ -59,8 +60,10 @@ def run(request: IrradianceRequest) -> None:
             check_target(path, inputs, name)
     if request.station is None and (request.plot or request.fit):
         raise UserError("--plot and --fit need a --station to be compared with")
-    if not request.clear and (request.fit or request.aod is not None or request.albedo is not None):
-        raise UserError("--fit, --aod and --albedo are of a clear sky: leave them out, or FILES in place of --clear")
+    if not request.clear and (request.fit or request.aeronet or request.aod is not None or request.albedo is not None):
+        raise UserError("--fit, --aod, --aeronet and --albedo are of a clear sky: leave them out with a model's FILES")
+    if request.aeronet and request.aod is not None:
+        raise UserError("give --aeronet or --aod")
     model = _beside_station(request) if request.station is not None else _alone(request)
     if request.output is not None:
         _write(model, request.output)
@@ -78,16 +81,29 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
     scene: Any
     if request.clear:
         ground = request.ground_m or 0.0
-        aerosol = AerosolProfile(0.05 if request.aod is None else request.aod, base_height_m=ground)
+        aerosol, column = _by_aeronet(request, ground)
+        if aerosol is None:
+            aerosol = AerosolProfile(0.05 if request.aod is None else request.aod, base_height_m=ground)
         scene = Scene.clear(
-            request.lat, request.lon, Atmosphere.us_standard(aerosol=aerosol),
+            request.lat, request.lon, Atmosphere.us_standard(column.get("ozone_du", 300.0), aerosol),
             0.2 if request.albedo is None else request.albedo, ground,
+            water_vapour_cm=column.get("water_vapour_cm"),
         )  # fmt: skip
         times = _times(request, None)
     else:
         scene = Series.open(request.files, around=(request.lat, request.lon))
         times = _times(request, None if scene.times.size == 1 else scene.times)
     return openswim.irradiance(scene, request.lat, request.lon, times, **_options(request))
+
+
+def _by_aeronet(request: IrradianceRequest, ground_m: float) -> tuple[Any, dict[str, float]]:
+    """Aerosol above the ground, and water vapour and ozone, by AERONET; None and nothing without files."""
+    if not request.aeronet:
+        return None, {}
+    from openswim.stations.aeronet import read_aeronet
+
+    found = read_aeronet(list(request.aeronet), request.start if request.end is None else None)
+    return found.aerosol(ground_m), found.single
 
 
 def _options(request: IrradianceRequest) -> dict[str, Any]:
@@ -165,7 +181,10 @@ def _beside_station(request: IrradianceRequest) -> xr.Dataset:
         if request.plot is not None:
             plot(model, station, request.plot)
         return model
-    scene = scene_over(station, albedo=request.albedo)
+    aerosol, column = _by_aeronet(request, station.attrs["height_m"])
+    scene = scene_over(station, aerosol, column.get("ozone_du", 300.0), request.albedo)
+    if "water_vapour_cm" in column and request.vapour_cm is None:
+        options["water_vapour_cm"] = column["water_vapour_cm"]
     assert scene.atmosphere is not None
     if request.aod is not None and scene.atmosphere.aerosol is not None:
         scene = _with_depth(scene, request.aod)

@@ -119,7 +119,13 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north.")
 @click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon.")
 @click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees.")
+@click.option("--roll", "roll_deg", type=float, help="Of a perspective: the camera turned clockwise, degrees.")
+@click.option("--altitude-range", help="Of a panorama: BOTTOM,TOP in degrees.  [default: -30,90]")
 @click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS.")
+@click.option(
+    "--only", multiple=True,
+    help="Keep only these species of particles (see openswim info), or clouds, or aerosol; may be given several times.",
+)
 @click.option("--solver", type=click.Choice(SOLVERS), default="fast", show_default=True)
 @_quality
 @click.option(
@@ -152,7 +158,18 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
 @_allow_references
-@click.option("--exposure", type=float, help="Factor from solar-relative radiance to display.  [default: automatic]")
+@click.option(
+    "--exposure", default="auto", show_default=True,
+    help="Factor from solar-relative radiance to display; auto, by what is seen; sun, by the sun's altitude alone, "
+    "alike for all of a series; or a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's.",
+)
+@click.option("--matrix", type=click.Choice(("srgb", "paper")), default="srgb", show_default=True,
+              help="Colours by sRGB, or by Eq. 36 of Albers et al. 2020.")  # fmt: skip
+@click.option("--gamma", type=float, help="Power law in place of sRGB's curve; the paper has 2.2.")
+@click.option("--bits", type=click.Choice(("8", "16")), default="8", show_default=True,
+              help="A colour, in .png and .tif.")  # fmt: skip
+@click.option("--caption", type=click.Choice(("inside", "below", "none")), default="inside", show_default=True,
+              help="Where pictures say what was rendered.")  # fmt: skip
 @click.option(
     "-o", "--output", "outputs", type=click.Path(path_type=Path), multiple=True, required=True,
     help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
@@ -192,7 +209,8 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
 @_quality
 @click.option("--member", type=int, help="Of an ensemble: the member's number.  [default: the first]")
-@click.option("--exposure", type=float, help="Factor from radiance to display.  [default: a smooth curve]")
+@click.option("--exposure", default="auto", show_default=True,
+              help="As of openswim render; auto is one smooth curve for the film.")  # fmt: skip
 @click.option("--keogram", type=click.Path(path_type=Path),
               help="Also write the middle columns of all frames as this picture.")  # fmt: skip
 @click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
@@ -319,6 +337,8 @@ def correct_clouds(**options: Any) -> None:
 @click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
 @click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
 @click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
+@click.option("--aeronet", type=click.Path(path_type=Path), multiple=True,
+              help="Of --clear: aerosol, water vapour and ozone by files of AERONET.")  # fmt: skip
 @click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
 @click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
 @click.option(
@@ -399,6 +419,11 @@ def aerosol_types() -> None:
 )  # fmt: skip
 @click.option("--irregular", is_flag=True, help="Particles of size parameters above 3-8 are irregular, as dust is.")
 @click.option("--type", "type_name", help="Fit the phase function of a named type in place of --mode and --index.")
+@click.option(
+    "--aeronet", type=click.Path(path_type=Path), multiple=True,
+    help="File of AERONET's inversions (.all, .pfn), in place of --mode and --index; may be given often.",
+)  # fmt: skip
+@click.option("--time", help="Of --aeronet: UTC; the nearest row.  [default: the mean of all]")
 @click.option("--wavelengths", default="615,546,450", show_default=True, help="Wavelengths in nm.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Also write the fit to this file.")
 @click.option("--plot", "plot_path", type=click.Path(path_type=Path), help="Also draw the fit as this picture (.png).")

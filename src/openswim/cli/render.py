@@ -1,5 +1,6 @@
 """`openswim render`: from a file's name and a few options to a picture."""
 
+import contextlib
 import math
 import re
 import time
@@ -49,7 +50,14 @@ class RenderRequest:
     seed: int = 0
     error_percent: float | None = None
     checkpoint: Path | None = None
-    exposure: float | None = None
+    exposure: str = "auto"
+    matrix: str = "srgb"
+    gamma: float | None = None
+    bits: str = "8"
+    caption: str = "inside"
+    roll_deg: float | None = None
+    altitude_range: str | None = None
+    only: tuple[str, ...] = ()
     allow_references: bool = False
     albedo_maps: tuple[Path, ...] = ()
     town_lights: tuple[Path, ...] = ()
@@ -62,7 +70,7 @@ class RenderRequest:
 def run(request: RenderRequest) -> None:
     """Render and write; whatever can be wrong with the request is found before any work is done."""
     from openswim.colour import check_writable
-    from openswim.colour.rgb import check_exposure
+    from openswim.colour.picture import check_bits
     from openswim.ground.earth import preload
     from openswim.readers import files_of
     from openswim.scene.files import check_target
@@ -74,7 +82,8 @@ def run(request: RenderRequest) -> None:
         inputs.append(request.checkpoint)
     for output in request.outputs:
         check_writable(output, inputs)
-    check_exposure("auto" if request.exposure is None else request.exposure)
+        check_bits(output, int(request.bits))
+    look = look_of(request)
     camera = camera_of(request)
     sun = sun_of(request.sun)
     preload()
@@ -84,6 +93,7 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
     from openswim.optics.species import for_wavelengths
+    from openswim.scene.choosing import only
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
     given = request.albedo_maps or request.height_maps or request.town_lights
@@ -93,6 +103,7 @@ def run(request: RenderRequest) -> None:
         request.file, time=request.time, around=neighbourhood(request, camera), ground=ground,
         allow_references=request.allow_references, member=request.member,
     )
+    scene = only(scene, *request.only) if request.only else scene
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
@@ -106,8 +117,33 @@ def run(request: RenderRequest) -> None:
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
-    write(image, request.outputs, request.exposure)
+    write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
+
+
+def look_of(request: RenderRequest) -> dict[str, Any]:
+    """What `openswim.colour.save` is told of how pictures look."""
+    from openswim.colour.exposure import check_exposure, check_gamma
+
+    exposure: float | str = request.exposure
+    with contextlib.suppress(ValueError):
+        exposure = float(exposure)
+    check_exposure(exposure)
+    gamma: float | str = "srgb" if request.gamma is None else request.gamma
+    check_gamma(gamma)
+    return {
+        "exposure": exposure, "matrix": request.matrix, "gamma": gamma, "bits": int(request.bits),
+        "caption": request.caption,
+    }  # fmt: skip
+
+
+def altitudes_of(text: str) -> tuple[float, float]:
+    """Bottom and top of a panorama, degrees."""
+    try:
+        bottom, top = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"--altitude-range {text}: write BOTTOM,TOP in degrees, such as -10,45") from None
+    return bottom, top
 
 
 def wavelengths_of(text: str | None) -> tuple[float, ...]:
@@ -202,19 +238,14 @@ def camera_of(request: RenderRequest) -> "Camera":
     place = _place(request)
     allowed = {
         "allsky": {"altitude_deg", "fov_deg"},
-        "panorama": {"azimuth_deg"},
+        "panorama": {"azimuth_deg", "altitude_range_deg"},
         "sphere": {"azimuth_deg"},
-        "perspective": {"azimuth_deg", "altitude_deg", "fov_deg"},
+        "perspective": {"azimuth_deg", "altitude_deg", "fov_deg", "roll_deg"},
         "satellite": {"fov_deg"},
     }[request.view]
-    given = {
-        name: value
-        for name in ("azimuth_deg", "altitude_deg", "fov_deg")
-        if (value := getattr(request, name)) is not None
-    }
-    for name in given.keys() - allowed:
-        raise UserError(f"--view {request.view} has no --{name.removesuffix('_deg')}; leave it out")
-    options: dict[str, Any] = dict(given)
+    options = _aim(request)
+    for name in sorted(options.keys() - allowed):
+        raise UserError(f"--view {request.view} has no {_option(name)}; leave it out")
     if request.size is not None:
         options["size"] = parse_size(request.size, square=request.view == "allsky")
     if request.height_m is not None:
@@ -226,12 +257,24 @@ def camera_of(request: RenderRequest) -> "Camera":
     return getattr(Camera, request.view)(**place, **options)
 
 
+def _aim(request: RenderRequest) -> dict[str, Any]:
+    """What the options say of where a camera looks."""
+    names = ("azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
+    aim: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
+    if request.altitude_range is not None:
+        aim["altitude_range_deg"] = altitudes_of(request.altitude_range)
+    return aim
+
+
+def _option(name: str) -> str:
+    return "--" + name.removesuffix("_deg").replace("_", "-")
+
+
 def _camera_of_file(request: RenderRequest, path: Path) -> "Camera":
     from openswim.cameras.files import load_camera
 
-    for name in ("azimuth_deg", "altitude_deg", "fov_deg"):
-        if getattr(request, name) is not None:
-            raise UserError(f"--camera says where its camera looks: leave out --{name.removesuffix('_deg')}")
+    for name in _aim(request):
+        raise UserError(f"--camera says where its camera looks: leave out {_option(name)}")
     place = {name: getattr(request, name) for name in ("lat", "lon", "x_m", "y_m", "height_m")}
     camera = load_camera(path, **place)
     return camera if request.size is None else camera.resized(parse_size(request.size))
@@ -315,9 +358,9 @@ def irradiance_line(image: "xr.Dataset") -> str:
     return "irradiance: " + ", ".join(f"{n} {v:.1f}" for n, v in zip(names, values, strict=True)) + " W/m2"
 
 
-def write(image: "xr.Dataset", outputs: tuple[Path, ...], exposure: float | None = None) -> None:
+def write(image: "xr.Dataset", outputs: tuple[Path, ...], look: dict[str, Any] | None = None) -> None:
     """Write the image to every output; each appears only when it is complete."""
     from openswim.colour import save
 
     for output in outputs:
-        save(image, output, exposure="auto" if exposure is None else exposure)
+        save(image, output, **look or {})

@@ -91,13 +91,14 @@ def _irradiance(attrs: dict[Any, Any]) -> str:
     return ", ".join(known) + " W/m2" if known else ""
 
 
-def with_strip(picture: np.ndarray, entries: dict[str, str]) -> np.ndarray:
-    """The picture (y, x, 3) uint8 with the entries on a strip added below it, wrapped to its width; without it where
-    nobody could read it."""
-    width = picture.shape[1]
+def with_strip(picture: np.ndarray, entries: dict[str, str], inside: bool = False) -> np.ndarray:
+    """The picture (y, x, 3), uint8 or uint16, with the entries on a strip wrapped to its width: below it, or `inside`
+    over its lowest rows, of which a third shines through. Without it where nobody could read it, or where it would
+    take more than a quarter of the picture."""
+    rows, width = picture.shape[:2]
     if width < NARROWEST:
         return picture
-    size = float(np.clip(width / 70, 9, 24))
+    size = float(np.clip(width / (100 if inside else 70), 9, 24))
     font = ImageFont.load_default(size)
     space, step = round(size * 0.6), round(size * 1.4)
     parts = [value if key == "Place" else f"{key}: {value}" for key, value in entries.items()]
@@ -106,7 +107,14 @@ def with_strip(picture: np.ndarray, entries: dict[str, str]) -> np.ndarray:
     draw = ImageDraw.Draw(strip)
     for row, line in enumerate(lines):
         draw.text((space, row * step + space // 2), line, INK, font=font)
-    return np.concatenate([picture, np.asarray(strip)])
+    drawn = np.asarray(strip).astype(picture.dtype) * (257 if picture.dtype == np.uint16 else 1)
+    if not inside:
+        return np.concatenate([picture, drawn])
+    if 4 * len(drawn) > rows:
+        return picture
+    below = picture[rows - len(drawn) :].astype(int) // 3
+    seen = np.maximum(drawn, below.astype(picture.dtype))
+    return np.concatenate([picture[: rows - len(drawn)], seen])
 
 
 def _wrapped(parts: list[str], font: Any, width: float) -> list[str]:

@@ -1,14 +1,27 @@
 """The CIE 1931 standard observer."""
 
+from functools import cache
+
 import numpy as np
 
 from openswim.tables import csv_columns
+
+LUMENS_PER_WATT = 683.002
 
 
 def standard_observer() -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (81,), 380-780 nm, and the 2-degree colour matching functions (81, 3); CIE 018:2019."""
     wavelengths, *matching = csv_columns("colour", "cie1931_2deg")
     return wavelengths, np.stack(matching, axis=-1)
+
+
+@cache
+def solar_illuminance_lx() -> float:
+    """Of the sun at 1 au, outside of the air."""
+    from openswim.lights.spectrum import solar_irradiance
+
+    wavelengths, matching = standard_observer()
+    return float(LUMENS_PER_WATT * (solar_irradiance(wavelengths, 5.0) * matching[:, 1]).sum() * 5.0)
 
 
 def xyz_weights(step_nm: float = 5.0) -> tuple[np.ndarray, np.ndarray]:

@@ -44,13 +44,24 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
     rows = np.flatnonzero(around.any(axis=1))
     some = slice(max(rows[0] - 1, 0), rows[-1] + 2)
     sunny, around = sunny[some], around[some] & ~sunny[some]
-    direction = horizon_vector(*(image[name].values[some].astype(float) for name in ("azimuth", "altitude")))
-    solid_angle = np.linalg.norm(np.cross(np.gradient(direction, axis=0), np.gradient(direction, axis=1)), axis=-1)
+    if "solid_angle" in image:
+        solid_angle = image["solid_angle"].values[some]
+    else:
+        direction = horizon_vector(*(image[name].values[some].astype(float) for name in ("azimuth", "altitude")))
+        solid_angle = np.linalg.norm(np.cross(np.gradient(direction, axis=0), np.gradient(direction, axis=1)), axis=-1)
     light = np.nan_to_num(image["solar_relative_radiance"].transpose(..., "wavelength").values[some])
     sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
     held = np.maximum(((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny].sum(axis=0), 0)
     irradiance = xr.DataArray(held, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    return np.nan_to_num(spread(angle)).astype(np.float32), irradiance
+    return np.nan_to_num(np.where(_ground(image), 0.0, spread(angle))).astype(np.float32), irradiance
+
+
+def _ground(image: xr.Dataset) -> np.ndarray:
+    """Whether a pixel (y, x) shows ground, on which no glare is drawn: where it knows its place, or looks below the
+    horizon."""
+    if "latitude" in image.coords and image["latitude"].dims == image["azimuth"].dims:
+        return np.isfinite(image["latitude"].values)
+    return np.asarray(image["altitude"].values < 0)
 
 
 def _between(azimuth: np.ndarray, altitude: np.ndarray, other_azimuth: float, other_altitude: float) -> np.ndarray:

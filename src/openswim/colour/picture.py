@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 DATA = (".nc", ".zarr")
+CAPTIONS = ("inside", "below", "none")
 
 
 def check_writable(path: str | Path, inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
@@ -36,19 +38,21 @@ def save(
     image: xr.Dataset,
     path: str | Path,
     exposure: float | str = "auto",
-    caption: bool = True,
+    caption: bool | str = "inside",
     **rgb_options: Any,
 ) -> None:
     """Write a rendered image by the suffix of `path`: .png, .jpg, .tif as a picture, .nc, .zarr as data.
 
-    Pictures carry what was rendered on a strip below (`caption`) and in their metadata; `exposure` and the
-    other options are those of `to_rgb`.  The file appears under its name only when it is complete.
+    Pictures carry what was rendered in their metadata and on a strip: `caption` "inside", over the picture's lowest
+    rows, so that the file has the image's size; "below", added to it; or "none".  `exposure` and the other options are
+    those of `to_rgb`; PNG and TIFF may have 16 `bits`.  The file appears under its name only when it is complete.
     """
-    from openswim.colour.rgb import check_exposure
+    from openswim.colour.exposure import check_exposure
 
     path = Path(path)
     check_writable(path)
     check_exposure(exposure)
+    caption = check_caption(caption)
     suffix = path.suffix.lower()
     if suffix in DATA:
         with written_whole(path) as partial:
@@ -57,32 +61,51 @@ def save(
         _save_picture(image, path, exposure, caption, rgb_options)
 
 
-def _save_picture(
-    image: xr.Dataset, path: Path, exposure: Any, caption: bool, options: dict[str, Any]
-) -> None:
-    from openswim.colour.caption import facts, with_strip
-    from openswim.colour.rgb import auto_exposure, to_rgb
+def check_caption(caption: Any) -> str:
+    """ "inside", "below" or "none"; True and False are "below" and "none"."""
+    caption = {True: "below", False: "none"}.get(caption, caption) if isinstance(caption, bool) else caption
+    if caption not in CAPTIONS:
+        raise UserError(f"caption {shown(caption)} is unknown: choose one of {', '.join(CAPTIONS)}")
+    return str(caption)
 
-    exposure = auto_exposure(image) if exposure == "auto" else exposure
+
+def check_bits(path: Path, bits: int) -> None:
+    """Raise UserError where a picture's format does not take so many bits a colour."""
+    if bits == 16 and path.suffix.lower() in (".jpg", ".jpeg"):
+        raise UserError(f"output {path}: JPEG has 8 bits a colour; write .png or .tif for 16")
+
+
+def _save_picture(image: xr.Dataset, path: Path, exposure: Any, caption: str, options: dict[str, Any]) -> None:
+    from openswim.colour.caption import facts, with_strip
+    from openswim.colour.rgb import exposure_for, to_rgb
+
+    check_bits(path, options.get("bits", 8))
+    exposure = exposure_for(image, exposure)
     picture = to_rgb(image, exposure, **options)
     entries = facts(image, exposure)
-    if caption and entries:
-        picture = with_strip(picture, entries)
+    if caption != "none" and entries:
+        picture = with_strip(picture, entries, inside=caption == "inside")
     with written_whole(path) as partial:
         write_picture(picture, partial, entries)
 
 
 def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> None:
-    """Write uint8 (y, x, 3) with the entries as metadata: PNG text, or the description of a JPEG or TIFF."""
+    """Write uint8 or uint16 (y, x, 3) with the entries as metadata: PNG text, or the description of a JPEG or TIFF."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
+    from openswim.colour import sixteen
+
+    if picture.dtype == np.uint16:
+        path.write_bytes((sixteen.png if path.suffix.lower() == ".png" else sixteen.tiff)(picture, _texts(entries)))
+        return
     drawn, encoded = Image.fromarray(picture), BytesIO()  # Pillow's own writer does not tell of a full disk
-    description = "; ".join(f"{key}: {value}" for key, value in entries.items())
+    texts = _texts(entries)
+    description = texts["Description"]
     suffix = path.suffix.lower()
     if suffix == ".png":
         text = PngInfo()
-        for key, value in {"Software": "OpenSWIm", "Description": description, **entries}.items():
+        for key, value in texts.items():
             text.add_itxt(key, value)
         drawn.save(encoded, "PNG", pnginfo=text)
     elif suffix in (".jpg", ".jpeg"):
@@ -92,6 +115,11 @@ def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> N
     else:
         drawn.save(encoded, "TIFF", compression="tiff_deflate", tiffinfo={270: description, 305: "OpenSWIm"})
     path.write_bytes(encoded.getbuffer())
+
+
+def _texts(entries: dict[str, str]) -> dict[str, str]:
+    description = "; ".join(f"{key}: {value}" for key, value in entries.items())
+    return {"Software": "OpenSWIm", "Description": description, **entries}
 
 
 def _write_netcdf(image: xr.Dataset, path: Path) -> None:

@@ -6,7 +6,9 @@ import numpy as np
 import xarray as xr
 
 from openswim.arguments import check_kind, shown
-from openswim.colour.cie import xyz_weights
+from openswim.colour.cie import solar_illuminance_lx, xyz_weights
+from openswim.colour.dark_eye import mesopic
+from openswim.colour.exposure import auto_of, check_exposure, check_gamma, exposure_of
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
@@ -27,15 +29,8 @@ SRGB_MATRIX = np.array(
 )
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
-MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
-HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shoulder takes 1.1 to .849
-# Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
-# what it goes to falls from a third of white to less than a tenth
-DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
-MOST_EXPOSURE = 1e9
-_LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
 SHOULDER = 0.5  # below this tones are proportional to the scene
-PALEST, PALE_RANGE = 0.7, 6.0  # how far colours pale toward white, and how far above white they do so
+PALE_RANGE = 3.0  # how far above white colours pale
 
 Matrix = Literal["srgb", "paper"]
 
@@ -95,56 +90,57 @@ def to_linear_rgb(image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb") -> 
 
 
 def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
-    """The factor from L' to display light that a photographer would choose.
-
-    The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts:
-    their 98th percentile stays at 1.1, which the shoulder brings below white.  At night it goes to less than a
-    tenth, as from a tripod.  Pixels outside the image, black space (below .2 % of the bright parts) and the sun's
-    disc do not count.
-    """
+    """The factor from L' to display light that a photographer would choose: see `openswim.colour.exposure.auto_of`."""
     data = solar_relative(image)
     pixels = data.size / data.sizes["wavelength"]
     every = slice(None, None, max(1, int(np.sqrt(pixels / SAMPLED))))
-    luminance = to_xyz(data.isel({name: every for name in data.dims[:-1]}))[..., 1]
+    some = {name: every for name in data.dims[:-1]}
+    weight = None
+    if isinstance(image, xr.Dataset) and "solid_angle" in image and image["solid_angle"].dims == data.dims[:-1]:
+        weight = image["solid_angle"].isel(some).values
+    return auto_of(to_xyz(data.isel(some))[..., 1], weight)
 
-    valid = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if valid.size == 0:
-        return 1.0
-    bright = np.percentile(valid, 98.0)
-    scene = valid[(valid > 0.002 * bright) & (valid < 30 * bright)]
-    typical = np.exp(np.log(scene).mean())
-    late = np.clip(np.log(DUSK / typical) / np.log(DUSK / NIGHT), 0, 1)
-    middle = MIDDLE * (NIGHT_MIDDLE / MIDDLE) ** late
-    return float(min(middle / typical, HIGHLIGHT / np.percentile(scene, 98.0), MOST_EXPOSURE))
+
+def exposure_for(image: xr.Dataset | xr.DataArray, exposure: float | str) -> float:
+    """The factor that a picture gets by what was asked for: see `openswim.colour.exposure.check_exposure`."""
+    check_exposure(exposure)
+    factor = exposure_of(image, exposure)
+    return auto_exposure(image) if factor is None else factor
 
 
 def to_rgb(
     image: xr.Dataset | xr.DataArray,
-    exposure: float | Literal["auto"] = "auto",
+    exposure: float | str = "auto",
     matrix: Matrix = "srgb",
     gamma: float | Literal["srgb"] = "srgb",
     roll_off: bool = True,
     dither: bool = True,
     glare: bool = True,
+    bits: int = 8,
+    eye: bool = False,
 ) -> np.ndarray:
-    """A picture, uint8 (y, x, 3), of a rendered image; NaN pixels are black.
+    """A picture, uint8 or, of 16 `bits`, uint16 (y, x, 3), of a rendered image; NaN pixels are black.
 
-    `exposure` multiplies L' (.25 makes a white wall facing the sun exactly white) or is "auto", see
-    `auto_exposure`.  `matrix` "srgb" or "paper" (Eq. 36).  `gamma` "srgb" (the standard's curve) or a number
-    (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same for the three colours, so
-    that bright things keep their hue.  `dither`: noise below one step against banding, the same at every
-    call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
+    `exposure` multiplies L' (.25 makes a white wall facing the sun exactly white), or it is "auto", see
+    `auto_exposure`; "sun", by the sun's altitude alone and so alike in all pictures of a series; or a curve such as
+    "-6:900,0:14,30:1.3" of the sun's altitude and the exposure.  `matrix` "srgb" or "paper" (Eq. 36).  `gamma` "srgb"
+    (the standard's curve) or a number (the paper: 2.2).  `roll_off`: a soft shoulder instead of a hard clip, the same
+    for the three colours, so that bright things keep their hue.  `dither`: noise below one step against banding, the
+    same at every call.  `glare`: what a lens scatters of the sun's disc where it is seen (`glare.spread`).
+    `eye`: as an eye that has got used to the dark sees, which has few colours in moonlight and none under stars
+    (`dark_eye.mesopic`).
     """
-    check_exposure(exposure)
     if (dims := solar_relative(image).dims)[:-1] != ("y", "x"):
         found = ", ".join(map(str, dims))
         raise UserError(f"image has dimensions ({found}), not (y, x, wavelength): cut rows and columns as isel(x=[0])")
-    factor = auto_exposure(image) if exposure == "auto" else exposure
-    return developed(display_light(image, matrix, glare), float(factor), gamma, roll_off, dither)
+    if bits not in (8, 16):
+        raise UserError(f"bits {shown(bits)}: a picture has 8 or 16 a colour")
+    factor = exposure_for(image, exposure)
+    return developed(display_light(image, matrix, glare, eye), float(factor), gamma, roll_off, dither, bits)
 
 
 def display_light(
-    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True
+    image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb", glare: bool = True, eye: bool = False
 ) -> np.ndarray:
     """What a display is to show, before any exposure: linear RGB (y, x, 3), float32, within its primaries; see
     `to_rgb`. NaN pixels are 0."""
@@ -152,28 +148,21 @@ def display_light(
     if glare and (sun := glare_of_sun(image)) is not None:
         share, irradiance = sun
         xyz += share[..., None] * to_xyz(irradiance)
+    if eye:
+        luminance = np.float32(solar_illuminance_lx() / (4 * np.pi * image.attrs.get("sun_distance_au", 1.0) ** 2))
+        xyz = mesopic(luminance * xyz) / luminance
     return into_gamut(xyz @ rgb_matrix(matrix).T.astype(np.float32), np.maximum(xyz[..., 1:2], 0))
 
 
 def developed(
     light: np.ndarray, exposure: float, gamma: float | Literal["srgb"] = "srgb", roll_off: bool = True,
-    dither: bool = True,
+    dither: bool = True, bits: int = 8,
 ) -> np.ndarray:  # fmt: skip
-    """The picture, uint8 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
+    """The picture, uint8 or uint16 (y, x, 3), of `display_light` at an exposure; see `to_rgb`."""
     linear = light * np.float32(exposure)
     if roll_off:
         linear = shoulder(linear)
-    return quantise(encode(np.clip(linear, 0, 1), gamma), dither)
-
-
-def check_exposure(exposure: float | str) -> None:
-    """Raise UserError unless `to_rgb` takes this exposure."""
-    if exposure != "auto" and not _is_positive(exposure):
-        raise UserError(f"exposure {exposure!r} must be a positive number up to {_LARGEST_EXPOSURE:.0e}, or 'auto'")
-
-
-def _is_positive(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and bool(0 < value <= _LARGEST_EXPOSURE)
+    return quantise(encode(np.clip(linear, 0, 1), gamma), dither, bits)
 
 
 def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
@@ -186,14 +175,14 @@ def into_gamut(linear: np.ndarray, luminance: np.ndarray) -> np.ndarray:
 def shoulder(linear: np.ndarray) -> np.ndarray:
     """Highlights rolled off: the largest component m > .5 becomes 1 - .5 e^-((m - .5)/.5).
 
-    The other two follow in proportion, so the hue stays; far above white (m of 10) colours pale by up to .7,
-    as the eye's and the film's do.
+    The other two follow in proportion, so the hue stays; above white colours pale, as the eye's and the film's do, and
+    what is brighter is never less white.
     """
     largest = _of_three(np.maximum, linear)
     room = 1 - SHOULDER
     rolled = 1 - room * np.exp(-np.maximum(largest - SHOULDER, 0) / room)
     scaled = linear * np.where(largest > SHOULDER, rolled / np.maximum(largest, SHOULDER), 1)
-    pale = PALEST * -np.expm1(-np.maximum(largest - 1, 0) / PALE_RANGE)
+    pale = -np.expm1(-np.maximum(largest - 1, 0) / PALE_RANGE)
     return scaled + pale * (rolled - scaled)
 
 
@@ -208,16 +197,17 @@ def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.nd
         return np.where(
             linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
         )
-    if not _is_positive(gamma):
-        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+    check_gamma(gamma)
     return linear ** (1 / gamma)
 
 
-def quantise(display: np.ndarray, dither: bool = True) -> np.ndarray:
-    """Display values 0..1 (y, x, 3) to uint8; 0 and 1 stay exact.
+def quantise(display: np.ndarray, dither: bool = True, bits: int = 8) -> np.ndarray:
+    """Display values 0..1 (y, x, 3) to uint8, or uint16; 0 and 1 stay exact.
 
-    The dither is interleaved gradient noise (Jimenez 2014), spread evenly like blue noise, uniform in [0, 1).
+    The dither of 8 bits is interleaved gradient noise (Jimenez 2014), spread evenly like blue noise, uniform in [0, 1).
     """
+    if bits == 16:
+        return np.round(display * 65535).astype(np.uint16)
     if not dither:
         return np.round(display * 255).astype(np.uint8)
     y, x = np.ogrid[: display.shape[0], : display.shape[1]]

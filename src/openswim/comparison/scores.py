@@ -53,7 +53,7 @@ class Region:
     def of(cls, frame: Prepared, valid: Mask) -> "Region":
         weight = frame.pixels.solid_angle_sr[valid]
         if not weight.size:
-            return cls(valid, weight, Tiles(np.empty(0, np.intp), np.empty((0, 3)), np.empty(0)))
+            return cls(valid, weight, Tiles(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)))
         return cls(valid, weight, Tiles.of(frame.pixels.direction[valid], weight))
 
 

@@ -2,10 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]
 Statistic = Callable[[F64], F64]
@@ -28,50 +31,31 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """The tile that each of n directions lies in: `number` (n,), the tiles' middles (m, 3), and their shares (m,).
+    """The tile that each of n directions lies in: `number` (n,) among those that there are, `which` of the sky's these
+    are (m,), and their shares of the solid angle (m,).
 
     Bands of altitude of 15 degrees from nadir to zenith are cut into parts as wide as they are high.
     """
 
     number: NDArray[np.intp]
-    middle: F64
+    which: NDArray[np.intp]
     share: F64
 
     @classmethod
-    def of(cls, direction: F64, weight: F64 | None = None, tile_deg: float = TILE_DEG) -> "Tiles":
+    def of(cls, direction: F64, weight: F64 | None = None) -> "Tiles":
         """Of unit vectors (n, 3) east, north, up, and the solid angle (n,) of each."""
         altitude = np.degrees(np.arcsin(np.clip(direction[:, 2], -1, 1)))
         azimuth = np.degrees(np.arctan2(direction[:, 0], direction[:, 1])) % 360
-        bands = int(np.ceil(180 / tile_deg))
-        band = np.minimum((altitude + 90) // tile_deg, bands - 1).astype(int)
-        middle = np.radians((np.arange(bands) + 0.5) * tile_deg - 90)
-        parts = np.maximum(1, np.round(360 * np.cos(middle) / tile_deg)).astype(int)
-        first = np.concatenate([[0], np.cumsum(parts)])
+        _, parts, first = _bands()
+        band = np.minimum((altitude + 90) // TILE_DEG, len(parts) - 1).astype(int)
         tile = first[band] + np.minimum((azimuth / 360 * parts[band]).astype(int), parts[band] - 1)
-        _, number = np.unique(tile, return_inverse=True)
-        weight = np.ones(len(direction)) if weight is None else weight
-        mean = np.stack([np.bincount(number, weight * along) for along in direction.T], axis=-1)
-        share = np.bincount(number, weight)
-        return cls(number, mean / np.linalg.norm(mean, axis=1, keepdims=True), share / share.sum())
+        which, number = np.unique(tile, return_inverse=True)
+        share = np.bincount(number, weight, len(which)).astype(float)
+        return cls(number, which, share / max(share.sum(), 1e-300))
 
     def sums(self, values: F64) -> F64:
         """(m, k): sums of values (n, k) over each tile."""
         return np.stack([np.bincount(self.number, column) for column in values.T], axis=-1)
-
-    @cached_property
-    def likeness(self) -> F64:
-        """(m, m): how much alike two tiles are weighed."""
-        apart = np.degrees(np.arccos(np.clip(self.middle @ self.middle.T, -1, 1)))
-        return np.asarray(np.exp(-0.5 * (apart / ALIKE_DEG) ** 2))
-
-    @cached_property
-    def weights(self) -> F64:
-        """(RESAMPLES, m): random weights of the tiles, exponentially distributed with a mean of 1."""
-        from scipy.special import ndtr
-
-        variance, axes = np.linalg.eigh(self.likeness)
-        normal = np.random.default_rng(0).normal(size=(RESAMPLES, len(variance)))
-        return np.asarray(-np.log1p(-ndtr(normal @ (axes * np.sqrt(np.clip(variance, 0, None))).T)))
 
     @cached_property
     def widening(self) -> float:
@@ -79,7 +63,8 @@ class Tiles:
         number m* lowers the spread by sqrt(1 - 1/m*), and Student's t with m* - 1 degrees of freedom is the law."""
         from scipy.special import stdtrit
 
-        independent = 1 / float(self.share @ self.likeness @ self.share)
+        likeness = _likeness()[np.ix_(self.which, self.which)]
+        independent = 1 / float(self.share @ likeness @ self.share)
         if independent < 2:
             return np.inf
         return float(stdtrit(independent - 1, 0.975) / 1.959964 / np.sqrt(1 - 1 / independent))
@@ -101,9 +86,38 @@ class Tiles:
                 return Interval(np.nan, reason=reason or "not defined here")
             if len(sums) < FEWEST_TILES or not np.isfinite(self.widening):
                 return Interval(value, reason="too few tiles of the sky for an interval")
-            found = statistic(self.weights @ sums)
+            found = statistic(_weights()[:, self.which] @ sums)
         found = found[np.isfinite(found)]
         if found.size < RESAMPLES / 2:
             return Interval(value, reason="most draws of tiles have no score")
         low, high = (value + (end - value) * self.widening for end in np.percentile(found, (2.5, 97.5)))
         return Interval(value, float(max(low, bounds[0])), float(min(high, bounds[1])))
+
+
+@cache
+def _bands() -> tuple[Any, Any, Any]:
+    """Middle altitudes (degrees) of the bands, their numbers of parts, and the number of each one's first tile."""
+    count = int(180 / TILE_DEG)
+    middle = (np.arange(count) + 0.5) * TILE_DEG - 90
+    parts = np.asarray(np.maximum(1, np.round(360 * np.cos(np.radians(middle)) / TILE_DEG)), np.intp)
+    return middle, parts, np.concatenate([[0], np.cumsum(parts)[:-1]]).astype(np.intp)
+
+
+@cache
+def _likeness() -> F64:
+    """(tiles of the sky, same): how much alike two tiles are weighed."""
+    middle, parts, _ = _bands()
+    azimuth = np.concatenate([(np.arange(n) + 0.5) / n * 360 for n in parts])
+    direction = horizon_vector(azimuth, np.repeat(middle, parts))
+    apart = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))
+    return np.asarray(np.exp(-0.5 * (apart / ALIKE_DEG) ** 2))
+
+
+@cache
+def _weights() -> F64:
+    """(RESAMPLES, tiles of the sky): random weights, exponentially distributed with a mean of 1, neighbours' alike."""
+    from scipy.special import ndtr
+
+    variance, axes = np.linalg.eigh(_likeness())
+    normal = np.random.default_rng(0).normal(size=(RESAMPLES, len(variance)))
+    return np.asarray(-np.log1p(-ndtr(normal @ (axes * np.sqrt(np.clip(variance, 0, None))).T)))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind, number
 from openswim.cameras import Camera
+from openswim.colour.exposure import check_exposure
 from openswim.errors import UserError
 from openswim.films.camera_path import CameraPath
 from openswim.films.exposure import exposure_curve
@@ -67,7 +68,8 @@ def film(
     every_s : seconds from frame to frame, also between model times, where clouds are carried by the wind (`between`);
         without it each model time is a frame. from_time, to_time: only this part, UTC.
     path : a camera's path (or its CSV or GPX file), played at ``speed`` times its own speed; see `CameraPath.read`.
-    exposure : a factor from L' to display, or "auto": one smooth curve for the film (`exposure_curve`).
+    exposure : a factor from L' to display; "auto", one smooth curve for the film (`exposure_curve`); or what else
+        `openswim.to_rgb` takes.
     keogram : also write the middle columns of all frames, side by side, as this picture.
     title : valid time, place and model at the foot of each frame.
 
@@ -81,12 +83,14 @@ def film(
     fps = number("film: frames_per_second", frames_per_second)
     if not 0 < fps <= 240:
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
+    check_exposure(exposure)
     sky = _weather(weather)
     track_ = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
     shots = shots_of(sky, camera, every_s, track_, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
-    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind))
-    _make(kept, sky, shots, chosen, wavelengths_nm, every_s if track_ is None else LIGHT_EVERY_S, kind == "radiance")
+    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure))
+    lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if track_ is None else LIGHT_EVERY_S)
+    _make(kept, lights, shots, kind == "radiance", exposure)
     curve = _exposures(kept, len(shots), exposure)
     if keogram is not None:
         _write_keogram(Path(keogram), _pictures(kept, curve, False))
@@ -142,27 +146,25 @@ def _count(frames: float) -> int:
     return int(np.floor(frames + 1e-9)) + 1
 
 
-def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str) -> dict[str, Any]:
+def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str, exposure: float | str
+) -> dict[str, Any]:
     import openswim
 
     return {
         "openswim": openswim.__version__, "times": sky.times.astype(str).tolist(), "solver": repr(solver),
         "wavelengths": list(map(float, wavelengths_nm)), "kind": kind,
+        "exposure": exposure if isinstance(exposure, str) else "auto",
         "shots": [(str(shot.time), repr(replace(shot.camera, mask=None))) for shot in shots],
         "sources": [sky.source],
     }  # fmt: skip
 
 
-def _make(
-    kept: KeptFrames, sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, light_every_s: Any,
-    radiance: bool,
-) -> None:  # fmt: skip
+def _make(kept: KeptFrames, lights: _Lights, shots: Sequence[Shot], radiance: bool, exposure: float | str) -> None:
     """Make all frames that are not there yet."""
-    lights = _Lights(sky, solver, wavelengths_nm, shots, light_every_s)
     for count, shot in enumerate(track(shots, "film")):
         if kept.has(count):
             continue
-        kept.put(count, _frame(lights.at(shot.time), shot, radiance))
+        kept.put(count, _frame(lights.at(shot.time), shot, radiance, exposure))
 
 
 class _Lights:
@@ -204,8 +206,10 @@ class _Lights:
         return self._held[time]
 
 
-def _frame(lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool) -> KeptFrame:
-    from openswim.colour.rgb import auto_exposure, display_light
+def _frame(
+    lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool, exposure: float | str
+) -> KeptFrame:
+    from openswim.colour.rgb import display_light, exposure_for
 
     camera = _above_ground(lights[0][1], shot.camera)
     images = [(share, lit.viewpoint(camera).view()) for share, lit in lights if share > 0]
@@ -214,7 +218,7 @@ def _frame(lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool) -> 
         for name in ("solar_relative_radiance", "radiance"):
             image[name] = ((1 - share) * image[name] + share * other[name]).assign_attrs(image[name].attrs)
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
-    wanted = auto_exposure(image)
+    wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
     return KeptFrame(shown, _facts(image, wanted), data)
 
@@ -241,12 +245,10 @@ def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
 
 
 def _exposures(kept: KeptFrames, count: int, exposure: float | str) -> NDArray[np.float64]:
-    from openswim.colour.rgb import check_exposure
-
-    check_exposure(exposure)
     if not isinstance(exposure, str):
         return np.full(count, float(exposure))
-    return exposure_curve([kept.get(n).facts["exposure"] for n in range(count)])
+    wanted = np.array([kept.get(n).facts["exposure"] for n in range(count)])
+    return exposure_curve(wanted) if exposure == "auto" else wanted
 
 
 def _pictures(kept: KeptFrames, curve: NDArray[np.float64], title: bool) -> Iterator[NDArray[np.uint8]]:

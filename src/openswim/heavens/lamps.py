@@ -49,7 +49,8 @@ class Lamps:
 
     def unsolved(self) -> Lamps:
         """Where none but the sun is solved for."""
-        return replace(self, every=self.every[:1], in_field=np.zeros_like(self.in_field))
+        sun = tuple(lamp for lamp in self.every if lamp.name == "sun")
+        return replace(self, every=sun, in_field=np.zeros_like(self.in_field))
 
 
 def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:

@@ -23,14 +23,18 @@ _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
 _GAS_CONSTANT, _GRAVITY = 287.05, 9.80665
 _KNOWN_TO_M = 80_000.0  # up to here pressure is compared with the standard atmosphere
 _SPREAD, _SPREAD_PER_M = 0.7, 1 / 40_000.0  # of ln(p/standard): a plateau called sea level; winter high above the poles
+_WARMTH, _WARMTHS = (0.97, 1.04), (0.94, 1.07)  # of temperature to that of thickness: columns, layers; moist air 1.02
 _ROUNDING = 2e-5  # of the largest pressure: that of files packed in 16 bits
 _THIN_M, _HIGH_PA = 50.0, 2000.0  # thinner or higher layers tell no temperature
 _LAYER_K, _COLUMN_K = (60.0, 1000.0), (150.0, 450.0)  # of layers and of columns, from thickness and pressures
 _MOST_PATH_KG_M2 = 12.0  # of water in the mean of a domain; hurricanes have 5
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
+_HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in
+          ("black_carbon", "dust", "organic_matter", "sea_salt", "smoke", "sulphate")))  # fmt: skip
 _HIGHEST_CLOUD_M = 20_000.0  # where the mean of all water may be, or the lowest level of a file with water
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
+_DEEP_M = 2000.0  # thinner domains may have a pressure of their own: that of their dynamics
 _WIDE = 4.0  # times as wide as tall
 _SAMPLES = 64  # columns each way that stand for all where a mean is asked for
 _RADII_M = {  # medians of species' effective radii
@@ -51,7 +55,10 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
         if "air_temperature" in data:
             _temperature(data["air_temperature"].values, grid.height_m)
         if "air_pressure" in data:
-            _pressure(data["air_pressure"].values, grid.height_m, heights)
+            pressure = data["air_pressure"].values
+            _pressure(pressure, grid.height_m, heights)
+            if "air_temperature" in data:
+                notes += _warmth(pressure, data["air_temperature"].values, heights)
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
     return notes + _water(data, heights) + high_bottom(grid.height_m[0], terrain)
 
@@ -135,6 +142,23 @@ def _pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32], heig
         )
 
 
+def _warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[Any]) -> list[str]:
+    """A note where air would have to be warmer or colder to fill its layers; weather models agree within 2 %."""
+    sample, warm = np.maximum(_thinned(pressure), 1e-3), _thinned(temperature)
+    thick = np.diff(heights, axis=0).mean(axis=(1, 2), dtype=np.float64)
+    known = (sample[1:].mean(axis=(1, 2)) > _HIGH_PA) & (thick > _THIN_M)
+    if thick[known].sum() < _DEEP_M:
+        return []
+    fall = np.log(sample[:-1] / sample[1:]).mean(axis=(1, 2), dtype=np.float64)
+    needed = _GRAVITY * thick[known] / _GAS_CONSTANT
+    given = (fall * 0.5 * (warm[1:] + warm[:-1]).mean(axis=(1, 2), dtype=np.float64))[known]
+    whole, layers = float(needed.sum() / given.sum()), needed / given
+    if _WARMTH[0] < whole < _WARMTH[1] and _WARMTHS[0] < layers.min() and layers.max() < _WARMTHS[1]:
+        return []
+    odd = whole if not _WARMTH[0] < whole < _WARMTH[1] else layers[np.argmax(np.abs(layers - 1))]
+    return [f"pressure, temperature and heights disagree: layers are as thick as those of air {odd:.3g} times as warm"]
+
+
 def _falls(pressure: NDArray[np.float32]) -> bool:
     rounding = np.float32(_ROUNDING * pressure[0].max())
     return all(bool((above <= below + rounding).all()) for below, above in pairwise(pressure))
@@ -162,8 +186,9 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
         if 0 < most < _FAINT_KG_M3 and species in ("liquid", "rain"):
             notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
         notes += _sizes(data, species, content)
-    if "aerosol_extinction" in data:
-        haze = _thinned(data["aerosol_extinction"].values)
+    hazes = [_thinned(data[name].values) for name in _HAZES if name in data]
+    if hazes:
+        haze = np.sum(hazes, axis=0)
         depth = float(np.trapezoid(haze, np.broadcast_to(heights, haze.shape), axis=0).mean())
         if depth > _MOST_HAZE:
             raise UserError(

@@ -32,6 +32,7 @@ _VALUES_PER_BYTE = 300  # zlib packs no better than 1032 to 1
 _PLAUSIBLE_BYTES = 300_000_000  # of all variables together
 _DENSEST = 500  # bytes of values in one byte of a file: weather has never been packed like that
 _LONGEST_AXIS = 20_000_000  # values of a coordinate, which are read when a file is opened
+_MOST_PIECES = 10_000  # in which a coordinate may lie in a Zarr store: each takes its time
 _LARGEST_CHUNK = 1 << 30  # bytes
 _BYTES_PER_VALUE = 12  # while a field is read: as stored, as float32, and what is made of it
 _MOST_FILES = 1_000_000  # in a folder
@@ -71,12 +72,19 @@ def check_path(path: Path) -> None:
                 target = os.path.realpath(entry.path)
                 if os.path.commonpath((home, target)) != home:
                     raise UserError(f"{path}: {entry.name} points out of the folder, to {target}: {LEFT_OUT}")
-            if not entry.is_file() and not entry.is_dir():
+            if not _is_ordinary(entry):
                 raise UserError(f"{entry.path}: a pipe, device or link to nowhere: take it out of the folder")
         folders += [entry.path for entry in entries if entry.is_dir(follow_symlinks=False)]
         count += len(entries)
         if count > _MOST_FILES:
             raise UserError(f"{path}: over {_MOST_FILES} files: give a model's file, or write larger chunks")
+
+
+def _is_ordinary(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_file() or entry.is_dir()
+    except OSError:  # a link that leads to itself
+        return False
 
 
 def check_name(path: Path) -> None:
@@ -187,6 +195,8 @@ def check_group(path: Path, group: zarr.Group) -> None:
         dims = array.attrs.get("_ARRAY_DIMENSIONS", array.metadata.to_dict().get("dimension_names"))
         if array.ndim == 1 and dims in ([name], (name,)):
             _check_axis(path, name, array.shape[0])
+            if array.nchunks > _MOST_PIECES:
+                raise UserError(f"{path}: coordinate {name} lies in {array.nchunks} pieces: write it in one")
         chunk = prod(array.chunks) * array.dtype.itemsize
         if chunk > max(_LARGEST_CHUNK, 4 * prod(array.shape) * array.dtype.itemsize) or chunk > free_memory():
             raise UserError(f"{path}: {name} has chunks of {chunk / 1e9:.1f} GB: damaged, or write smaller ones")

@@ -14,7 +14,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.readers.common.base import open_netcdf, unreadable
 from openswim.readers.common.bounds import check_group, may_point_anywhere
-from openswim.readers.common.references import LEFT_OUT, References, is_references, is_remote
+from openswim.readers.common.references import LEFT_OUT, is_references, is_remote, references
 from openswim.scene.files import ZARR_MARKS
 
 
@@ -102,7 +102,7 @@ def _references(path: Path) -> tuple[str, Any, dict[str, Any]]:
     if path.is_file() and not (anywhere and is_remote(path)):
         from zarr.storage import MemoryStore
 
-        store = MemoryStore(References(path, anywhere), read_only=True)
+        store = MemoryStore(references(path, anywhere), read_only=True)
         return "zarr", store, {"consolidated": False, "zarr_format": 2}
     try:
         from kerchunk.utils import refs_as_store

@@ -90,7 +90,7 @@ def _counted(
 
 
 def _has(store: Mapping[str, Any] | Path, key: str) -> bool:
-    return (store / key).exists() if isinstance(store, Path) else key in store
+    return (store / key).is_file() if isinstance(store, Path) else key in store
 
 
 def _json(store: Mapping[str, Any] | Path, key: str) -> Any:

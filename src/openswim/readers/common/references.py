@@ -10,14 +10,15 @@ import base64
 import json
 import os
 from collections.abc import Iterator, MutableMapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from openswim.errors import UserError
 from openswim.inputs import check_ordinary
 
-_LONGEST = 64_000_000  # bytes of the JSON
-_MOST = 1_000_000  # references
+_LONGEST = 48_000_000  # bytes of the JSON
+_MOST = 500_000  # references
 _MARKS = (b'"refs"', b".zgroup", b".zarray", b".zmetadata")
 LEFT_OUT = "--allow-references (openswim.open_scene(allow_references=True)) follows it, if you trust the file"
 
@@ -102,6 +103,23 @@ class References(MutableMapping[str, Any]):
 
     def __delitem__(self, key: str) -> None:
         raise TypeError("references are read only")
+
+
+def references(path: Path, anywhere: bool = False) -> References:
+    """Those of a file, made once, as long as it does not change: each reader looks at them."""
+    found = path.stat()
+    made = _made(path, os.getcwd(), found.st_mtime_ns, found.st_size, anywhere)
+    if isinstance(made, UserError):
+        raise made
+    return made
+
+
+@lru_cache(maxsize=1)
+def _made(path: Path, folder: str, changed_ns: int, size: int, anywhere: bool) -> References | UserError:
+    try:
+        return References(path, anywhere)
+    except UserError as error:
+        return error
 
 
 def is_remote(path: Path) -> bool:

@@ -84,7 +84,8 @@ def _smoke_near_ground(columns: Columns, height_m: NDArray[Any], terrain: F32 | 
         if one.name == "smoke_density" and one.kind == "height above ground" and not columns.kind:
             values = columns.tell_gaps("smoke", columns.read(one))
             columns.notes.append(f"smoke is given at {one.level:g} m only: taken to thin upward by 1/e in 1 km")
-            above = np.maximum(height_m - (np.float32(0) if terrain is None else terrain), np.float32(0))
+            tall = height_m if height_m.ndim == 3 else height_m[:, None, None]
+            above = np.maximum(tall - (np.float32(0) if terrain is None else terrain), np.float32(0))
             return _smoke_part(columns, values * np.exp(-above / np.float32(_SMOKE_SCALE_M)))
     return []
 

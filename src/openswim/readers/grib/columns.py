@@ -81,9 +81,10 @@ class Columns:
     def tell_gaps(self, name: str, values: F32) -> F32:
         """Missing values as none, with a note."""
         gaps = int(np.isnan(values).sum())
-        if gaps:
-            self.notes.append(f"{name}: {gaps} of {values.size} values are missing (bitmap, fill or NaN): none there")
-        return np.nan_to_num(values, copy=False)
+        if not gaps:
+            return values
+        self.notes.append(f"{name}: {gaps} of {values.size} values are missing (bitmap, fill or NaN): none there")
+        return np.nan_to_num(values)
 
     def stack(self, fields: dict[float, Field], levels: Sequence[float]) -> F32:
         """(nz, ny, nx) of a quantity on these levels; NaN on those it lacks."""

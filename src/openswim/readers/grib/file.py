@@ -242,7 +242,8 @@ class GRIBFile:
     def _at_550(self, handle: Any) -> bool:
         """Whether an optical depth is at about 550 nm."""
         ends = []
-        for end in ("First", "Second"):
+        single = self._key(handle, "typeOfWavelengthInterval", int) == 11  # equal to the first
+        for end in ("First", "First") if single else ("First", "Second"):
             value = self._key(handle, f"scaledValueOf{end}Wavelength")
             scale = self._key(handle, f"scaleFactorOf{end}Wavelength")
             if value is None or scale is None:

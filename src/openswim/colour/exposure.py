@@ -1,0 +1,102 @@
+"""Exposure: by what a picture shows, by the sun's height alone, by a curve, or as it is given."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from openswim.arguments import shown
+from openswim.errors import UserError
+
+MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
+HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shoulder takes 1.1 to .849
+BRIGHT, GLARING = 98.0, 85.0  # percentiles of the bright parts, and of those that may burn out for dark land's sake
+DARK, READABLE = 15.0, 0.024  # percentile of the dark parts, and what they then have: 43/255 on the screen
+# Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
+# what it goes to falls from a third of white to less than a tenth
+DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
+MOST_EXPOSURE = 1e9
+LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
+# The sun's altitude and the exposure of `sun`: what `auto_of` gives all-round pictures of the clear standard sky
+SUN_CURVE = ((-18.0, 7e6), (-12.0, 2.5e5), (-10.0, 6e4), (-8.0, 1.1e4), (-6.0, 1900.0), (-4.0, 260.0), (-2.0, 50.0),
+             (0.0, 13.0), (2.0, 5.2), (5.0, 2.4), (10.0, 1.4), (20.0, 1.0), (45.0, 0.92), (90.0, 0.75))
+
+
+def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None) -> float:
+    """The factor from L' to display light that a photographer would choose for pixels of a luminance, which count by a
+    weight, such as their solid angle.
+
+    The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts: their
+    98th percentile stays at 1.1, which the shoulder brings below white. Where that would leave land dark under a low
+    sun, up to 15 % of the pixels may burn out. At night it goes to less than a tenth, as from a tripod. Pixels outside
+    the image, black space (below .2 % of the bright parts) and the sun's disc do not count.
+    """
+    weight = np.ones_like(luminance) if weight is None else np.broadcast_to(weight, luminance.shape)
+    known = np.isfinite(luminance) & (luminance > 0) & (weight > 0)
+    if not known.any():
+        return 1.0
+    valid, weight = luminance[known], weight[known]
+    (bright,) = _percentiles(valid, weight, BRIGHT)
+    some = (valid > 0.002 * bright) & (valid < 30 * bright)
+    scene, weight = valid[some], weight[some]
+    typical = np.exp(np.average(np.log(scene), weights=weight))
+    late = np.clip(np.log(DUSK / typical) / np.log(DUSK / NIGHT), 0, 1)
+    middle = MIDDLE * (NIGHT_MIDDLE / MIDDLE) ** late / typical
+    dark, glaring, bright = _percentiles(scene, weight, DARK, GLARING, BRIGHT)
+    readable = min(READABLE / dark, HIGHLIGHT / glaring)
+    return float(min(middle, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
+
+
+def _percentiles(values: np.ndarray, weight: np.ndarray, *wanted: float) -> np.ndarray:
+    order = np.argsort(values)
+    below = np.cumsum(weight[order], dtype=float) - 0.5 * weight[order]
+    return np.interp(np.array(wanted) / 100 * weight.sum(dtype=float), below, values[order])
+
+
+def exposure_of(image: xr.Dataset | xr.DataArray, exposure: Any) -> float | None:
+    """The factor that a picture gets; None for "auto", which looks at its pixels. See `check_exposure`."""
+    if not isinstance(exposure, str):
+        return float(exposure)
+    if exposure == "auto":
+        return None
+    curve = SUN_CURVE if exposure == "sun" else _curve(exposure)
+    altitude = image.attrs.get("sun_altitude_deg")
+    if altitude is None:
+        raise UserError(f"exposure {exposure!r} goes by the sun, whose altitude the image does not have: give a number")
+    heights, values = np.array(sorted(curve)).T
+    return float(np.exp(np.interp(float(altitude), heights, np.log(values))))
+
+
+def check_exposure(exposure: Any) -> None:
+    """Raise UserError unless it is a positive number, "auto", "sun" (by the sun's altitude alone, alike for all
+    pictures of a series), or such a curve as "-6:900,0:14,30:1.3" of altitudes in degrees and exposures."""
+    if isinstance(exposure, str) and exposure not in ("auto", "sun"):
+        _curve(exposure)
+    elif not isinstance(exposure, str) and not is_positive(exposure):
+        raise UserError(_WRONG.format(shown(exposure)))
+
+
+def check_gamma(gamma: Any) -> None:
+    """Raise UserError unless it is "srgb" or a positive number."""
+    if gamma != "srgb" and not is_positive(gamma):
+        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+
+
+def is_positive(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and bool(0 < value <= LARGEST_EXPOSURE)
+
+
+_WRONG = "exposure {} must be a positive number up to 1e12, 'auto', 'sun', or a curve ALTITUDE:EXPOSURE,... of the sun"
+
+
+def _curve(text: str) -> Sequence[tuple[float, float]]:
+    points = [re.fullmatch(r"\s*([-+.\d]+)\s*:\s*([-+.\deE]+)\s*", part) for part in text.split(",")]
+    try:
+        curve = [(float(p[1]), float(p[2])) for p in points if p is not None]
+    except ValueError:
+        curve = []
+    if not curve or len(curve) < len(points) or not all(is_positive(value) and abs(a) <= 90 for a, value in curve):
+        raise UserError(_WRONG.format(shown(text)))
+    return curve

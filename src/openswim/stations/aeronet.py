@@ -1,0 +1,198 @@
+"""AERONET's sun photometers: files of version 3, direct sun (depth, water vapour) and inversions, as an aerosol."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.arguments import paths
+from openswim.errors import UserError
+from openswim.optics.spheres import Sizes, SphereOptics, scattering_by_spheres
+from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.phase import PhaseFunction, TablePhase
+from openswim.scene.times import Time, parse_time
+
+F64 = NDArray[np.float64]
+
+_LACKING = -900.0  # values below it stand for none
+_NEAR = np.timedelta64(6, "h")
+_RADII = 200  # into which the 22 of an inversion are divided
+_SPECTRAL = {  # wavelength in nm is the first group
+    "depth": r"AOD_(\d+)nm",
+    "inverted_depth": r"AOD_Extinction-Total\[(\d+)nm\]",
+    "albedo": r"Single_Scattering_Albedo\[(\d+)nm\]",
+    "real": r"Refractive_Index-Real_Part\[(\d+)nm\]",
+    "imaginary": r"Refractive_Index-Imaginary_Part\[(\d+)nm\]",
+}
+_SINGLE = {
+    "water_vapour_cm": ("Precipitable_Water(cm)",),
+    "ozone_du": ("Ozone(Dobson)",),
+    "sphericity_percent": ("Sphericity_Factor(%)",),
+    "latitude": ("Site_Latitude(Degrees)", "Latitude(Degrees)"),
+    "longitude": ("Site_Longitude(Degrees)", "Longitude(Degrees)"),
+    "height_m": ("Site_Elevation(m)", "Elevation(m)"),
+}
+_RADIUS, _ANGLE = r"\d+\.\d{6}", r"(\d+\.\d+)\[(\d+)nm\]"
+
+
+@dataclass(frozen=True)
+class Sunphotometer:
+    """What AERONET files say: by wavelength (nm) optical depth, single-scattering albedo, refractive index and phase
+    function; the volume size distribution dV/dlnr (any unit) at radii in um; of the column water vapour and ozone."""
+
+    depth: dict[float, float]
+    albedo: dict[float, float] = field(default_factory=dict)
+    index: dict[float, complex] = field(default_factory=dict)
+    phase: dict[float, PhaseFunction] = field(default_factory=dict)
+    radius_um: F64 = field(default_factory=lambda: np.zeros(0))
+    volume: F64 = field(default_factory=lambda: np.zeros(0))
+    single: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def spherical(self) -> float:
+        """Share of the particles that are spheres, by the inversion; 1 where it does not say."""
+        return self.single.get("sphericity_percent", 100.0) / 100.0
+
+    def depth_at(self, wavelength_nm: float) -> float:
+        """Optical depth, by a power law between the nearest wavelengths."""
+        known = sorted(self.depth)
+        logs = np.log([self.depth[wl] for wl in known])
+        return float(np.exp(np.interp(np.log(wavelength_nm), np.log(known), logs)))
+
+    def particles(self, wavelength_nm: float) -> SphereOptics:
+        """Bulk optics of the size distribution and index, by Mie theory; the share that is no spheres as irregular
+        particles (docs/optics.md), since no table of spheroids is at hand."""
+        if not self.radius_um.size or not self.index:
+            raise UserError("no size distribution and refractive index in the AERONET files: give an inversion")
+        sizes, known = self._sizes(), sorted(self.index)
+        index = complex(*(np.interp(wavelength_nm, known, [part(self.index[wl]) for wl in known])
+                          for part in (np.real, np.imag)))  # fmt: skip
+        round_ones = scattering_by_spheres(sizes, index, wavelength_nm)
+        if self.spherical >= 1:
+            return round_ones
+        rough = scattering_by_spheres(sizes, index, wavelength_nm, irregular=True)
+        share = np.array([self.spherical, 1 - self.spherical])
+        efficiency = np.array([round_ones.efficiency, rough.efficiency])
+        scattered = share * efficiency * [round_ones.single_scattering_albedo, rough.single_scattering_albedo]
+        value = (scattered[0] * round_ones.value + scattered[1] * rough.value) / scattered.sum()
+        lost = float(share @ efficiency)
+        return SphereOptics(round_ones.angle_deg, value, float(scattered.sum() / lost), lost)
+
+    def _sizes(self) -> Sizes:
+        log_radius = np.log(self.radius_um)
+        fine = np.linspace(log_radius[0], log_radius[-1], _RADII)
+        volume = np.interp(fine, log_radius, self.volume)
+        radius = np.exp(fine)
+        number = volume / radius**3
+        return Sizes(radius, number / number.max())
+
+    def aerosol(self, height_m: float | None = None) -> AerosolProfile:
+        """An aerosol above a height (m above sea level; None: the site's): depth by wavelength, albedo, and phase
+        functions as they were retrieved, else of the size distribution, else of the default aerosol."""
+        height = self.single.get("height_m", 0.0) if height_m is None else height_m
+        at_550 = self.depth_at(550.0)
+        given: dict[str, Any] = {"optical_depth": at_550, "base_height_m": height}
+        if len(self.depth) > 1:
+            given["relative_extinction"] = {wl: value / at_550 for wl, value in sorted(self.depth.items())}
+        if self.albedo:
+            given["single_scattering_albedo"] = dict(self.albedo)
+        if self.phase:
+            given["phase"] = dict(self.phase)
+        elif self.index and self.radius_um.size:
+            given["phase"] = {wl: self.particles(wl).phase for wl in sorted(self.index)}
+        return AerosolProfile(**given)
+
+
+def read_aeronet(files: Any, time: Time = None) -> Sunphotometer:
+    """AERONET files of version 3 as their site's download has them: .lev10, .lev15, .lev20 of the direct sun, .all of
+    inversions, or single products (.aod, .ssa, .rin, .siz, .pfn). Several files together make one aerosol.
+
+    time : UTC; the row nearest to it of each file, within six hours. None: the mean of all rows.
+    """
+    rows = [_row(Path(path), parse_time(time)) for path in paths("files", files)]
+    found = {key: value for row in rows for key, value in row.items()}
+    spectral = {name: _by_wavelength(found, pattern) for name, pattern in _SPECTRAL.items()}
+    depth = spectral["depth"] or spectral["inverted_depth"]
+    depth = {wl: value for wl, value in depth.items() if value > 0}
+    if not depth:
+        raise UserError("no optical depth in the AERONET files: give one of the direct sun, or an inversion with AOD")
+    index = {wl: complex(real, spectral["imaginary"][wl]) for wl, real in spectral["real"].items()
+             if wl in spectral["imaginary"]}  # fmt: skip
+    sizes = sorted((float(name), value) for name, value in found.items() if re.fullmatch(_RADIUS, name))
+    radius, volume = np.array(sizes).T if len(sizes) > 2 else (np.zeros(0), np.zeros(0))
+    single = {
+        ours: found[name] for ours, names in _SINGLE.items() for name in names if name in found
+    }
+    return Sunphotometer(depth, spectral["albedo"], index, _phases(found), radius, volume, single)
+
+
+def _by_wavelength(found: dict[str, float], pattern: str) -> dict[float, float]:
+    matched = ((re.fullmatch(pattern, name), value) for name, value in found.items())
+    return {float(match.group(1)): value for match, value in matched if match}
+
+
+def _phases(found: dict[str, float]) -> dict[float, PhaseFunction]:
+    """Phase functions of a .pfn file: a column per angle and wavelength."""
+    tables: dict[float, list[tuple[float, float]]] = {}
+    for name, value in found.items():
+        if match := re.fullmatch(_ANGLE, name):
+            tables.setdefault(float(match.group(2)), []).append((float(match.group(1)), value))
+    out: dict[float, PhaseFunction] = {}
+    for wavelength, rows in tables.items():
+        angle, value = np.array(sorted(rows)).T
+        if angle.size > 2 and angle[0] == 0 and angle[-1] == 180:
+            out[wavelength] = TablePhase(angle, value)
+    return out
+
+
+def _row(path: Path, time: np.datetime64 | None) -> dict[str, float]:
+    """Numbers by column: of the row nearest to a time, or the mean of all rows."""
+    try:
+        with path.open(newline="", encoding="latin-1") as file:
+            lines = list(csv.reader(file))
+    except (OSError, csv.Error) as error:
+        raise UserError(f"{path}: cannot be read ({error})") from error
+    start = next((n for n, line in enumerate(lines) if any(re.match(r"Date[_(]", name) for name in line)), None)
+    if start is None:
+        raise UserError(f"{path}: no AERONET file of version 3: no line of column names with Date(dd:mm:yyyy)")
+    header = [name.strip() for name in lines[start]]
+    rows = [line for line in lines[start + 1 :] if len(line) >= len(header) - 1]
+    if not rows:
+        raise UserError(f"{path}: no rows")
+    if time is not None:
+        stamps = np.array([_stamp(path, header, row) for row in rows])
+        nearest = int(np.argmin(np.abs(stamps - time)))
+        if abs(stamps[nearest] - time) > _NEAR:
+            raise UserError(f"{path}: nothing within six hours of {time}; the nearest row is of {stamps[nearest]}")
+        rows = [rows[nearest]]
+    out = {}
+    for number, name in enumerate(header):
+        values = [_number(row[number]) for row in rows if number < len(row)]
+        known = [value for value in values if value is not None]
+        if known:
+            out[name] = float(np.mean(known))
+    return out
+
+
+def _stamp(path: Path, header: Sequence[str], row: Sequence[str]) -> np.datetime64:
+    date, clock = (next(n for n, name in enumerate(header) if name.startswith(word)) for word in ("Date", "Time"))
+    try:
+        day, month, year = re.split(r"[:-]", row[date].strip())
+        return np.datetime64(f"{year}-{int(month):02d}-{int(day):02d}T{row[clock].strip()}", "ms")
+    except ValueError as error:
+        raise UserError(f"{path}: {row[date]} {row[clock]} is no date and time") from error
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) and value > _LACKING else None

@@ -1,0 +1,99 @@
+"""AERONET files: made ones of known particles, in the layout of version 3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from openswim.errors import UserError
+from openswim.stations.aeronet import read_aeronet
+
+RADII = np.geomspace(0.05, 15.0, 22)
+HEAD = ["AERONET Version 3;", "Made", "Version 3: AOD Level 1.5", "The following data are made up.",
+        "Contact: none", "All Points,UNITS can be found at,,, the site"]  # fmt: skip
+
+
+def _file(path: Path, head: list[str], columns: dict[str, list[object]]) -> Path:
+    rows = zip(*columns.values(), strict=True)
+    lines = [*head, ",".join(columns), *(",".join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def direct(tmp_path: Path) -> Path:
+    depth = {wl: 0.2 * (wl / 550) ** -1.4 for wl in (380, 440, 675, 870, 1020)}
+    columns: dict[str, list[object]] = {"Date(dd:mm:yyyy)": ["27:05:2013"] * 2}
+    columns |= {"Time(hh:mm:ss)": ["11:19:04", "19:00:00"]}
+    columns |= {f"AOD_{wl}nm": [value, 2 * value] for wl, value in depth.items()} | {"AOD_1640nm": [-999.0] * 2}
+    columns |= {"Precipitable_Water(cm)": [1.8, 2.2], "Ozone(Dobson)": [330, 330], "Site_Elevation(m)": [264] * 2}
+    return _file(tmp_path / "made.lev15", HEAD, columns)
+
+
+def _inversion(tmp_path: Path, sphericity: float) -> Path:
+    """A lognormal mode of volume: median .3 um, standard deviation 1.8; index 1.45 + .004 i."""
+    volume = np.exp(-0.5 * (np.log(RADII / 0.3) / np.log(1.8)) ** 2)
+    columns: dict[str, list[object]] = {"Site": ["Made"], "Date(dd:mm:yyyy)": ["27:05:2013"]}
+    columns |= {"Time(hh:mm:ss)": ["11:20:00"]}
+    for wl in (440, 675, 870, 1020):
+        columns |= {f"Refractive_Index-Real_Part[{wl}nm]": [1.45], f"Refractive_Index-Imaginary_Part[{wl}nm]": [0.004],
+                    f"Single_Scattering_Albedo[{wl}nm]": [0.95], f"AOD_Extinction-Total[{wl}nm]": [0.2]}  # fmt: skip
+    columns |= {"Sphericity_Factor(%)": [sphericity]} | {f"{r:.6f}": [v] for r, v in zip(RADII, volume, strict=True)}
+    return _file(tmp_path / f"made{sphericity:g}.all", HEAD[:6], columns)
+
+
+def test_depth_by_wavelength_and_time(direct: Path) -> None:
+    found = read_aeronet(direct, time="2013-05-27T12:00")
+    aerosol = found.aerosol()
+    assert aerosol.base_height_m == 264
+    for wl in (440, 500, 615, 870):
+        assert float(aerosol.optical_depth_at(wl)) == pytest.approx(0.2 * (wl / 550) ** -1.4, rel=0.003)
+    assert found.single["water_vapour_cm"] == 1.8
+    assert read_aeronet(direct).depth_at(550) == pytest.approx(0.3, rel=1e-3)  # the mean of both rows
+    with pytest.raises(UserError, match="six hours"):
+        read_aeronet(direct, time="2013-06-27")
+
+
+def test_sizes_and_index_scatter_as_the_modes_they_are_of(tmp_path: Path, direct: Path) -> None:
+    pytest.importorskip("miepython")
+    from openswim.optics.spheres import Mode, lognormal_sizes, scattering_by_spheres
+
+    found = read_aeronet([direct, _inversion(tmp_path, 100.0)], time="2013-05-27T11:00")
+    exact = scattering_by_spheres(lognormal_sizes([Mode(0.3, 1.8, by="volume")], 200), 1.45 + 0.004j, 550.0)
+    ours = found.particles(550.0)
+    assert ours.single_scattering_albedo == pytest.approx(exact.single_scattering_albedo, abs=0.003)
+    assert ours.phase.asymmetry == pytest.approx(exact.phase.asymmetry, abs=0.005)
+    side = np.cos(np.radians([5, 30, 90, 150]))
+    np.testing.assert_allclose(ours.phase.value(side), exact.phase.value(side), rtol=0.04)
+    assert found.depth[440] == pytest.approx(0.2 * (440 / 550) ** -1.4)  # the direct sun's comes first
+    assert dict(found.aerosol().single_scattering_albedo) == {440: 0.95, 675: 0.95, 870: 0.95, 1020: 0.95}  # type: ignore[arg-type]
+
+
+def test_what_is_no_sphere_is_rough(tmp_path: Path) -> None:
+    pytest.importorskip("miepython")
+    round_ones = read_aeronet(_inversion(tmp_path, 100.0)).particles(440.0).phase
+    mixed = read_aeronet(_inversion(tmp_path, 40.0))
+    assert mixed.spherical == pytest.approx(0.4)
+    glory = np.cos(np.radians([178.0]))
+    assert mixed.particles(440.0).phase.value(glory) < round_ones.value(glory)
+
+
+def test_retrieved_phase_functions_are_taken_as_they_are(tmp_path: Path) -> None:
+    angles = [0.0, 3.0, 10.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0]
+    value = [40.0, 12.0, 6.0, 2.0, 0.5, 0.2, 0.15, 0.2, 0.3]
+    columns: dict[str, list[object]] = {"Date(dd:mm:yyyy)": ["27:05:2013"], "Time(hh:mm:ss)": ["11:20:00"],
+                                        "AOD_Extinction-Total[440nm]": [0.3]}  # fmt: skip
+    columns |= {f"{a:.6f}[440nm]": [v] for a, v in zip(angles, value, strict=True)}
+    found = read_aeronet(_file(tmp_path / "made.pfn", HEAD, columns))
+    ratio = found.phase[440.0].value(np.cos(np.radians(angles))) / value
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)  # scaled to a mean of one, else the same
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "Date(dd:mm:yyyy),Time(hh:mm:ss),AOD_500nm\n",
+                                  "Date(dd:mm:yyyy),Time(hh:mm:ss),AOD_500nm\n27:05:2013,11:00:00,-999\n"])  # fmt: skip
+def test_what_is_no_aeronet_file_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "x.lev15").write_text(text)
+    with pytest.raises(UserError):
+        read_aeronet(tmp_path / "x.lev15")
