@@ -1,4 +1,4 @@
-"""Python blocks of the README and of docs/light.md and irradiance.md run as pasted, on a small file of ours."""
+"""Python blocks of the README and of pages in docs run as pasted, on a small file of ours."""
 
 from __future__ import annotations
 
@@ -74,3 +74,12 @@ def test_reflectance_of_an_imager(folder: Path) -> None:
     assert known.any()
     assert (picture.reflectance_factor.values[0][known] > 0.005).all()
     assert found["red"].error < 0.003
+
+
+def test_rays_and_spectra(folder: Path) -> None:
+    found = run("docs/running.md")
+    assert found["radiance"].shape == (3, 1)
+    assert found["reflected"].shape == (2, 1)
+    assert found["zenith"].shape == (7,)
+    assert (found["radiance"] > 0).all()
+    assert (found["sky"] > found["zenith"]).all()

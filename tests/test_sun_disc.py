@@ -35,7 +35,7 @@ def flux(camera: Camera, sun: tuple[float, float], through=open_sky) -> np.ndarr
     return (radiance * pixels.solid_angle_sr[row, column, None]).sum(axis=0) / (4 * np.pi)
 
 
-@pytest.mark.parametrize("columns", [8, 90, 360, 601, 1440])
+@pytest.mark.parametrize("columns", [8, 360, 1440])
 @pytest.mark.parametrize(
     "sun", [(130.0, 72.0), (130.0, 85.03), (10.0, 90.0), (77.0, 89.8), (0.05, 20.0), (200.0, -89.9)]
 )

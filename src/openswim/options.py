@@ -45,9 +45,10 @@ class Options:
     (docs/decisions/0017; what a scene has as extinction never is refined), with "fast" and "swim" on land below its
     maps (docs/decisions/0020).
 
-    Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance: in place of the quality's,
-    change of the field, relative, at which sweeps end, or 1.6 times what seems to follow; .02, the standard's, leaves
-    about 1 % of fluxes and, where cells are thick (optical depth 3), up to 5 % of an image (RMSE).
+    Of "fast" alone: quality, "preview", "standard" or "high" (docs/solvers.md); tolerance, instead of that of the
+    quality: sweeps end when one of them changes the field by less than this share, or when all that are to come seem to
+    change it by less than 1.6 times as much. The standard's .02 leaves fluxes about 1 % off and, where cells are thick
+    (optical depth 3), images up to 5 % (RMSE).
 
     Of "reference" alone: paths per ray (default 256); target_error: mean standard error over mean radiance, and
     seconds of CPU time per view, at which to stop sooner; seed of all chances; checkpoint: file to stop and go on with.

@@ -1,5 +1,7 @@
 """The command line: exit codes, one line per error, outputs whole or absent."""
 
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -379,3 +381,15 @@ def test_help_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/running.md"])
+def test_command_lines_of_the_pages_are_understood(world, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every `openswim render` line in a block of a page, as it is pasted."""
+    monkeypatch.setattr("openswim.scene.choosing.only", lambda scene, *names: scene)  # of a scene that has none
+    text = (Path(__file__).parents[2] / page).read_text("utf-8")
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    lines = [line for block in blocks for line in block.split("\n")]
+    commands = [shlex.split(line)[1:] for line in lines if line.startswith("openswim render")]
+    assert len(commands) > 3
+    assert [run(command) for command in commands] == [0] * len(commands)

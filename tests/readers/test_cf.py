@@ -105,14 +105,15 @@ def test_units_that_do_not_convert():
 
 
 def test_mixing_ratios_take_the_density_of_air(tmp_path):
+    pressure = 800.0 * np.exp(-LEVELS / 8200.0)[:, None, None] + 0 * CONTENT
     state = {
-        "air_pressure": (("z", "y", "x"), np.full_like(CONTENT, 800.0), {"units": "hPa"}),
+        "air_pressure": (("z", "y", "x"), pressure, {"units": "hPa"}),
         "air_temperature": (("z", "y", "x"), np.full_like(CONTENT, 280.0), {"units": "K"}),
         "ice_number": (("z", "y", "x"), np.full_like(CONTENT, 1e4), {"units": "kg-1"}),
         "liquid_content": (("z", "y", "x"), CONTENT, {"units": "kg kg**-1"}),
     }
     scene = _read(tmp_path, _dataset(**state))
-    density = 80000.0 / (287.0 * 280.0)
+    density = 100.0 * pressure / (287.0 * 280.0)
     np.testing.assert_allclose(scene.data.liquid_content, CONTENT * density, rtol=1e-6)
     np.testing.assert_allclose(scene.data.ice_number, 1e4 * density, rtol=1e-6)
     with pytest.raises(UserError, match="must hold air_pressure and air_temperature"):

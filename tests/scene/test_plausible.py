@@ -66,6 +66,7 @@ def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
     ("changed", "words"),
     [
         ({"liquid_content": lambda q: 1e-4 * q}, "next to nothing"),
+        ({"cloud_area_fraction": np.full(31, 1e-9)}, "zero where 100 % of the cloud's water is"),
         ({"air_temperature": lambda t: 1.06 * t}, "0.947 times as warm"),
         ({"air_temperature": lambda t: np.where(np.arange(31) == 5, 0.8 * t, t)}, "times as warm"),
         ({"liquid_effective_radius": lambda r: np.where(HEIGHT < 3e3, 0.0, r)}, "default sizes there"),

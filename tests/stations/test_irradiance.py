@@ -22,6 +22,7 @@ def day():
     return openswim.irradiance(CLEAR, LAT, LON, DAY, planes=[(0, 0), (90, 180)], wavelengths_nm=RGB)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", ["2016-06-23T04:00", "2016-06-23T11:40"])
 def test_a_day_from_few_solves_is_what_pictures_say_at_each_time(day, time):
     found = day.sel(time=time)
@@ -33,6 +34,7 @@ def test_a_day_from_few_solves_is_what_pictures_say_at_each_time(day, time):
     np.testing.assert_allclose(found.spectral_dhi, spectral, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_parts_add_up_and_planes_that_lie_flat_have_the_horizontal(day):
     up = np.maximum(np.sin(np.radians(day.sun_altitude)), 0)
     np.testing.assert_allclose(day.ghi, day.dhi + day.dni * up, rtol=1e-12)
@@ -50,6 +52,7 @@ def test_without_air_there_is_no_diffuse_light():
     np.testing.assert_allclose(found.spectral_dni, found.spectral_ghi / up, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wall_sees_half_of_what_an_even_ground_sends_up(day):
     """Facing down, a plane has albedo times global; a wall half of it, and half of the sky's."""
     planes = [(180, 0), *((90, azimuth) for azimuth in range(0, 360, 45))]
@@ -59,6 +62,7 @@ def test_a_wall_sees_half_of_what_an_even_ground_sends_up(day):
     assert walls > down / 2 + 0.3 * float(noon.dhi[0])
 
 
+@pytest.mark.slow
 def test_water_vapour_of_the_scene_and_of_the_call(day):
     dry = openswim.irradiance(CLEAR, LAT, LON, DAY[20:22], water_vapour_cm=[0.5, 2.0], wavelengths_nm=RGB)
     np.testing.assert_allclose(dry.water_vapour, [0.5, 2.0])
@@ -79,6 +83,7 @@ def _cloudy(time: str, content: float) -> Scene:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_between_model_times_the_light_of_both_is_mixed():
     early, late = _cloudy("2016-06-23T10:00", 0.0), _cloudy("2016-06-23T12:00", 2e-4)
     times = np.array(["2016-06-23T10:30"], "datetime64[m]")
@@ -91,6 +96,7 @@ def test_between_model_times_the_light_of_both_is_mixed():
         openswim.irradiance([early, late], LAT, LON, "2016-06-23T13:00")
 
 
+@pytest.mark.slow
 def test_several_places_share_a_solve():
     scene = _cloudy("2016-06-23T10:00", 5e-5)
     found = openswim.irradiance(scene, [LAT, LAT + 0.05], [LON, LON], "2016-06-23T10:00")
@@ -121,3 +127,16 @@ def test_what_users_get_wrong(change, message):
 
 def test_series_of_one_scene_stands_for_all_times():
     assert [share.tolist() for _, share in Series.of(CLEAR).weights(DAY[:2])] == [[1.0, 1.0]]
+
+
+def test_all_times_of_a_models_file_are_a_series(tmp_path):
+    from tests.readers.conftest import WRFSpec, write_wrf
+
+    write_wrf(tmp_path / "wrfout_d01", WRFSpec(times=("2005-08-28_18:00:00", "2005-08-28_19:00:00")))
+    series = Series.open(tmp_path / "wrfout_d01")
+    assert [str(time) for time in series.times] == ["2005-08-28T18:00:00.000", "2005-08-28T19:00:00.000"]
+    assert series.scene(1).time == series.times[1]
+    quarter = np.array(["2005-08-28T18:15"], "datetime64[m]")
+    assert [(which, float(share[0])) for which, share in series.weights(quarter)] == [(0, 0.75), (1, 0.25)]
+    vapour = series.scene(0).data.precipitable_water
+    assert 0 < float(vapour.min()) < 80

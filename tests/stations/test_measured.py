@@ -101,6 +101,7 @@ def made():
     return bare.assign({name: ("time", light[name].values) for name in ("ghi", "dni", "dhi")}), light
 
 
+@pytest.mark.slow
 def test_the_aerosol_that_made_a_beam_is_found(made):
     station, _ = made
     fit = fit_aerosol(station, np.ones(station.time.size, bool), scene_over(station))
@@ -110,6 +111,7 @@ def test_the_aerosol_that_made_a_beam_is_found(made):
         fit_aerosol(station, np.zeros(station.time.size, bool), scene_over(station))
 
 
+@pytest.mark.slow
 def test_differences_and_their_plot(made, tmp_path):
     station, light = made
     off = station.assign(ghi=station.ghi - 3.0)

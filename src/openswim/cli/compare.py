@@ -33,6 +33,7 @@ class CompareRequest:
     aod: float | None = None
     albedo: float | None = None
     solver: str = "fast"
+    quality: str | None = None
     size: int | None = None
     sun_mask_deg: float | None = None
     lowest_deg: float | None = None
@@ -55,6 +56,7 @@ def run(request: CompareRequest) -> None:
     from openswim.comparison.settings import known_camera, settings_of, skies_of
     from openswim.ground.earth import preload
     from openswim.readers import files_of
+    from openswim.solver import Solver
 
     model, frames = (None, request.files) if request.clear else (request.files[0], request.files[1:])
     if not frames:
@@ -64,9 +66,12 @@ def run(request: CompareRequest) -> None:
     listed = [Path(path) for path in files_of(frames)]
     content = camera_content(request)
     settings = settings_of(request.settings())
+    if request.quality is not None and request.solver != "fast":
+        raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
+    solver = Solver(request.solver, quality=request.quality or "standard")
     preload()
-    skies = skies_of(model, request.solver, request.aod, request.albedo, table=len(listed) > 1)
-    known = known_camera(content, settings, request.clear_frame, request.solver, skies)
+    skies = skies_of(model, solver, request.aod, request.albedo, table=len(listed) > 1)
+    known = known_camera(content, settings, request.clear_frame, solver, skies)
     done = compare_into(skies, listed, content, settings, known, request.output, request.time, told)
     click.echo(f"{done}")
 

@@ -28,7 +28,8 @@ LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (benchmarks/): what the estimate stands on.
 _VIEW_SAMPLES_PER_S = 1.8e7
-_SPACE_M, _FROM_SPACE = 1e5, 3.0  # above, rays are seen through the air steeply, and take so many times fewer
+_SPACE_M = 1e5  # from above rays go through the air steeply ...
+_FROM_SPACE, _SPACE_PIXEL_BYTES = 3.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
 _COLUMN_NODE_S = 0.17e-6  # the same where every column is solved by itself
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
@@ -81,8 +82,9 @@ def estimate(
     plan = _plan(scene, solver, quality)
     nodes, wide = (0, False) if plan is None else (math.prod(plan.drawn_shape), solver == "fast" and plan.stands_alone)
     steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
-    steps /= _FROM_SPACE if camera.height_m > _SPACE_M else 1.0
-    pixels, per_pixel = math.prod(camera.shape), wavelengths * PIXEL_BYTES
+    in_space = camera.height_m > _SPACE_M
+    steps /= _FROM_SPACE if in_space else 1.0
+    pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
     per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
     solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
     if solver == "reference":

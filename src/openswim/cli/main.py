@@ -274,6 +274,7 @@ def calibrate(**options: Any) -> None:
 @click.option("--aod", type=float, help="Aerosol optical depth at 550 nm.  [default: the model's; of --clear .1]")
 @click.option("--albedo", type=float, help="Of the ground below the clear sky.  [default: the model's; of --clear .15]")
 @click.option("--solver", type=click.Choice(("swim", "fast")), default="fast", show_default=True)
+@_quality
 @click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]")
 @click.option("--sun-mask", "sun_mask_deg", type=float, help="Degrees around the sun without scores.  [default: 12]")
 @click.option("--lowest", "lowest_deg", type=float, help="Altitude below which there are none.  [default: 5]")

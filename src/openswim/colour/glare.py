@@ -1,6 +1,7 @@
 """What a lens, or the eye, scatters of the sun's light over the rest of a picture."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,10 +22,31 @@ def spread(angle_deg: np.ndarray) -> np.ndarray:
     return np.asarray(EYE_SHARE * (10 / angle + 5) / angle**2)
 
 
+class SunSeen(NamedTuple):
+    """Where the sun's disc is in an image, and what it adds."""
+
+    angle_deg: np.ndarray  # (y, x) of every pixel to the sun
+    rows: slice  # that hold the disc and what is around it
+    sunny: np.ndarray  # of these rows (rows, x): the pixels of the disc
+    sky: np.ndarray  # (wavelength,) L' around it
+    irradiance: np.ndarray  # (wavelength,) L' sr that these pixels hold beyond the sky's
+
+
 def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataArray] | None:
     """What an irradiance of one from the sun's place adds to each pixel (y, x), 1/sr, and the irradiance (wavelength,),
     L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
     """
+    found = sun_seen(image)
+    if found is None:
+        return None
+    assert isinstance(image, xr.Dataset)
+    irradiance = xr.DataArray(found.irradiance, dims="wavelength", coords={"wavelength": image["wavelength"]})
+    share = np.where(_ground(image), 0.0, spread(found.angle_deg))
+    return np.nan_to_num(share).astype(np.float32), irradiance
+
+
+def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
+    """The sun's disc in an image; None where it would not be in the picture."""
     known = {"azimuth", "altitude", "solar_relative_radiance"}
     if not isinstance(image, xr.Dataset) or not known <= set(image.variables):
         return None
@@ -52,8 +74,7 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
     light = np.nan_to_num(image["solar_relative_radiance"].transpose(..., "wavelength").values[some])
     sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
     held = np.maximum(((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny].sum(axis=0), 0)
-    irradiance = xr.DataArray(held, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    return np.nan_to_num(np.where(_ground(image), 0.0, spread(angle))).astype(np.float32), irradiance
+    return SunSeen(angle, some, sunny, sky, held)
 
 
 def _ground(image: xr.Dataset) -> np.ndarray:

@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+LIGHTS = (".hdr", ".exr")  # linear light, to light other scenes by
 DATA = (".nc", ".zarr")
 CAPTIONS = ("inside", "below", "none")
 
@@ -25,10 +26,13 @@ def check_writable(path: str | Path, inputs: Iterable[str | os.PathLike[str]] = 
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in PICTURES + DATA:
-        raise UserError(
-            f"output {path}: suffix {path.suffix!r} is unknown; use one of {', '.join(PICTURES + DATA)}"
-        )
+    known = PICTURES + LIGHTS + DATA
+    if suffix not in known:
+        raise UserError(f"output {path}: suffix {path.suffix!r} is unknown; use one of {', '.join(known)}")
+    if suffix == ".exr":
+        from openswim.colour.hdr import exr_library
+
+        exr_library()
     check_target(path, inputs)
     if path.exists() and path.is_dir() != (suffix == ".zarr"):
         raise UserError(f"output {path} is a {'folder' if path.is_dir() else 'file'}; choose another name")
@@ -41,7 +45,8 @@ def save(
     caption: bool | str = "inside",
     **rgb_options: Any,
 ) -> None:
-    """Write a rendered image by the suffix of `path`: .png, .jpg, .tif as a picture, .nc, .zarr as data.
+    """Write a rendered image by the suffix of `path`: .png, .jpg, .tif as a picture, .nc, .zarr as data, .hdr, .exr as
+    linear light (`openswim.colour.hdr`).
 
     Pictures carry what was rendered in their metadata and on a strip: `caption` "inside", over the picture's lowest
     rows, so that the file has the image's size; "below", added to it; or "none".  `exposure` and the other options are
@@ -57,6 +62,10 @@ def save(
     if suffix in DATA:
         with written_whole(path) as partial:
             (_write_netcdf if suffix == ".nc" else _write_zarr)(image, partial)
+    elif suffix in LIGHTS:
+        from openswim.colour.hdr import save_light_picture
+
+        save_light_picture(image, path)
     else:
         _save_picture(image, path, exposure, caption, rgb_options)
 

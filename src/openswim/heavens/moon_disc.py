@@ -23,7 +23,7 @@ from openswim.scene.times import Time
 F64 = NDArray[np.float64]
 
 _PALER = 0.65  # power of the map's grey, which has more contrast than the moon
-_FEWEST, _MOST, _PER_PIXEL, _RAYS = 4096, 400_000, 12, 160
+_FEWEST, _MOST, _PER_PIXEL, _RAYS = 4096, 800_000, 48, 160
 _FULL_DEG = 7.0  # phase angle at which the Earth's light comes back to it, but for the surge
 _GOLDEN = (5**0.5 - 1) / 2
 

@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 _HIGHEST_BENT_M = 5e4  # eyes above see too little air for refraction to be told
 _DAY_DEG, _NIGHT_DEG = 0.0, -9.0  # altitudes of the sun between which stars come out
+_ECLIPSED = 4.0  # powers of ten of sunlight lost in an eclipse, from which on all are out
 DUSK_DEG = -2.0  # altitude of the sun from which on the night's sky is looked for
 _BRIGHTEST = -5.0  # magnitude, of what is drawn by day
 
@@ -86,6 +87,8 @@ class Heavens:
         bent = through if self.air is None or lift is None else _through_bent(through, self._longer)
         moon = drawn_moon(self.moon, self.time, camera, pixels, self.wavelengths_nm, self.toa, bent, lift)
         out = np.clip((self.sun_altitude_deg - _DAY_DEG) / (_NIGHT_DEG - _DAY_DEG), 0, 1)
+        of_sun = sum(float(lamp.strength.mean()) for lamp in self.lamps.every if lamp.name == "sun")
+        out = max(out, float(np.clip(-np.log10(max(of_sun, 1e-9)) / _ECLIPSED, 0, 1)))
         lowest = -90.0 if lift is None else float(lift.apparent_deg[0])
         points = points_over(self.time, *self.place, self.height_m, lift, lowest)
         seen = np.flatnonzero(points.magnitude <= _BRIGHTEST + (7.0 - _BRIGHTEST) * out)

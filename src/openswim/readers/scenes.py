@@ -63,7 +63,7 @@ def open_scene(
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     if place is not None and scene.cut and scene.wider is None and not place.from_space:
-        scene.notes.append("nothing of the domain beyond this part is seen")
+        scene.notes.append("a part of the domain was read; clouds beyond it are not in the picture")
     if ground is not None:
         for level in scene.levels:
             level.ground = ground

@@ -77,7 +77,8 @@ def read_station(
         raise UserError(f"{path}: neither global irradiance in it, nor direct and diffuse")
     lacking = sorted({"latitude", "longitude"} - place.keys())
     if lacking:
-        raise UserError(f"{path}: a {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon")
+        raise UserError(f"{path}: a {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon, "
+                        f"or {path.with_suffix('.json').name} beside it with lat, lon and elev_m")  # fmt: skip
     return data[keep].sortby("time").assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
 
 

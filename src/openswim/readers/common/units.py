@@ -79,11 +79,14 @@ _SPELLING = {
 }
 
 
+_LONGEST = 200  # characters
 _TERMS = {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s", "seconds": "s", "\u00b5g": "ug"}
 
 
 def canonical(units: str) -> str:
     """One spelling of a unit: "kg/m^3", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
+    if len(units) > _LONGEST:  # no unit, and patience of its own
+        return units[:_LONGEST]
     text = re.sub(r"\*\*|\^", "", units.strip()).replace(".", " ").replace("*", " ").replace("#", "1")
     above, _, below = text.partition("/")
     terms = [term for term in above.split() if term != "1"]

@@ -191,12 +191,13 @@ def _axes(
         return lon + np.linspace(0.0, span, nx), y
     if kind in ("regular_ll", "rotated_ll"):
         last, step = float(keys["latitudeOfLastGridPointInDegrees"]), keys["jDirectionIncrementInDegrees"]
-        off = abs(step * (ny - 1) - abs(last - lat)) if step and 0 < step < 90.0 else 0.0
-        if off > 1.5 * (step or 0.0):
+        told = bool(step) and 0 < step < 90.0
+        off = abs((ny - 1) - abs(last - lat) / step) if told else 0.0  # rows
+        if off > 1.5:
             raise UserError(
                 f"{file.path}: {ny} rows from latitude {lat:g} to {last:g} are not {step:g} degrees apart: damaged"
             )
-        if off > 0.5 * (step or 0.0):  # a part that was cut out of a larger grid, GEFS-Aerosols for one
+        if off > 0.5:  # a part that was cut out of a larger grid, GEFS-Aerosols for one
             last = lat + math.copysign(step * (ny - 1), last - lat)
             notes.append(f"{ny} rows of {step:g} degrees end a row beside where the file says: at latitude {last:g}")
         span = _span(keys, nx)

@@ -141,13 +141,13 @@ def _checked(path: Path, head: Sequence[Sequence[float]], lines: int, separator:
     values = 1e3 * np.array(rest, np.float64)
     if not (np.isfinite(values).all() and (values[:2] > 0).all()):
         raise UserError(f"{path}: spacing {rest[0]}, {rest[1]} km, and levels: must be finite, spacing positive")
-    check_size(path, "the field", shape)
     nodes = shape[0] * shape[1] * shape[2]
     if nodes > max(PLAUSIBLE_ELEMENTS, _NODES_PER_BYTE * path.stat().st_size):
         raise UserError(
             f"{path}: its head tells of {shape[0]} x {shape[1]} x {shape[2]} nodes, too many for so small a file: "
             "damaged or truncated"
         )
+    check_size(path, "the field", shape)
     return _Head(shape, (float(values[0]), float(values[1])), values[2:], lines, separator)
 
 
