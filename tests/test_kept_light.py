@@ -146,3 +146,11 @@ def test_the_users_own_ground_is_kept_but_for_its_maps(tmp_path: Path) -> None:
     changed(tmp_path / "light.zarr", ground=about["ground"])
     with pytest.raises(UserError, match=r"own maps.*open_light\(path, scene\)"):
         openswim.open_light(tmp_path / "light.zarr")
+
+
+def test_light_of_bands_is_kept_by_its_terms(tmp_path: Path) -> None:
+    lit = openswim.light(scenes()["clear"], "fast", (550.0, 940.0, 1610.0), sun=(200.0, 40.0))  # eight terms
+    lit.save(tmp_path / "light.zarr")
+    own, theirs = (pictures(one)[0] for one in (lit, openswim.open_light(tmp_path / "light.zarr")))
+    assert own.shape == (20, 40, 3)
+    np.testing.assert_array_equal(own, theirs)

@@ -56,11 +56,11 @@ HOUSE = {
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
     "lights": Place(7.6, 0.95, 1.5, "sun, its spectrum"),
     "cameras": Place(7.6, 2.75, 1.5, "pixels to rays"),
-    "optics": Place(7.6, 4.8, 1.5, "matter in light"),
+    "optics": Place(8.5, 4.8, 1.5, "matter in light"),
     "ground": Place(7.6, 6.65, 1.5, "maps, reflectance"),
     "options": Place(7.6, 8.5, 1.5, "what one may ask"),
-    "scene": Place(8.75, 4.72, 9.4, "grid, fields, air, phase functions, rays: what the world is"),
-    "foundation": Place(9.6, 4.72, 9.4, "every room may use these"),
+    "scene": Place(9.4, 4.72, 9.4, "grid, fields, air, phase functions, rays: what the world is"),
+    "foundation": Place(10.25, 4.72, 9.4, "every room may use these"),
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {

@@ -119,7 +119,8 @@ def _read(
         raise UserError(f"{path}: kept light of another scene than this one: solve it anew, or give the scene it is of")
     solver = Solver(**about["options"])
     wavelengths = np.array(about["wavelengths_nm"], float)
-    matter, surface = matter_of(scene, wavelengths), surface_of(scene, wavelengths)
+    matter = matter_of(scene, wavelengths)
+    surface = surface_of(scene, matter.wavelengths_nm)
     known: dict[str, np.ndarray] = {}
     with job("light from disk", nbytes) as meter:
 
@@ -134,7 +135,7 @@ def _read(
     day = dict(about["daylight"])
     daylight = Daylight(**day | {"direction": np.array(day["direction"], float)})
     time = None if about["time"] is None else np.datetime64(about["time"], "ms")
-    return scene, Field(packs), daylight, time
+    return scene, Field(packs, terms=matter.terms), daylight, time
 
 
 def _scene(path: str | os.PathLike[str], about: dict[str, Any]) -> Scene:

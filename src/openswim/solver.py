@@ -39,7 +39,7 @@ class Solver(Options):
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = self._matter(scene, wavelengths, plan)
-        return solve(self, matter, surface_of(scene, wavelengths), np.asarray(sun_direction, float), plan)
+        return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)
 
     def solve_starlit(
         self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None
@@ -53,7 +53,9 @@ class Solver(Options):
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = self._matter(scene, wavelengths, None).starlit()
-        return solve(self, matter, replace(surface_of(scene, wavelengths), lamps=lamps), NADIR)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
+        return solve(self, matter, replace(surface, lamps=each), NADIR)
 
     def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)

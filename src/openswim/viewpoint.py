@@ -287,7 +287,7 @@ class Viewpoint:
             "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
             "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
         }
-        out = {name: round(float(value), 2) for name, value in out.items()}
+        out = {name: round(float(value), 2) for name, value in out.items() if np.isfinite(value)}
         for part in ("global", "direct", "diffuse"):
             out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = [
                 float(v) for v in spectral[f"{part}_horizontal"].values
@@ -349,7 +349,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
         "view": camera.name,
         "source": lit.scene.source,
-        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm)]),
+        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm, lit.scene.atmosphere)]),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

@@ -6,6 +6,7 @@ import pytest
 from openswim import Scene, Solver
 from openswim.errors import UserError
 from openswim.optics.limits import stated
+from openswim.scene.atmosphere import Atmosphere
 
 
 @pytest.mark.parametrize(("wavelength_nm", "reason"), [(1701.0, "heat"), (2130.0, "bands of gases"), (270.0, "ozone")])
@@ -24,3 +25,6 @@ def test_what_is_taken_for_granted_is_said():
     assert stated(np.array([450.0, 546.0, 615.0])) == []
     (said,) = stated(np.array([340.0, 550.0, 388.0]))
     assert said.startswith("340, 388 nm:")
+    (said,) = stated(np.array([550.0, 760.0, 865.0, 1610.0]), Atmosphere.us_standard())
+    assert said.startswith("760, 1610 nm: means over 20 nm")
+    assert "1.42 cm" in said

@@ -118,7 +118,7 @@ def aimed_at(lit: LitGrid, eye: ArrayLike = (0.0, 0.0, 1e3)) -> AimedGrid:
 
 def changed(field: Field, **changes: Any) -> Field:
     """The same light with other attributes of its packs, and nothing of what followed from those it had."""
-    return Field([replace(lit, once=Once(), **changes) for lit in field.lit])
+    return Field([replace(lit, once=Once(), **changes) for lit in field.lit], field.terms)
 
 
 def medium_of(

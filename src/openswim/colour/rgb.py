@@ -14,6 +14,7 @@ from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
 
 SAMPLED = 100_000  # pixels that auto exposure looks at, evenly spread
+LAST_SEEN_NM = 780.0  # by the standard observer
 TILE = 2048  # pixels at a time: their spectra stay in a cache, and products too small to be worth threads
 
 # Albers et al. 2020, Eq. 36; its white is x, y = .3292, .3449 (errata).
@@ -49,9 +50,13 @@ def solar_relative(image: xr.Dataset | xr.DataArray) -> xr.DataArray:
 def to_xyz(image: xr.Dataset | xr.DataArray) -> np.ndarray:
     """CIE 1931 X, Y, Z (..., 3), float32, of L'; L' = 1 has Y = 1, so a white wall facing the sun has 4.
 
-    NaN pixels stay NaN.  Source: Albers et al. 2020, Sect. 3.8 (corrected).
+    NaN pixels stay NaN.  Source: Albers et al. 2020, Sect. 3.8 (corrected).  Wavelengths beyond 780 nm say nothing
+    of colour; an image of such alone is grey, as bright as at the shortest of them.
     """
     data = solar_relative(image)
+    known_nm = data["wavelength"].values
+    seen = np.flatnonzero(known_nm <= max(LAST_SEEN_NM, float(known_nm.min())))
+    data = data.isel(wavelength=seen)
     wavelengths, weights = xyz_weights(step_nm=10)
     extension = Extension(data["wavelength"].values, wavelengths)
     flat = data.values.reshape(-1, data.sizes["wavelength"])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_WATER_CM, WATER_SCALE_M = 1.5, 2000.0
+LONGEST_NODE_NM = 700.0
 AEROSOL_ANGSTROM = 1.3  # where a single wavelength cannot tell
 AEROSOL_ALBEDO = 0.93
 AEROSOL_FORWARD = 0.75  # share of its scattered light that aerosol sends down, Rayleigh air sending 1/2
@@ -99,9 +100,13 @@ def broadband(
     spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
     is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength
     instead of three adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological
-    one, which lifts the visible share of the light by 8 % under overcast.
+    one, which lifts the visible share of the light by 8 % under overcast.  Wavelengths beyond 700 nm, which meet bands
+    of gases, are left out; where there are no others nothing is known (NaN).
     """
     order = np.argsort(wavelengths_nm)
+    order = order[np.asarray(wavelengths_nm, dtype=float)[order] <= LONGEST_NODE_NM]
+    if order.size == 0:
+        return Broadband(np.nan, np.nan, np.nan, np.nan)
     nodes = np.asarray(wavelengths_nm, dtype=float)[order]
     sine = float(np.sin(np.radians(sun_altitude_deg)))
     sky = _Sky(max(sine, 0.02), airmass(sun_altitude_deg), pressure_pa / SEA_LEVEL_PA, ozone_du / 1000)

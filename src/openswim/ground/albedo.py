@@ -12,6 +12,7 @@ from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, spectral
 from openswim.ground.maps import Ground, mapped_albedo, maps_of, textured
 from openswim.ground.model import DARK_LAND, ModelGround
+from openswim.ground.near_infrared import LAST_VISIBLE_NM, VISIBLE_NM, beyond_visible
 from openswim.ground.noise import fractal_noise, resolved_share
 from openswim.ground.patches import patched, wood_noise
 from openswim.ground.sample import SurfaceSample
@@ -52,8 +53,13 @@ def surface_properties(
     footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it. detail: whether land
     is given the woods and clearings that maps are too coarse for, where a footprint is known (`patches`; invented).
     model: the scene's `ModelGround` at the wavelengths, for who asks more than once.
+
+    Beyond 700 nm, where no map shows anything, land and snow are what their visible colour says (`near_infrared`); an
+    albedo that the scene gives at wavelengths of its own is used there as it is.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    if wavelengths.max(initial=0.0) > LAST_VISIBLE_NM and not _own_spectrum(scene):
+        return _beyond_visible(scene, lat, lon, wavelengths, footprint_m, detail, model)
     lat_, lon_ = np.atleast_1d(np.asarray(lat, float)), np.atleast_1d(np.asarray(lon, float))
     footprint = np.broadcast_to(np.asarray(footprint_m, float), lat_.shape)
     data, grid = scene.data, scene.grid
@@ -79,6 +85,31 @@ def surface_properties(
     bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], finest[fine])
     sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
     return sample
+
+
+def _own_spectrum(scene: Scene) -> bool:
+    """Whether the scene has an albedo that is used as it is at all wavelengths."""
+    data, grid = scene.data, scene.grid
+    if grid is None or not grid.curved:
+        return True
+    if "surface_albedo" not in data:
+        return False
+    return "land_area_fraction" not in data or "wavelength" in data["surface_albedo"].dims
+
+
+def _beyond_visible(
+    scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths: FloatArray, footprint_m: ArrayLike, detail: bool,
+    model: ModelGround | None,
+) -> SurfaceSample:  # fmt: skip
+    """`surface_properties` where some wavelengths lie beyond 700 nm."""
+    far = wavelengths > LAST_VISIBLE_NM
+    seen = surface_properties(scene, lat, lon, VISIBLE_NM, footprint_m, detail, model)
+    albedo = np.empty((seen.water.size, wavelengths.size))
+    albedo[:, far] = beyond_visible(seen, wavelengths[far])
+    if not far.all():
+        near = surface_properties(scene, lat, lon, wavelengths[~far], footprint_m, detail, model)
+        albedo[:, ~far] = near.albedo
+    return replace(seen, albedo=albedo)
 
 
 @dataclass

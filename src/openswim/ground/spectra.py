@@ -1,4 +1,4 @@
-"""Albedo spectra of what covers the ground, 400-700 nm (the ends hold beyond)."""
+"""Albedo spectra of what covers the ground, 400-700 nm (the ends hold beyond; `near_infrared` has land there)."""
 
 from __future__ import annotations
 
@@ -51,13 +51,15 @@ def water_leaving(wavelengths_nm: ArrayLike, chlorophyll_mg_m3: ArrayLike = 0.2)
     return np.pi * 0.52 * below / (1 - 1.7 * below)
 
 
-# Absorption of pure water (Pope & Fry 1997; beyond 700 nm after Smith & Baker 1981) and of phytoplankton, 1 at 440 nm
+# Absorption of pure water (Pope & Fry 1997; beyond 700 nm after Smith & Baker 1981, beyond 800 nm after Hale & Querry
+# 1973) and of phytoplankton, 1 at 440 nm
 # (Prieur & Sathyendranath 1981 as in Morel 1988).
-_WATER_NM = [400, 420, 440, 460, 480, 500, 520, 540, 560, 580, 600, 620, 640, 660, 680, 700, 750, 800]
+_WATER_NM = [400, 420, 440, 460, 480, 500, 520, 540, 560, 580, 600, 620, 640, 660, 680, 700, 750, 800, 900, 970, 1080,
+             1200, 1300, 1400]  # fmt: skip
 _PURE_WATER_PER_M = [0.0066, 0.0045, 0.0064, 0.0098, 0.0127, 0.0204, 0.0409, 0.0474, 0.0619, 0.0896, 0.2224, 0.2755,
-                     0.3108, 0.4100, 0.4650, 0.6240, 2.47, 2.07]  # fmt: skip
+                     0.3108, 0.4100, 0.4650, 0.6240, 2.47, 2.07, 7.0, 45.0, 15.0, 110.0, 120.0, 1200.0]  # fmt: skip
 _PIGMENT = [0.687, 0.913, 1.0, 0.917, 0.798, 0.668, 0.528, 0.416, 0.294, 0.291, 0.236, 0.276, 0.334, 0.441, 0.502,
-            0.215, 0.0, 0.0]  # fmt: skip
+            0.215, *[0.0] * 8]  # fmt: skip
 
 
 def visible_from_broadband(broadband: FloatArray) -> FloatArray:

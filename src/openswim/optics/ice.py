@@ -18,7 +18,7 @@ def coalbedo(wavelengths_nm: ArrayLike, radius_m: float) -> FloatArray:
     """1 - single-scattering albedo (nwl,) of crystals of an effective radius (3/4 of volume over mean shadow).
 
     The severely roughened habit mixture of Baum et al. (2014) from 5 to 60 um; of larger particles .47 (1 - exp(-x r)),
-    which meets it at 60 um. Zero below 700 nm, where less than 1e-5 is absorbed; the value at 1700 nm holds beyond.
+    which meets it at 60 um. Zero below 700 nm, where less than 1e-4 is absorbed; the value at 1700 nm holds beyond.
     """
     largest = float(min(radius_m, RADII_M[-1]))
     found = _at(_columns()[1], wavelengths_nm, largest) * min(radius_m / RADII_M[0], 1.0)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.optics.gas_bands import WIDTH_NM, banded
+
+if TYPE_CHECKING:
+    from openswim.scene.atmosphere import Atmosphere
 
 SHORTEST_NM, LONGEST_NM = 280.0, 1700.0
 _TABLES_FROM_NM = 400.0  # droplets, aerosol types, land and snow
@@ -27,9 +33,16 @@ def check_wavelengths(wavelengths_nm: NDArray[np.float64]) -> None:
         )
 
 
-def stated(wavelengths_nm: NDArray[np.float64]) -> list[str]:
+def stated(wavelengths_nm: NDArray[np.float64], atmosphere: Atmosphere | None = None) -> list[str]:
     """What is taken for granted at wavelengths (nwl,), for a picture's assumptions."""
+    found = []
     short = [f"{w:g}" for w in wavelengths_nm if w < _TABLES_FROM_NM]
-    if not short:
-        return []
-    return [f"{', '.join(short)} nm: droplets, aerosol types and ground as at {_TABLES_FROM_NM:g} nm"]
+    if short:
+        found.append(f"{', '.join(short)} nm: droplets, aerosol types and ground as at {_TABLES_FROM_NM:g} nm")
+    bands = [f"{w:g}" for w in banded(wavelengths_nm)]
+    if bands and atmosphere is not None:
+        found.append(
+            f"{', '.join(bands)} nm: means over {WIDTH_NM:g} nm, in which gases absorb; water vapour the same all "
+            f"over, {atmosphere.precipitable_water_cm():.2f} cm above sea level"
+        )
+    return found

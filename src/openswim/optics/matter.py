@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.optics.cover import cloud_cover
+from openswim.optics.gas_bands import Terms, terms_of
 from openswim.optics.layers import ground_of_place_m
 from openswim.optics.species import Background, OpticalSpecies, background, each_species, for_wavelengths
 from openswim.scene.frame import Frame, scene_frame
@@ -27,15 +28,16 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """The background air around a scene, at wavelengths (nwl,). starlit: an even sky of L' = 1 shines above it."""
+    """The background air around a scene, at the terms (nwl,) that stand for wavelengths. starlit: an even sky of L' = 1
+    shines above it."""
 
     atmosphere: Atmosphere
-    wavelengths_nm: F64
+    terms: Terms
     starlit: bool = False
 
     def at(self, height_m: ArrayLike) -> Background:
         """Its coefficients at heights (nz,) above sea level."""
-        found = background(self.atmosphere, self.wavelengths_nm, height_m)
+        found = background(self.atmosphere, self.terms.nm, height_m, self.terms)
         return replace(found, starlit=True) if self.starlit else found
 
 
@@ -43,7 +45,8 @@ class Air:
 class Matter:
     """Species on a grid, and the air around it, in the frame in which light travels.
 
-    grid: None for a clear sky. species: a list, or of large domains whatever makes them anew, one after the other.
+    terms: what is solved for, `wavelengths_nm` (nwl,) of each. grid: None for a clear sky. species: a list, or of large
+    domains whatever makes them anew, one after the other.
     cover (nz, ny, nx): share of each cell that is cloud; None where cloud fills its cells. air: None for none.
     highest_m: level above all that is on levels. cut: whether the grid is a part of a domain that goes on.
     wider: what lies on a wider, coarser grid around this one.
@@ -51,13 +54,18 @@ class Matter:
 
     frame: Frame
     grid: Grid | None
-    wavelengths_nm: F64
+    terms: Terms
     species: Iterable[OpticalSpecies]
     cover: F32 | None
     air: Air | None
     highest_m: float
     cut: bool = False
     wider: Matter | None = None
+
+    @property
+    def wavelengths_nm(self) -> F64:
+        """Of each term (nwl,): what is solved for."""
+        return self.terms.nm
 
     @property
     def levels(self) -> list[Matter]:
@@ -73,15 +81,14 @@ class Matter:
 
     def at(self, which: I64) -> Matter:
         """The same at some of the wavelengths, each as often as it is named; all arrays on the grid are shared."""
-        wavelengths = self.wavelengths_nm[which]
+        terms = self.terms.at(which)
         species: Iterable[OpticalSpecies]
         if isinstance(self.species, EachSpecies):
             species = self.species.at(which)
         else:
             species = [one.at(which) for one in self.species]
         return replace(
-            self, wavelengths_nm=wavelengths, species=species,
-            air=None if self.air is None else replace(self.air, wavelengths_nm=wavelengths),
+            self, terms=terms, species=species, air=None if self.air is None else replace(self.air, terms=terms),
             wider=None if self.wider is None else self.wider.at(which),
         )  # fmt: skip
 
@@ -112,18 +119,27 @@ def matter_of(
     it, so that droplets are divided by size alike.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    terms = terms_of(wavelengths, any(level.atmosphere is not None for level in scene.levels))
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
     out, ground_m = None, ground_of_place_m(scene)
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
-        species = EachSpecies(level, wavelengths, cover, names[n] if n < len(names) else None)
-        air = None if level.atmosphere is None else Air(level.atmosphere.above_ground(ground_m), wavelengths)
+        species = EachSpecies(level, terms.nm, cover, names[n] if n < len(names) else None)
+        air = None if level.atmosphere is None else Air(_with_vapour(level).above_ground(ground_m), terms)
         out = Matter(
-            frame, level.grid, wavelengths, list(species) if keep else species, cover, air, _highest_m(level),
-            level.cut, out,
+            frame, level.grid, terms, list(species) if keep else species, cover, air, _highest_m(level), level.cut, out,
         )  # fmt: skip
     assert out is not None
     return out
+
+
+def _with_vapour(scene: Scene) -> Atmosphere:
+    """The scene's atmosphere, with the mean of its precipitable water where it has no profile of vapour."""
+    assert scene.atmosphere is not None
+    if scene.atmosphere.vapour_kg_m3 is not None or "precipitable_water" not in scene.data:
+        return scene.atmosphere
+    ground_m = float(np.nanmean(scene.data["surface_altitude"])) if "surface_altitude" in scene.data else 0.0
+    return scene.atmosphere.with_precipitable_water(0.1 * float(np.nanmean(scene.data["precipitable_water"])), ground_m)
 
 
 def _highest_m(scene: Scene) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
 from openswim.optics.cover import CLOUD, cloud_cover
+from openswim.optics.gas_bands import Terms
 from openswim.optics.layers import beside_background, layers_optics
 from openswim.optics.ozone import ozone_cross_section_m2
 from openswim.optics.rayleigh import depolarisation_factor, rayleigh_scattering_per_m
@@ -256,11 +257,13 @@ def _field(scene: Scene, name: str) -> NDArray[np.float32] | None:
     return np.asarray(scene.data[name].transpose("z", "y", "x").values, np.float32)
 
 
-def background(atmosphere: Atmosphere | None, wavelengths_nm: ArrayLike, height_m: ArrayLike) -> Background:
+def background(
+    atmosphere: Atmosphere | None, wavelengths_nm: ArrayLike, height_m: ArrayLike, terms: Terms | None = None
+) -> Background:
     """Rayleigh scattering, ozone absorption and aerosol of a 1-D atmosphere at heights (nz,) and wavelengths
     (nm).
 
-    `atmosphere=None` is a vacuum: all coefficients zero.
+    `atmosphere=None` is a vacuum: all coefficients zero. terms: of the same wavelengths, whose gases absorb too.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     height = np.atleast_1d(np.asarray(height_m, float))
@@ -270,6 +273,8 @@ def background(atmosphere: Atmosphere | None, wavelengths_nm: ArrayLike, height_
         pressure, temperature, ozone = atmosphere.at(height)
         scattering = rayleigh_scattering_per_m(wavelengths, pressure, temperature)
         absorption = np.multiply.outer(ozone_cross_section_m2(wavelengths), ozone)
+        if terms is not None:
+            absorption += terms.absorption_per_m(atmosphere, height)
     return Background(
         height_m=height,
         rayleigh_per_m=scattering,

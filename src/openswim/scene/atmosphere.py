@@ -38,22 +38,41 @@ _OZONE_1E18_PER_M3 = np.array([
 # fmt: on
 
 
+# Water vapour of the AFGL constituent profile for the US standard (Anderson et al. 1986, AFGL-TR-86-0110): shares of
+# air by volume, in 1e-6; 1.42 cm above sea level.
+_VAPOUR_KM = np.array([*range(26), 30.0, 35.0, 40.0, 50.0, 60.0, 80.0, 100.0])
+# fmt: off
+_VAPOUR_PPM = np.array([
+    7752, 6076, 4635, 3184, 2159, 1398, 925.8, 572.5, 367, 158.4, 70.01,
+    36.16, 19.07, 10.86, 5.931, 5.003, 3.953, 3.853, 3.827, 3.853, 3.902, 3.977,
+    4.068, 4.202, 4.303, 4.428, 4.728, 4.904, 5.028, 5.228, 4.753, 2.051, 0.4003,
+])
+# fmt: on
+_VAPOUR_KG_PER_PPM = 18.015e-9 / 8.31446  # kg m-3 per ppm and mol m-3 of gas: times p/T
+
 _DEFAULT = AerosolProfile()
 
 
 @dataclass(frozen=True)
 class Atmosphere:
     """Gas profiles (n,) on ascending heights above sea level, and the background aerosol: a layer, a list of layers
-    that are added, or None for no aerosol."""
+    that are added, or None for no aerosol. Without ``vapour_kg_m3`` there is the water vapour of the US standard, 1.42
+    cm above sea level; it counts in bands of the near infrared."""
 
     height_m: NDArray[np.float64]
     pressure_pa: NDArray[np.float64]
     temperature_k: NDArray[np.float64]
     ozone_per_m3: NDArray[np.float64]
     aerosol: Layers = field(default_factory=AerosolProfile)
+    vapour_kg_m3: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "aerosol", layers_of(self.aerosol))
+        if self.vapour_kg_m3 is not None:
+            vapour = np.asarray(self.vapour_kg_m3, np.float64)
+            if vapour.shape != np.shape(self.height_m) or not (np.isfinite(vapour) & (vapour >= 0)).all():
+                raise UserError("atmosphere: vapour_kg_m3 must have one value of zero or more per height")
+            object.__setattr__(self, "vapour_kg_m3", vapour)
         for name in ("height_m", "pressure_pa", "temperature_k", "ozone_per_m3"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), np.float64))
         if not (self.height_m.ndim == 1 and self.height_m.size > 1 and (np.diff(self.height_m) > 0).all()):
@@ -125,6 +144,26 @@ class Atmosphere:
         ozone = np.where(inside, np.interp(z, self.height_m, self.ozone_per_m3), 0.0)
         return pressure, np.interp(z, self.height_m, self.temperature_k), ozone
 
+    def vapour_kg_m3_at(self, height_m: ArrayLike) -> NDArray[np.float64]:
+        """Density of water vapour at any heights, in between log-linear."""
+        z = np.asarray(height_m, float)
+        if self.vapour_kg_m3 is None:
+            pressure, temperature, _ = self.at(z)
+            ppm = np.exp(np.interp(z / 1e3, _VAPOUR_KM, np.log(_VAPOUR_PPM)))
+            return np.asarray(_VAPOUR_KG_PER_PPM * ppm * pressure / temperature)
+        log_vapour = np.log(np.maximum(self.vapour_kg_m3, 1e-30))
+        return np.where(z <= self.height_m[-1], np.exp(np.interp(z, self.height_m, log_vapour)), 0.0)
+
+    def with_precipitable_water(self, cm: float, above_m: float) -> Atmosphere:
+        """The same with so much water vapour above a height."""
+        own = self.precipitable_water_cm(above_m)
+        return replace(self, vapour_kg_m3=self.vapour_kg_m3_at(self.height_m) * (cm / own if own > 0 else 0.0))
+
+    def precipitable_water_cm(self, above_m: float = 0.0) -> float:
+        """Water vapour above a height, as the depth of its water."""
+        height = np.linspace(above_m, max(above_m, 30_000.0), 601)
+        return 0.1 * float(np.trapezoid(self.vapour_kg_m3_at(height), height))
+
     def ozone_column_du(self, above_m: float = -np.inf) -> float:
         """Ozone (Dobson units) above a height; of the whole profile by default."""
         height = np.unique(np.append(self.height_m, np.clip(above_m, self.height_m[0], self.height_m[-1])))
@@ -137,6 +176,8 @@ class Atmosphere:
         saved: dict[str, Any] = {name: getattr(self, name).tolist() for name in names}
         layers = [layer.to_dict() for layer in self.layers]
         saved["aerosol"] = layers[0] if len(layers) == 1 else layers or None
+        if self.vapour_kg_m3 is not None:
+            saved["vapour_kg_m3"] = self.vapour_kg_m3.tolist()
         return saved
 
     @staticmethod

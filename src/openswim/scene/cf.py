@@ -27,6 +27,7 @@ PROFILES = {
     "profile_temperature": ("temperature_k", {"units": "K", "standard_name": "air_temperature"}),
     "profile_ozone": ("ozone_per_m3", {"units": "m-3", "long_name": "ozone molecules per volume of air"}),
 }
+VAPOUR_PROFILE = "profile_water_vapour"  # kg m-3, where there is one
 _AXES = {
     "projected": (("projection_x_coordinate", "m"), ("projection_y_coordinate", "m")),
     "geographic": (("longitude", "degrees_east"), ("latitude", "degrees_north")),
@@ -133,6 +134,9 @@ def _with_atmosphere(data: xr.Dataset, atmosphere: Atmosphere | None) -> xr.Data
         return data
     for name, (source, attributes) in PROFILES.items():
         data[name] = (("profile",), np.asarray(getattr(atmosphere, source), np.float64), dict(attributes))
+    if atmosphere.vapour_kg_m3 is not None:
+        said = {"units": "kg m-3", "long_name": "density of water vapour"}
+        data[VAPOUR_PROFILE] = (("profile",), atmosphere.vapour_kg_m3, said)
     for number, layer in enumerate(atmosphere.layers):
         described = {key: _attribute(value) for key, value in layer.to_dict().items()}
         name = AEROSOL if number == 0 else f"{AEROSOL}_{number + 1}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.optics.gas_bands import Terms
 from openswim.options import Options
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
@@ -27,14 +28,15 @@ class Viewpoint:
     """An eye in a field, at all wavelengths: see `Viewer`. It may be used from several threads at once."""
 
     packs: tuple[Viewer | LargeViewer, ...]
+    terms: Terms
 
     def view(self, rays: Rays) -> View:
         """Radiance along rays from the eye; memory is bounded by tiling over them."""
         views = [pack.view(rays) for pack in self.packs]
         return replace(
             views[0],
-            radiance=np.concatenate([v.radiance for v in views], axis=1),
-            transmittance=np.concatenate([v.transmittance for v in views], axis=1),
+            radiance=self.terms.mean(np.concatenate([v.radiance for v in views], axis=1)),
+            transmittance=self.terms.mean(np.concatenate([v.transmittance for v in views], axis=1)),
             samples=sum(v.samples for v in views),
         )
 
@@ -43,14 +45,15 @@ class Viewpoint:
         lit, relief = self.packs[0].lit, None
         if lit.landscape is not None:
             relief = lit.landscape.seen_from(rays)
-        return Viewpoint(tuple(pack.of_others(rays, relief) for pack in self.packs))
+        return Viewpoint(tuple(pack.of_others(rays, relief) for pack in self.packs), self.terms)
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """The solved light of a scene. Wavelengths are held in packs."""
+    """The solved light of a scene. What is solved for in place of wavelengths, their `terms`, is held in packs."""
 
     packs: Sequence[LitGrid | LitDomain]
+    terms: Terms
     plan: Plan | None = None  # what was decided: another scene solved by it gives light that differs by values alone
 
     @property
@@ -95,7 +98,7 @@ class Field:
 
     @property
     def wavelengths_nm(self) -> F64:
-        return np.concatenate([p.wavelengths_nm[: p.count] for p in self.lit])
+        return self.terms.wavelengths_nm
 
     @property
     def timings(self) -> dict[str, float]:
@@ -112,7 +115,7 @@ class Field:
         return Viewpoint(tuple(
             Viewer.of(pack, rays, relief) if isinstance(pack, LitGrid) else LargeViewer.of(pack, rays)
             for pack in self.packs
-        ))  # fmt: skip
+        ), self.terms)  # fmt: skip
 
     def view(self, rays: Rays) -> View:
         """Radiance along rays: that of their own `viewpoint`."""
@@ -121,4 +124,4 @@ class Field:
     def fluxes(self) -> dict[str, F64]:
         """Domain means for E_TOA = 1: up_top, down_bottom (diffuse), direct_bottom, up_bottom, each (nw,)."""
         parts = [{k: v[: p.count] for k, v in p.lighting.mean_fluxes().items()} for p in self.lit]
-        return {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
+        return {name: self.terms.mean(np.concatenate([p[name] for p in parts])) for name in parts[0]}

@@ -57,7 +57,7 @@ def solve(
             packs.append(solve_large(options, plan, of_pack, ground, sun, count))
         else:
             packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count))
-    return Field(packs, plan)
+    return Field(packs, matter.terms, plan)
 
 
 def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LitGrid:

@@ -20,7 +20,7 @@ from openswim.readers.fields.absent import DEFAULT_AEROSOL
 from openswim.scene import Grid, Optics, plausible
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.cf import AEROSOL, PROFILES
+from openswim.scene.cf import AEROSOL, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.phase import by_wavelength, phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
@@ -141,6 +141,8 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     columns = {}
     for name, (target, attributes) in PROFILES.items():
         columns[target] = _converted(name, data[name], attributes["units"])
+    if VAPOUR_PROFILE in data.variables:
+        columns["vapour_kg_m3"] = _converted(VAPOUR_PROFILE, data[VAPOUR_PROFILE], "kg m-3")
     return Atmosphere(**columns, aerosol=aerosol)
 
 

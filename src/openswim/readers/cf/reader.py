@@ -26,7 +26,7 @@ from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
 from openswim.scene import Grid, Scene
-from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES
+from openswim.scene.cf import GRID_MAPPING, LAYOUT, PROFILES, VAPOUR_PROFILE
 from openswim.scene.times import parse_time, rounded
 from openswim.scene.variables import HYDROMETEORS, LEVEL_DIMS, VARIABLES, is_known, species_of
 
@@ -42,6 +42,7 @@ _HELPERS = {
     "wavelength",
     GRID_MAPPING,
     *PROFILES,
+    VAPOUR_PROFILE,
     *MEMBER_DIMS,
 }
 _NOT_THE_LAYOUT = "damaged, or not as docs/scene-format.md describes"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.atmosphere import us_standard_pressure_temperature
+from openswim.scene.atmosphere import Atmosphere, us_standard_pressure_temperature
 
 DRY_GAS_CONSTANT = 287.05  # J kg-1 K-1
 VAPOUR_RATIO = 0.622  # molar mass of water vapour over that of dry air
@@ -120,3 +121,30 @@ def filled_from_above(values: F32) -> F32:
             filled = filled.copy() if filled is values else filled
             filled[level] = np.where(gap, filled[level + 1], filled[level])
     return filled
+
+
+_MOST_COLUMNS = 2000  # of which a mean is made
+
+
+def with_vapour(atmosphere: Atmosphere, height_m: NDArray[Any], vapour_kg_m3: NDArray[Any]) -> Atmosphere:
+    """The background with the domain's mean water vapour: densities (nz, ny, nx) on levels, (nz,) or 3-D, upward.
+
+    Above the highest level no more than the background's own; below the ground as just above it.
+    """
+    nz, columns = vapour_kg_m3.shape[0], vapour_kg_m3[0].size
+    some = np.linspace(0, columns - 1, min(columns, _MOST_COLUMNS)).astype(int)
+    vapour = np.maximum(np.nan_to_num(vapour_kg_m3.reshape(nz, columns)[:, some]), 0.0)
+    levels = height_m.reshape(nz, -1) if height_m.ndim > 1 else height_m[:, None]
+    heights = np.broadcast_to(levels, (nz, columns))[:, some]
+    at = atmosphere.height_m
+    own = atmosphere.vapour_kg_m3_at(at)
+    total, count = np.zeros(at.size), np.zeros(at.size)
+    for z, density in zip(heights.T, vapour.T, strict=True):
+        above, inside = at > z[-1], at >= z[0]
+        found = np.where(above, np.minimum(own, density[-1]), np.interp(at, z, density))
+        total += np.where(inside, found, 0.0)
+        count += inside
+    lowest = int(np.argmax(count > 0))
+    mean = total / np.maximum(count, 1)
+    mean[:lowest] = mean[lowest]
+    return replace(atmosphere, vapour_kg_m3=mean)

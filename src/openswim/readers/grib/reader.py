@@ -27,7 +27,7 @@ from openswim.readers.domain.cutting import select
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.absent import low_top, no_ground, no_sizes, no_species
 from openswim.readers.fields.aerosol_beyond import Haze
-from openswim.readers.fields.air import precipitable_water_kg_m2
+from openswim.readers.fields.air import precipitable_water_kg_m2, with_vapour
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.aerosol import aerosol, kinds
 from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
@@ -98,6 +98,8 @@ class GRIBReader:
             data = labelled(fields, surface)
             columns.notes += no_species(data) + no_sizes(data) + no_ground(data) + low_top(height)
             atmosphere = _atmosphere(columns, haze, height)
+            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
+                atmosphere = with_vapour(atmosphere, height, air.density_kg_m3 - air.dry_density_kg_m3)
             return Scene(
                 columns.selection.grid(height),
                 data,

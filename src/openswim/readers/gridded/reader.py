@@ -165,6 +165,9 @@ def _read(
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
         atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
+        if levels.specific_humidity is not None:
+            vapour_kg_m3 = levels.specific_humidity * levels.density_kg_m3
+            atmosphere = air.with_vapour(atmosphere, np.asarray(grid.height_m), vapour_kg_m3)
         data, optics, cut = labelled(fields, surface), dict(haze.optics), columns.laid.selection.cut
         scene = Scene(grid, data, atmosphere, optics, valid, _source(files), notes, cut=cut)
     return scene, columns, times

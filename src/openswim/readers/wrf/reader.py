@@ -21,7 +21,7 @@ from openswim.readers.common.clock import undated
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
 from openswim.readers.fields.aerosol_beyond import background_note
-from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes
+from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes, with_vapour
 from openswim.readers.fields.vapour import checked_humidity
 from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
@@ -82,7 +82,7 @@ class WRFReader:
             grid = wrf_grid(file, notes)
             if valid is None:
                 valid = _undated(file, time, grid, notes)
-            levels, air, humidity = _air(file, notes)
+            levels, air, humidity, vapour_kg_m3 = _air(file, notes)
             levels |= hydrometeors(file, air, notes)
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
@@ -96,10 +96,13 @@ class WRFReader:
                 )
             notes += _absences(file)
             notes += low_top(grid.height_m)
+            atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
+            if vapour_kg_m3 is not None:
+                atmosphere = with_vapour(atmosphere, grid.height_m, vapour_kg_m3)
             return Scene(
                 grid,
                 labelled(levels, surface),
-                Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes)),
+                atmosphere,
                 dict(haze.optics),
                 time=valid,
                 source=f"{path.name}: {str(file.attr('TITLE', 'WRF')).strip()}",
@@ -177,8 +180,9 @@ def _need(file: WRFFile) -> None:
 
 def _air(
     file: WRFFile, notes: list[str]
-) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.float32]]:
-    """Pressure [Pa] and temperature [K] as scene variables, the density of dry air [kg m-3], relative humidity.
+) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None]:
+    """Pressure [Pa] and temperature [K] as scene variables, the density of dry air [kg m-3], relative humidity, and the
+    density of vapour where the file has it.
 
     Density includes the vapour: rho_d = p/(R_d T (1 + r_v R_v/R_d)).
     """
@@ -196,7 +200,8 @@ def _air(
     moist = 1.0 + vapour * np.float32(VAPOUR_GAS_CONSTANT / DRY_AIR_GAS_CONSTANT)
     dry_density = (pressure / (DRY_AIR_GAS_CONSTANT * temperature * moist)).astype(np.float32)
     humidity = relative_humidity(pressure, temperature, (vapour / (1 + vapour)).astype(np.float32))
-    return {"air_pressure": pressure, "air_temperature": temperature}, dry_density, humidity
+    own = vapour * dry_density if "QVAPOR" in file else None
+    return {"air_pressure": pressure, "air_temperature": temperature}, dry_density, humidity, own
 
 
 def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[np.float32]]:

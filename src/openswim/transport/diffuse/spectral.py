@@ -31,6 +31,7 @@ _WIDEST = 1.5  # ratio of wavelengths that tell of what is between them
 _SPECIES = 0.02  # in a species' extinction and the moments of its scattering, of its extinction
 _ALBEDO = 2e-3  # in its single-scattering albedo, for light is scattered many times
 _GROUND = 0.1  # in the mean albedo of the ground
+_GASES = 0.02  # in the optical depth of the air's absorption, from the grid's lowest level to its highest
 
 
 class Known(NamedTuple):
@@ -55,13 +56,14 @@ def in_order(wavelengths_nm: F64) -> list[int]:
 
 
 def properties_of(sweeper: Sweeper) -> F64:
-    """Of species and ground at a wavelength, in units of what they may lie off a straight line."""
+    """Of species, gases and ground at a wavelength, in units of what they may lie off a straight line."""
     grid = sweeper.grid
     extinction = np.maximum(grid.scaled.astype(float), 1e-30)
     lost = 1 - grid.scattering[:, 0] / extinction
     moments = grid.scattering[:, 1:] / extinction[:, None]
     ground = [float(sweeper.ground_albedo.mean()) / _GROUND]
-    return np.concatenate([np.log(extinction) / _SPECIES, moments.ravel() / _SPECIES, lost / _ALBEDO, ground])
+    gases = [float(np.trapezoid(grid.air_extinction - grid.air_scattering[:, 0], grid.levels_m)) / _GASES]
+    return np.concatenate([np.log(extinction) / _SPECIES, moments.ravel() / _SPECIES, lost / _ALBEDO, gases, ground])
 
 
 def on_both_sides(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
 from openswim.interrupts import claim
+from openswim.optics.gas_bands import Terms
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job, relabel
@@ -61,7 +62,7 @@ def solve_reference(
     started = time.perf_counter()
     world, phases, medium, lighting = build_world(plan, matter, surface, sun)
     return ReferenceField(
-        options, surface, matter.frame, sun, matter.wavelengths_nm, world, phases, medium, lighting,
+        options, surface, matter.frame, sun, matter.terms, world, phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},
     )  # fmt: skip
 
@@ -74,13 +75,17 @@ class ReferenceField:
     surface: Surface
     frame: Frame
     sun: F64
-    wavelengths_nm: F64
+    terms: Terms
     world: World
     phases: Phases
     medium: Medium | None
     lighting: Lighting
     timings: dict[str, float] = field(default_factory=dict)
     found: tuple[dict[str, F64], dict[str, F64]] | None = None  # fluxes and their errors, once asked for
+
+    @property
+    def wavelengths_nm(self) -> F64:
+        return self.terms.wavelengths_nm
 
     @property
     def ground_m(self) -> float:
@@ -99,24 +104,25 @@ class ReferenceField:
         sides = [np.zeros(3) if side is None else np.asarray(side, float) for side in (across_m, along_m)]
         sums = self._sums(origin, direction, sides, self._seen(position, hit))
         self.timings["view"] = time.perf_counter() - started
+        mean = self.terms.mean  # of errors too: terms share their paths
         return ReferenceView(
-            sums.mean.astype(np.float32), transmittance, hit, position,
+            mean(sums.mean.astype(np.float32)), transmittance, hit, position,
             np.where(hit, ground_m, -1.0), species.astype(np.float32), sums.paths * n,
-            sigma=sums.sigma.astype(np.float32), paths=sums.paths, interrupted=sums.interrupted,
+            sigma=mean(sums.sigma.astype(np.float32)), paths=sums.paths, interrupted=sums.interrupted,
         )  # fmt: skip
 
     def through(self, rays: Rays) -> tuple[NDArray[np.float32], NDArray[np.bool_], F64, F64]:
         """Transmittance (n, nw) along rays, whether they end on the ground and how far away (n,), and the optical depth
         (n, ns) of each species."""
         n, (origin, direction) = len(rays), _lines(rays)
-        depth, ground_m = np.zeros((n, len(self.wavelengths_nm))), np.zeros(n)
+        depth, ground_m = np.zeros((n, len(self.terms.nm))), np.zeros(n)
         species = np.zeros((n, self.world.extinction.shape[3]))
         in_threads(scout_kernel, origin, direction, self.world, depth, species, ground_m, parts=n // _PART_RAYS)
-        return np.exp(-depth).astype(np.float32), ground_m >= 0, ground_m, species
+        return self.terms.mean(np.exp(-depth).astype(np.float32)), ground_m >= 0, ground_m, species
 
     def _seen(self, position: F64, hit: NDArray[np.bool_]) -> Seen:
         """The ground at the end of each ray's straight way."""
-        n, nw = len(hit), len(self.wavelengths_nm)
+        n, nw = len(hit), len(self.terms.nm)
         full = _black(n, nw)
         where = hit if hit.any() else np.arange(n) == 0
         places = np.where(hit[:, None], position, 0.0)[where]
@@ -125,14 +131,14 @@ class ReferenceField:
         full.lambertian = sample.lambertian
         for name in ("albedo", "water", "snow", "sea_ice", "wind_speed", "chlorophyll"):
             getattr(full, name)[where] = getattr(sample, name)
-        return seen_ground(full, self.wavelengths_nm)
+        return seen_ground(full, self.terms.nm)
 
     def _sums(self, origin: F64, direction: F64, sides: list[F64], seen: Seen) -> Sums:
         """Paths of all rays, pass by pass, until there are enough or the error is small."""
         solver = self.solver
-        sums = Sums(len(direction), len(self.wavelengths_nm))
+        sums = Sums(len(direction), len(self.terms.nm))
         checkpoint = Checkpoint.of(
-            solver, origin, direction, sides, seen, self.wavelengths_nm, solver.seed, self.aiming, self.world,
+            solver, origin, direction, sides, seen, self.terms.nm, solver.seed, self.aiming, self.world,
             self.phases,
         )  # fmt: skip
         if checkpoint is not None:
@@ -193,7 +199,8 @@ class ReferenceField:
 
     def _fluxes(self) -> tuple[dict[str, F64], dict[str, F64]]:
         if self.found is None:
-            self.found = self._flux_sums()
+            means, errors = ({k: self.terms.mean(v) for k, v in each.items()} for each in self._flux_sums())
+            self.found = means, errors
         return self.found
 
     def _flux_sums(self) -> tuple[dict[str, F64], dict[str, F64]]:
@@ -239,10 +246,10 @@ class ReferenceField:
 
     def _half_space(self, place: F64, up: F64, stream: int) -> list[tuple[F64, F64]]:
         """Mean and standard error (n, nw) of the diffuse and of the sun's flux from about ``up``."""
-        n, nw = len(place), len(self.wavelengths_nm)
+        n, nw = len(place), len(self.terms.nm)
         total, squares = np.zeros((n, nw, 2)), np.zeros((n, nw, 2))
         seen = seen_ground(
-            _black(1, nw), self.wavelengths_nm
+            _black(1, nw), self.terms.nm
         )
         seed = self.solver.seed + (stream << 32)
         began, most = time.process_time(), self.solver.paths or PATHS
