@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from openswim.ground import snow
 from openswim.ground.sample import SurfaceSample
-from openswim.scene.spectra import at_wavelengths
+from openswim.scene.interpolation import at_wavelengths
 
 FloatArray = NDArray[np.float64]
 
