@@ -56,7 +56,8 @@ ATMOSPHERES = st.one_of(
     ),
 )
 # What Scene takes for possible is narrower than the range of a single value.
-SANE = {"_content": (0.0, 2e-4), "_effective_radius": (1e-5, 9e-5), "air_temperature": (220.0, 300.0)}
+SANE = {"_content": (0.0, 2e-4), "_effective_radius": (1e-5, 9e-5), "air_temperature": (220.0, 300.0),
+        "aerosol_extinction": (0.0, 1e-3)}  # fmt: skip
 LINES = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=30)
 
 
