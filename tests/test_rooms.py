@@ -13,13 +13,9 @@ SOURCE = Path(__file__).parents[1] / "src"
 # A file may import from rooms to the left of its own.
 ORDER = (
     "errors",
-    "machine",
-    "workshops",
-    "interrupts",
-    "inputs",
-    "arguments",
     "progress",
-    "compiling",
+    "system",
+    "arguments",
     "tables",
     "scene",
     "optics",

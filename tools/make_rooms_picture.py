@@ -19,7 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
 # which any room may use; their arrows are not drawn
-FOUNDATION = ("errors", "machine", "workshops", "interrupts", "inputs", "arguments", "progress", "compiling", "tables")
+FOUNDATION = ("errors", "progress", "system", "arguments", "tables")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from openswim.cameras.pixels import Pixels
 from openswim.errors import UserError
 from openswim.lights import solar_irradiance
-from openswim.machine import free_memory
 from openswim.scene.frame import Frame
+from openswim.system.machine import free_memory
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
 

@@ -16,16 +16,16 @@ from openswim.arguments import check_kind, paths
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
 from openswim.lights.daylight import Daylight
-from openswim.machine import free_memory
 from openswim.optics.matter import matter_of
 from openswim.progress import job
 from openswim.scene import Ground, Scene
 from openswim.scene.files import written_whole
 from openswim.solver import Solver
+from openswim.system.machine import free_memory
+from openswim.system.workshops import sweep
 from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
-from openswim.workshops import sweep
 
 KIND, VERSION = "openswim light", 1
 _CHUNK = 1 << 23  # bytes of an array that are written together

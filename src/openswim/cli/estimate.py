@@ -10,11 +10,11 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
 from openswim.images import PIXEL_BYTES
-from openswim.machine import free_memory
 from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
 from openswim.options import Options
 from openswim.progress import PATIENCE_S
+from openswim.system.machine import free_memory
 from openswim.transport.engine.pack import PACK
 from openswim.transport.medium.plan import LIGHT_OF_COLUMNS, MediumPlan, lit_in_parts
 from openswim.transport.plan import plan_of

@@ -16,8 +16,8 @@ import click
 
 from openswim import __version__
 from openswim.errors import UserError
-from openswim.interrupts import INTERRUPTED, watched
 from openswim.progress import spoken
+from openswim.system.interrupts import INTERRUPTED, watched
 
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
-from openswim.inputs import check_ordinary
 from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.interpolation import corners
+from openswim.system.inputs import check_ordinary
 
 if TYPE_CHECKING:
     from pyproj import Transformer

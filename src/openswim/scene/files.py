@@ -11,7 +11,7 @@ from pathlib import Path
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
-from openswim.workshops import replace_folder, workshop
+from openswim.system.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
 _PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store

@@ -1,7 +1,7 @@
 """How light travels: a sweep through the grid along one direction, and a march along an eye ray."""
 
 # ruff: noqa: E402
-from openswim.compiling import provide_cache
+from openswim.system.compiling import provide_cache
 
 provide_cache()  # before any kernel is defined
 

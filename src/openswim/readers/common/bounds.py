@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openswim.errors import UserError
-from openswim.inputs import check_ordinary
-from openswim.machine import free_memory
 from openswim.readers.common import probe
 from openswim.readers.common.references import LEFT_OUT
+from openswim.system.inputs import check_ordinary
+from openswim.system.machine import free_memory
 
 if TYPE_CHECKING:
     import netCDF4

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from openswim.errors import UserError
-from openswim.inputs import check_ordinary
+from openswim.system.inputs import check_ordinary
 
 _LONGEST = 48_000_000  # bytes of the JSON
 _MOST = 500_000  # references

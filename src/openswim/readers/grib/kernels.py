@@ -1,7 +1,7 @@
 """The kernels that unpack GRIB, kept by Numba as those of transport are."""
 
 # ruff: noqa: E402
-from openswim.compiling import heal, provide_cache
+from openswim.system.compiling import heal, provide_cache
 
 provide_cache()  # before any kernel is defined
 

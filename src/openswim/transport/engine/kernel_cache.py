@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from openswim.compiling import heal, tell_first_time
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
+from openswim.system.compiling import heal, tell_first_time
 
 _STAMP = "openswim-sources.json"
 _IMPORT = re.compile(r"^[ ]*from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
-from openswim.interrupts import claim
 from openswim.optics.gas_bands import Terms
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job, relabel
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
+from openswim.system.interrupts import claim
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.medium.medium import Medium

@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 
 from openswim.errors import UserError
-from openswim.workshops import sweep
+from openswim.system.workshops import sweep
 
 
 def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:

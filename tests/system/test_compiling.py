@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from openswim import compiling, progress
+from openswim import progress
+from openswim.system import compiling
 
 KERNEL = "from numba import njit\n\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
 RUN = """
 import kernels
-from openswim.compiling import heal, tell_first_time
+from openswim.system.compiling import heal, tell_first_time
 from openswim.progress import spoken
 heal(vars(kernels).values())
 tell_first_time([kernels.twice])

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from openswim.workshops import abandon
+from openswim.system.workshops import abandon
 
 _PATIENCE_S = 1.4
 INTERRUPTED = 130

@@ -17,11 +17,11 @@ import pytest
 import xarray as xr
 from PIL import Image
 
-from openswim import workshops
 from openswim.colour import save
 from openswim.errors import UserError
-from openswim.inputs import check_ordinary
 from openswim.scene.files import check_target, written_whole
+from openswim.system import workshops
+from openswim.system.inputs import check_ordinary
 
 # Writes ever new values into the same names until it is killed.
 WRITER = """
@@ -31,7 +31,7 @@ import numpy as np
 import xarray as xr
 from openswim.scene.files import written_whole
 if sys.argv[2] == "two renames":
-    from openswim import workshops
+    from openswim.system import workshops
     workshops._exchanged = lambda one, other: False
 print("ready", flush=True)
 for n in range(10**9):
@@ -88,7 +88,7 @@ def test_a_store_that_was_put_aside_is_found_again(tmp_path):
 
 
 def test_workshops_of_the_living_stay(tmp_path):
-    code = "import sys\nfrom pathlib import Path\nfrom openswim.workshops import workshop\n"
+    code = "import sys\nfrom pathlib import Path\nfrom openswim.system.workshops import workshop\n"
     code += "with workshop(Path(sys.argv[1])):\n    print('ready', flush=True)\n    sys.stdin.read()\n"
     command, pipe = [sys.executable, "-c", code, str(tmp_path)], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe) as one:

@@ -15,7 +15,7 @@ DEAF = "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)"
 PROGRAM = """
 import hashlib, sys, time
 from pathlib import Path
-from openswim.interrupts import claim, watched
+from openswim.system.interrupts import claim, watched
 from openswim.scene.files import written_whole
 
 def main():
