@@ -36,21 +36,21 @@ HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
-    "stations": Place(1.6, 4.9, 1.3, "light through time"),
+    "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
     "satellites": Place(0.88, 8.3, 1.5, "imagers in space"),
-    "observations": Place(1.6, 3.2, 1.6, "cameras by their frames"),
+    "observations": Place(1.75, 2.9, 1.6, "cameras by their frames"),
     "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
-    "lighting": Place(2.28, 6.6, 1.5, "openswim.light"),
-    "kept_light": Place(3.65, 8.9, 1.35, "light on disk"),
-    "viewpoint": Place(2.95, 5.5, 1.6, "a camera in the light"),
+    "lighting": Place(2.3, 6.6, 1.5, "openswim.light"),
+    "kept_light": Place(3.85, 8.9, 1.35, "light on disk"),
+    "viewpoint": Place(3.05, 5.5, 1.6, "a camera in the light"),
     "colour": Place(4.75, 0.75, 1.35, "what an eye sees"),
     "fluxes": Place(4.75, 2.3, 1.35, "W m⁻² on a plane"),
     "images": Place(4.75, 4.25, 1.35, "labelled data"),
     "observer": Place(4.75, 5.8, 1.35, "where one stands"),
     "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
     "sun_disc": Place(6.1, 2.35, 1.35, "the sun in pixels"),
-    "heavens": Place(3.7, 3.3, 1.5, "moon, stars, night"),
+    "heavens": Place(3.85, 3.3, 1.5, "moon, stars, night"),
     "solver": Place(4.75, 8.9, 1.35, "asks transport"),
     "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
@@ -241,7 +241,7 @@ def pictures() -> dict[str, str]:
     house, inside = imports()
     return {
         "rooms.svg": drawn(
-            HOUSE, house, HOUSE_WALLS, (92, 74), "The rooms of openswim: a room imports what its arrows reach"
+            HOUSE, house, HOUSE_WALLS, (92, 92), "The rooms of openswim: a room imports what its arrows reach"
         ),
         "transport.svg": drawn(TRANSPORT, inside, TRANSPORT_WALLS, (150, 70), "Inside transport"),
     }
