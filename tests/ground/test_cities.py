@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum
+from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum, lamps_seen
 from openswim.lights.units import magnitude_of_luminance
 from openswim.scene.ground import Ground
 from openswim.solver import Solver
@@ -46,3 +46,16 @@ def test_clouds_over_a_city():
     clear, overcast = (zenith_luminance(solver, 52.52, 13.4, cloudy, nodes=7) for cloudy in (False, True))
     assert 18.0 < magnitude_of_luminance(clear) < 19.3
     assert 6 < overcast / clear < 15
+
+
+@pytest.mark.parametrize("radiance_nw", [0.1, 5.0, 50.0])
+def test_lamps_have_the_light_of_the_map_in_the_mean(radiance_nw):
+    rng = np.random.default_rng(5)
+    lat, lon = 47.0 + 0.3 * rng.random(400_000), 11.0 + 0.3 * rng.random(400_000)
+    seen = lamps_seen(lat, lon, 1.0, radiance_nw)
+    error = seen.std() / np.sqrt(seen.size)
+    assert seen.mean() == pytest.approx(1.0, abs=4 * error)
+    assert error < 0.05
+    dark = (seen < 0.01).mean()
+    assert dark > 0.2  # most of the land between lamps
+    np.testing.assert_allclose(lamps_seen(lat[:9], lon[:9], 1000.0, radiance_nw), 1.0)

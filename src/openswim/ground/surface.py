@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth
 from openswim.ground.albedo import surface_properties
-from openswim.ground.cities import city_radiance
+from openswim.ground.cities import city_radiance, lamps_seen
 from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
@@ -61,10 +61,15 @@ class SceneSurface:
     def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:
         return hemispherical_albedo(self.sample(lat, lon), self.wavelengths_nm)
 
-    def shining(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0) -> F64 | None:
+    def shining(
+        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0, detail: bool = False
+    ) -> F64 | None:
         if self.lamps is None or (self.scene.grid is not None and not self.scene.grid.curved):
             return None
-        return np.asarray(city_radiance(lat, lon, self.scene.ground, footprint_m)[..., None] * self.lamps)
+        bright = city_radiance(lat, lon, self.scene.ground, footprint_m)
+        if detail:
+            bright = bright * lamps_seen(lat, lon, footprint_m, bright)
+        return np.asarray(bright[..., None] * self.lamps)
 
     # how high it is
 

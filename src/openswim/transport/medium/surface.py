@@ -39,8 +39,10 @@ class Surface(Protocol):
         """Hemispherical albedo (n, nwl)."""
         ...
 
-    def shining(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = ...) -> F64 | None:
-        """What it shines with itself, L' (n, nwl) as seen from above; None where it is dark."""
+    def shining(
+        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = ..., detail: bool = ...
+    ) -> F64 | None:
+        """What it shines with itself, L' (n, nwl) as seen from above; None where it is dark. detail: see `sample`."""
         ...
 
     @property

@@ -95,7 +95,8 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
                 mirrored[wet] = own.mirrored.along(direction[part][wet])
             out[part] = _reflected(lit, own.sky, ground, mirrored)
             if lit.lighting.shining is not None:
-                out[part] += _own_light(lit, place[part], width_m[part])
+                dry = 1 - np.asarray(ground.sample.water, FLOAT)[:, None]  # lamps stand on land
+                out[part] += dry * _own_light(lit, place[part], width_m[part])
 
     in_threads(share, parts=-(-len(place) // _PART))
     return out
@@ -220,7 +221,7 @@ def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | No
 def _own_light(lit: LitGrid, place: F64, width_m: F64) -> F32:
     """L' (n, nw) that the ground shines with at places (n, 3)."""
     lat, lon, _ = lit.frame.latlon(place)
-    found = lit.surface.shining(lat, lon, width_m)
+    found = lit.surface.shining(lat, lon, width_m, detail=True)
     return np.zeros((len(place), PACK), FLOAT) if found is None else found.astype(FLOAT)
 
 
