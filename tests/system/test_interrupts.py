@@ -13,10 +13,12 @@ import pytest
 # pbkdf2_hmac computes for minutes and lets other threads run, as LLVM and HDF5 do
 DEAF = "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)"
 PROGRAM = """
-import hashlib, sys, time
+import hashlib, signal, sys, time
 from pathlib import Path
 from openswim.system.interrupts import claim, watched
 from openswim.scene.files import written_whole
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for what they run in the background
 
 def main():
     with written_whole(sys.argv[1]) as partial:
@@ -45,7 +47,11 @@ def _interrupted(tmp_path: Path, work: str, times: int = 1) -> tuple[int, str, f
         for _ in range(times):
             one.send_signal(signal.SIGINT)
             time.sleep(0.2)
-        out, err = one.communicate(timeout=60)
+        try:
+            out, err = one.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            one.kill()
+            raise
         took = time.monotonic() - began
     assert not list(tmp_path.iterdir())
     return one.returncode, out + err, took
