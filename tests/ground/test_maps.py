@@ -262,5 +262,5 @@ def test_data_without_an_image_are_no_map(tmp_path):
             file.createDimension(name, 4)
         for name in "ab":
             file.createVariable(name, "f4", ("y", "x"))[:] = 1.0
-    with pytest.raises(UserError, match=r"weather.nc: no image in it"):
+    with pytest.raises(UserError, match=r"weather.nc: no image, but several or none within"):
         openswim.open_scene("anything.nc", ground=openswim.Ground(albedo=tmp_path / "weather.nc"))
