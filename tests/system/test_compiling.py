@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -25,7 +26,10 @@ with spoken():
 
 def _run(folder: Path) -> tuple[int, bool, str]:
     """What the kernel gives, whether it was found on disk, and what was said."""
-    done = subprocess.run([sys.executable, "-c", RUN], cwd=folder, capture_output=True, text=True, check=True)
+    beside = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}  # the kernel's source
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], cwd=folder, env=beside, capture_output=True, text=True, check=True
+    )
     value, hits = map(int, done.stdout.split())
     return value, bool(hits), done.stderr
 
