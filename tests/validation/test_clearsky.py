@@ -109,7 +109,9 @@ def test_views_from_space_meet_the_place_and_the_tangent_height() -> None:
     assert {row.quantity.split(" ")[0] for row in rows} == {"nadir", "limb"}
     assert max(row.relative_rmse for row in rows) < 1e-9
 
-    (ground_from, ground_along), (limb_from, limb_along) = solver.rays
+    origins, directions = (np.concatenate(each) for each in zip(*solver.rays, strict=True))  # asked one by one
+    ground_from, limb_from = origins[: kind.size], origins[kind.size :]
+    ground_along, limb_along = directions[: kind.size], directions[kind.size :]
     for origin in (ground_from, limb_from):
         assert _radii(origin) == pytest.approx(RADIUS_M + 800_000.0, rel=1e-9)
     down = ground_along[kind == "nadir"]

@@ -50,7 +50,13 @@ class ClearSky:
 
     def _radiance(self, origin_m: Array, direction: Array) -> Array:
         origin = np.broadcast_to(origin_m, direction.shape)
-        return np.stack(with_sigma(self.field.view(Rays(origin, direction))))
+        if len(direction) == 0:
+            return np.zeros((2, 0, len(self.field.wavelengths_nm)))
+        if len(np.unique(origin, axis=0)) <= 1 or len(np.unique(direction, axis=0)) <= 1:
+            return np.stack(with_sigma(self.field.view(Rays(origin, direction))))
+        # an eye stands at one place, or looks along parallel rays
+        one_by_one = [with_sigma(self.field.view(Rays(o, d[None]))) for o, d in zip(origin, direction, strict=True)]
+        return np.concatenate([np.stack(each) for each in one_by_one], axis=1)
 
     def from_inside(self, height_m: ArrayLike, zenith_deg: ArrayLike, azimuth_deg: ArrayLike) -> Array:
         """L' and its standard error (2, n, nwl) seen from heights (m), at angles from the zenith (over 90: down)."""
