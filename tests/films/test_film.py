@@ -164,7 +164,7 @@ def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> Non
         film(_scenes([0, 600]), CAMERA, tmp_path / "film.zarr", every_s=0.001)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("x")
-    with pytest.raises(UserError, match="no film's folder"):
+    with pytest.raises(UserError, match="which is no frame"):
         film(CLEAR, CAMERA, tmp_path / "mine")
 
 
@@ -185,3 +185,30 @@ def test_keogram_fills_its_width() -> None:
     found = keogram(lines, 8)
     assert found.shape == (10, 8, 3)
     np.testing.assert_array_equal(found[0, :, 0], [0, 0, 10, 10, 20, 20, 30, 30])
+
+
+def test_frames_of_other_weather_are_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes of the same source, times and camera, over dark and over bright ground."""
+    from openswim.films import making
+
+    def stops(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    dark, bright = (Scene.clear(47.0, 11.0, time=NOON, surface_albedo=albedo) for albedo in (0.05, 0.9))
+    camera = Camera.allsky(47.0, 11.0, height_m=500.0, size=16, centre="nadir")
+    monkeypatch.setattr(making, "write_film", stops)
+    with pytest.raises(KeyboardInterrupt):
+        film(dark, camera, tmp_path / "film", solver="swim", exposure=1.0)
+    monkeypatch.undo()
+    found = film(bright, camera, tmp_path / "film", solver="swim", exposure=1.0)
+    expected = film(bright, camera, tmp_path / "new", solver="swim", exposure=1.0)
+    one, other = (np.asarray(Image.open(folder / "frame_000001.png")) for folder in (found, expected))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_a_hidden_folder_of_others_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / ".film.mp4.frames").mkdir()
+    (tmp_path / ".film.mp4.frames" / "letter.txt").write_text("x")
+    with pytest.raises(UserError, match="no film's"):
+        KeptFrames(tmp_path / "film.mp4", {"a": 1})
+    assert (tmp_path / ".film.mp4.frames" / "letter.txt").read_text() == "x"

@@ -2,13 +2,17 @@
 
 import re
 import time as clock
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from openswim.cli.render import RenderRequest, camera_of, look_of, neighbourhood, solver_of
 from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    from openswim.films import CameraPath
 
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
@@ -70,12 +74,7 @@ def seconds_of(text: str) -> float:
     return float(match.group(1)) * _UNITS.get(match.group(2) or "min", 60.0)
 
 
-def _at_start(picture: RenderRequest, path: "object") -> RenderRequest:
-    from dataclasses import replace
-
-    from openswim.films import CameraPath
-
-    assert isinstance(path, CameraPath)
+def _at_start(picture: RenderRequest, path: "CameraPath") -> RenderRequest:
     if picture.lat is not None or picture.lon is not None:
         raise UserError("--path says where the camera is: leave out --lat and --lon")
     lat, lon, _ = path.place[0]

@@ -98,8 +98,15 @@ def between(before: Scene, after: Scene, time: Time, motion: Motion | None = Non
         Grid(grid.x, grid.y, height, grid.crs, grid.earth_radius_m, grid.periodic), data, before.atmosphere,
         before.optics, when, before.source,
         [*before.notes, f"weather between {before.time} and {after.time}, carried by {motion.source}"],
-        before.ground, before.wider, before.cut,
+        before.ground, _wider(before, after, when), before.cut,
     )  # fmt: skip
+
+
+def _wider(before: Scene, after: Scene, when: np.datetime64) -> Scene | None:
+    """The wider scene around, at the time as well."""
+    if before.wider is None or after.wider is None:
+        return before.wider
+    return between(before.wider, after.wider, when)
 
 
 def _mixed(

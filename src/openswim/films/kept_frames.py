@@ -6,10 +6,10 @@ import hashlib
 import json
 import shutil
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from openswim.errors import UserError
 from openswim.scene.files import written_whole
 
 _PLAN = "film.json"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class KeptFrames:
         self._print = hashlib.sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
         if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
             raise UserError(f"{self.folder}: is in the way of the film's frames: remove it")
+        if self.folder.is_dir() and any(self.folder.iterdir()) and not (self.folder / _PLAN).is_file():
+            raise UserError(f"{self.folder}: holds what is no film's: move it away, frames are kept there")
         if self.folder.is_dir() and not self._is_of_plan():
             shutil.rmtree(self.folder)
         try:
@@ -73,15 +76,21 @@ class KeptFrames:
 
     def get(self, number: int) -> KeptFrame:
         """A frame that was put; UserError where its file is damaged."""
+        return self._read(number, lambda arrays: KeptFrame(arrays["light"], _facts(arrays), arrays.get("radiance")))
+
+    def facts(self, number: int) -> dict[str, Any]:
+        """What is known of a frame, without its pixels."""
+        return self._read(number, _facts)
+
+    def _read(self, number: int, take: Callable[[Any], T]) -> T:
         path = self._path(number)
         try:
             with np.load(path, allow_pickle=False) as arrays:
-                facts = json.loads(arrays["facts"].tobytes().decode())
-                return KeptFrame(arrays["light"], facts, arrays.get("radiance"))
+                return take(arrays)
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise UserError(f"{path}: damaged ({error}): remove it and start again, the others are kept") from error
 
-    def all(self, count: int) -> Iterator[KeptFrame]:
+    def each(self, count: int) -> Iterator[KeptFrame]:
         return (self.get(number) for number in range(count))
 
     def remove(self) -> None:
@@ -89,3 +98,7 @@ class KeptFrames:
 
     def _path(self, number: int) -> Path:
         return self.folder / f"frame_{number + 1:06d}.npz"
+
+
+def _facts(arrays: Any) -> dict[str, Any]:
+    return dict(json.loads(arrays["facts"].tobytes().decode()))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +22,7 @@ from openswim.films.camera_path import CameraPath
 from openswim.films.exposure import exposure_curve
 from openswim.films.keogram import keogram as keogram_of
 from openswim.films.kept_frames import KeptFrame, KeptFrames
-from openswim.films.outputs import KINDS, check_output, write_film
+from openswim.films.outputs import check_output, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
@@ -85,17 +87,19 @@ def film(
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
     check_exposure(exposure)
     sky = _weather(weather)
-    track_ = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
-    shots = shots_of(sky, camera, every_s, track_, fps, number("film: speed", speed), from_time, to_time)
+    way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
+    shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure))
-    lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if track_ is None else LIGHT_EVERY_S)
+    lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
     _make(kept, lights, shots, kind == "radiance", exposure)
     curve = _exposures(kept, len(shots), exposure)
+    lines: list[NDArray[np.uint8]] = []
+    write_film(target, kept, len(shots), _pictures(kept, curve, title, lines), fps, kept.facts(0), wavelengths_nm)
     if keogram is not None:
-        _write_keogram(Path(keogram), _pictures(kept, curve, False))
-    facts = kept.get(0).facts
-    write_film(target, kept, len(shots), _pictures(kept, curve, title), fps, facts, wavelengths_nm)
+        if not lines:  # a film of radiance makes no pictures
+            deque(_pictures(kept, curve, False, lines), maxlen=0)
+        _write_keogram(Path(keogram), lines)
     kept.remove()
     return target
 
@@ -155,7 +159,8 @@ def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: A
         "wavelengths": list(map(float, wavelengths_nm)), "kind": kind,
         "exposure": exposure if isinstance(exposure, str) else "auto",
         "shots": [(str(shot.time), repr(replace(shot.camera, mask=None))) for shot in shots],
-        "sources": [sky.source],
+        "looking": hashlib.sha256(shots[0].camera.pixels().direction.tobytes()).hexdigest(),
+        "weather": sky.identity,
     }  # fmt: skip
 
 
@@ -247,26 +252,26 @@ def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
 def _exposures(kept: KeptFrames, count: int, exposure: float | str) -> NDArray[np.float64]:
     if not isinstance(exposure, str):
         return np.full(count, float(exposure))
-    wanted = np.array([kept.get(n).facts["exposure"] for n in range(count)])
+    wanted = np.array([kept.facts(n)["exposure"] for n in range(count)])
     return exposure_curve(wanted) if exposure == "auto" else wanted
 
 
-def _pictures(kept: KeptFrames, curve: NDArray[np.float64], title: bool) -> Iterator[NDArray[np.uint8]]:
+def _pictures(
+    kept: KeptFrames, curve: NDArray[np.float64], title: bool, lines: list[NDArray[np.uint8]]
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures of all frames; their middle columns, without a title, go into ``lines``."""
     from openswim.colour.rgb import developed
 
-    for number_, factor in enumerate(curve):
-        frame = kept.get(number_)
+    for frame, factor in zip(kept.each(len(curve)), curve, strict=True):
         picture = developed(frame.light.astype(np.float32), float(factor / frame.facts["exposure"]))
+        lines.append(picture[:, picture.shape[1] // 2].copy())
         yield titled(picture, frame.facts) if title else picture
 
 
-def _write_keogram(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
+def _write_keogram(path: Path, lines: list[NDArray[np.uint8]]) -> None:
     from openswim.colour.picture import write_picture
     from openswim.scene.files import written_whole
 
-    lines = [picture[:, picture.shape[1] // 2] for picture in pictures]
     with written_whole(path) as partial:
         write_picture(keogram_of(lines), partial, {"Content": "keogram: the middle columns of a film's frames"})
 
-
-__all__ = ["KINDS", "film"]

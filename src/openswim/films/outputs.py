@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import shutil
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,10 @@ from openswim.errors import UserError
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.files import check_target, written_whole
+from openswim.system.workshops import replace_folder, workshop
 
 KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
-_FILLED = "film.txt"  # in a folder of pictures that a film has made
+_FRAME = re.compile(r"frame_\d{6}\.png")
 
 
 def check_output(path: Path) -> str:
@@ -32,10 +33,10 @@ def check_output(path: Path) -> str:
     if kind == "video":
         check_video(suffix)
     if kind == "pictures":
-        if path.exists() and not (path.is_dir() and (not any(path.iterdir()) or (path / _FILLED).is_file())):
-            raise UserError(f"film {path}: exists and is no film's folder; choose another name")
-        if not os.access(path.parent, os.W_OK):
-            raise UserError(f"film {path}: folder {path.parent} takes no files; choose another")
+        foreign = _foreign(path)
+        if foreign:
+            raise UserError(f"film {path}: holds {foreign}, which is no frame: choose another name")
+        check_target(path.with_name(f"{path.name}.png"))  # a file beside it, as its folder could be written
     else:
         check_target(path)
     return kind
@@ -61,15 +62,22 @@ def write_film(
 def _write_pictures(path: Path, pictures: Iterator[NDArray[np.uint8]], about: str) -> None:
     from openswim.colour.picture import write_picture
 
-    workshop = path.parent / f".{path.name}.pictures"
-    shutil.rmtree(workshop, ignore_errors=True)
-    workshop.mkdir()
-    for number, picture in enumerate(pictures, 1):
-        write_picture(picture, workshop / f"frame_{number:06d}.png", {"Film": about})
-    (workshop / _FILLED).write_text(f"{about}\n")
-    if path.exists():
-        shutil.rmtree(path)
-    os.replace(workshop, path)
+    with workshop(path.parent) as made:
+        new = made / path.name
+        new.mkdir()
+        for number, picture in enumerate(pictures, 1):
+            write_picture(picture, new / f"frame_{number:06d}.png", {"Film": about})
+        if path.exists():
+            replace_folder(new, path, made)
+        else:
+            os.replace(new, path)
+
+
+def _foreign(path: Path) -> str:
+    """What is in the way of a folder of pictures: a file, or the first in a folder that is no frame."""
+    if not path.is_dir():
+        return "a file" if path.exists() else ""
+    return next((each.name for each in sorted(path.iterdir()) if not _FRAME.fullmatch(each.name)), "")
 
 
 def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Sequence[float]) -> None:
@@ -79,7 +87,7 @@ def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Se
     first = kept.get(0).radiance
     assert first is not None
     root = zarr.open_group(str(path), mode="w", zarr_format=2)
-    root.attrs.put({"Conventions": "CF-1.11", "title": "OpenSWIm film", **_plain(kept.get(0).facts)})
+    root.attrs.put({"Conventions": "CF-1.11", "title": "OpenSWIm film", **_plain(kept.facts(0))})
     array = root.create_array(
         "radiance", shape=(count, *first.shape), chunks=(1, *first.shape), dtype="f4", fill_value=np.nan
     )
@@ -87,7 +95,7 @@ def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Se
                      "long_name": "spectral radiance"})  # fmt: skip
     series: dict[str, list[float]] = {}
     times = []
-    for number, frame in enumerate(kept.all(count)):
+    for number, frame in enumerate(kept.each(count)):
         assert frame.radiance is not None
         array[number] = frame.radiance
         times.append(frame.facts.get("valid_time"))

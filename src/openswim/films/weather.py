@@ -10,51 +10,56 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.films.between import Motion, between
+from openswim.kept_light import fingerprint
 from openswim.scene import Scene
 
 
 class Weather:
-    """Model times (ascending, datetime64[ms]) whose scenes ``open`` reads; two of them are held at a time."""
+    """Model times (ascending, datetime64[ms]) whose scenes ``open_at`` reads; two of them are held at a time.
 
-    def __init__(self, times: Sequence[np.datetime64], open_at: Callable[[np.datetime64], Scene]) -> None:
+    identity: text that is another one where the weather is.
+    """
+
+    def __init__(
+        self, times: Sequence[np.datetime64], open_at: Callable[[np.datetime64], Scene], identity: Sequence[str]
+    ) -> None:
         self.times: NDArray[np.datetime64] = np.unique(np.asarray(times, "datetime64[ms]"))
         if not self.times.size:
             raise UserError("no model times: a film needs scenes with valid times")
-        self._open = open_at
+        self._open, self.identity = open_at, list(identity)
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
 
     @classmethod
     def of_scenes(cls, scenes: Sequence[Scene]) -> Weather:
         """Of scenes with valid times, in any order; a single one may have none."""
+        identity = [fingerprint(scene) for scene in scenes]
         if len(scenes) == 1 and scenes[0].time is None:
-            return cls([np.datetime64("NaT", "ms")], lambda _: scenes[0])
+            return cls([np.datetime64("NaT", "ms")], lambda _: scenes[0], identity)
         by_time = {scene.time: scene for scene in scenes if scene.time is not None}
         if len(by_time) < len(scenes):
             raise UserError("scenes of a film need valid times, each another one")
-        return cls(list(by_time), lambda time: by_time[time])
+        return cls(list(by_time), lambda time: by_time[time], identity)
 
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
         """Of a model's files; ``options`` go to `openswim.open_scene`."""
-        from openswim.readers import describe, open_scene
+        from openswim.readers import describe, files_of, open_scene
 
+        held = [(file, file.stat()) for file in files_of(path)]
+        identity = [f"{file.absolute()} {about.st_size} {about.st_mtime_ns}" for file, about in held]
+        identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
         info = describe(path)
         times = sorted({np.datetime64(time, "ms") for each in (info, *info.others) for time in each.times})
         if not times:
             scene = open_scene(path, **options)
             return cls.of_scenes([scene])
-        return cls(times, lambda time: open_scene(path, time=time, **options))
+        return cls(times, lambda time: open_scene(path, time=time, **options), identity)
 
     @property
     def first(self) -> Scene:
         """The scene of the first time."""
         return self._scene(self.times[0])
-
-    @property
-    def source(self) -> str:
-        """Where the weather comes from."""
-        return self._scene(self.times[0]).source
 
     def at(self, time: np.datetime64) -> Scene:
         """The scene of a time; before the first model time the first, after the last the last."""
