@@ -207,8 +207,8 @@ def test_frames_of_other_weather_are_not_taken(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_hidden_folder_of_others_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / ".film.mp4.frames").mkdir()
-    (tmp_path / ".film.mp4.frames" / "letter.txt").write_text("x")
+    (tmp_path / ".film-film.mp4.frames").mkdir()
+    (tmp_path / ".film-film.mp4.frames" / "letter.txt").write_text("x")
     with pytest.raises(UserError, match="no film's"):
         KeptFrames(tmp_path / "film.mp4", {"a": 1})
-    assert (tmp_path / ".film.mp4.frames" / "letter.txt").read_text() == "x"
+    assert (tmp_path / ".film-film.mp4.frames" / "letter.txt").read_text() == "x"

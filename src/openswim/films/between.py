@@ -125,9 +125,10 @@ def _radius(
     larger of both."""
     sides = []
     for data, carry in ((before, forward), (after, backward)):
-        radius = np.maximum(data[name].values, 1e-7)
-        mass = data[content].values if content in data else np.ones_like(radius)
-        sides.append((carry(mass), carry(mass / radius), np.nan_to_num(radius)))
+        radius = np.nan_to_num(data[name].values)
+        known = radius > 0  # where it is 0 nobody knows it
+        mass = np.where(known, data[content].values if content in data else 1.0, 0.0)
+        sides.append((carry(mass), carry(mass / np.where(known, radius, 1.0)), radius))
     (mass_a, optical_a, radius_a), (mass_b, optical_b, radius_b) = sides
     mass, optical = (1 - share) * mass_a + share * mass_b, (1 - share) * optical_a + share * optical_b
     fallback = np.maximum(radius_a, radius_b)

@@ -36,7 +36,7 @@ class KeptFrames:
 
     def __init__(self, output: Path, plan: dict[str, Any]) -> None:
         """``plan``: all that the frames depend on, as JSON takes it; frames of another plan are thrown away."""
-        self.folder = output.parent / f".{output.name}.frames"
+        self.folder = output.parent / f".film-{output.name}.frames"
         self._print = hashlib.sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
         if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
             raise UserError(f"{self.folder}: is in the way of the film's frames: remove it")

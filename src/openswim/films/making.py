@@ -29,6 +29,7 @@ from openswim.lighting import WAVELENGTHS_NM, light, solver_of
 from openswim.observer import check_observer, ground_below
 from openswim.progress import track
 from openswim.scene import Scene
+from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
 from openswim.viewpoint import LitScene
 
@@ -82,6 +83,8 @@ def film(
     kind = check_output(target)
     if keogram is not None and Path(keogram).suffix.lower() not in (".png", ".jpg", ".tif"):
         raise UserError(f"keogram {keogram}: give a picture's name, .png, .jpg or .tif")
+    if keogram is not None:
+        check_target(Path(keogram), name="keogram")
     fps = number("film: frames_per_second", frames_per_second)
     if not 0 < fps <= 240:
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
@@ -123,6 +126,8 @@ def shots_of(
 
     begin, end = parse_time(from_time), parse_time(to_time)
     if path is not None:
+        if every_s is not None or begin is not None or end is not None:
+            raise UserError("film: a path has times of its own: leave out every, from and to")
         if not 0 < speed <= 1e6:
             raise UserError(f"film: speed {speed:g}; give more than 0")
         length_s = float((path.time[-1] - path.time[0]) / np.timedelta64(1, "ms")) / 1e3
@@ -222,10 +227,24 @@ def _frame(
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
             image[name] = ((1 - share) * image[name] + share * other[name]).assign_attrs(image[name].attrs)
+        image.attrs |= _between(image.attrs, other.attrs, share, shot.time)
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
     return KeptFrame(shown, _facts(image, wanted), data)
+
+
+def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.datetime64) -> dict[str, Any]:
+    """What is to be known of a blend: numbers in between, and the time where the two have not the same."""
+    found: dict[str, Any] = {}
+    for name in one.keys() & other.keys():
+        a, b = one[name], other[name]
+        if name.endswith("_time") and a != b:
+            found[name] = f"{np.datetime_as_string(time, 's')}Z"
+        elif isinstance(a, float) and isinstance(b, float):
+            turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
+            found[name] = (1 - share) * a + share * (b + turn)
+    return found
 
 
 def _above_ground(lit: LitScene, camera: Camera) -> Camera:
@@ -270,8 +289,6 @@ def _pictures(
 
 def _write_keogram(path: Path, lines: list[NDArray[np.uint8]]) -> None:
     from openswim.colour.picture import write_picture
-    from openswim.scene.files import written_whole
-
     with written_whole(path) as partial:
         write_picture(keogram_of(lines), partial, {"Content": "keogram: the middle columns of a film's frames"})
 

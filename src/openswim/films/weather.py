@@ -46,10 +46,10 @@ class Weather:
         """Of a model's files; ``options`` go to `openswim.open_scene`."""
         from openswim.readers import describe, files_of, open_scene
 
+        info = describe(path, allow_references=options.get("allow_references", False))
         held = [(file, file.stat()) for file in files_of(path)]
         identity = [f"{file.absolute()} {about.st_size} {about.st_mtime_ns}" for file, about in held]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
-        info = describe(path)
         times = sorted({np.datetime64(time, "ms") for each in (info, *info.others) for time in each.times})
         if not times:
             scene = open_scene(path, **options)

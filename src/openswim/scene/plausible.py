@@ -21,11 +21,13 @@ from openswim.scene.variables import HYDROMETEORS
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
 _WIDE = 4.0  # times as wide as tall
-_MOST_PATH_KG_M2 = 12.0  # of water in the mean of a domain; hurricanes have 5
+# Of water in the mean of a domain, wide or not: hurricanes have 5, the cores of storms with hail some tens
+_MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
+_SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
 _HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in
-          ("black_carbon", "dust", "organic_matter", "sea_salt", "smoke", "sulphate")))  # fmt: skip
+          ("black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate")))  # fmt: skip
 _HIGHEST_CLOUD_M = 20_000.0  # where the mean of all water may be, or the lowest level of a file with water
 _RADII_M = {  # medians of species' effective radii
     "liquid": (0.5e-6, 100e-6), "ice": (0.5e-6, 1e-3), "rain": (5e-6, 1e-2), "snow": (5e-6, 5e-2),
@@ -51,7 +53,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
             if "air_temperature" in data:
                 notes += warmth(pressure, data["air_temperature"].values, heights)
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
-    return notes + _water(data, heights) + _cover(data) + high_bottom(grid.height_m[0], terrain)
+    return notes + _water(data, heights, min(grid.size_m())) + _cover(data) + high_bottom(grid.height_m[0], terrain)
 
 
 def _places(grid: Grid) -> list[str]:
@@ -75,7 +77,7 @@ def high_bottom(lowest_m: NDArray[Any], terrain_m: NDArray[Any] | None) -> list[
     return [told] if gap_m > _BURIED_M else []
 
 
-def _water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
+def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> list[str]:
     """Clouds that weigh no more than clouds do, where clouds are, of particles of their sizes."""
     notes = []
     paths: dict[str, float] = {}
@@ -107,18 +109,18 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32]) -> list[str]:
                 "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
             )
     total = sum(paths.values())
-    if total > _MOST_PATH_KG_M2:
+    if total > (_MOST_PATH_KG_M2 if width_m > _WIDE_M else _MOST_OF_A_CORE_KG_M2):
         name = max(paths, key=lambda each: paths[each])
         raise UserError(
             f"scene: {total:.3g} kg m-2 of cloud and precipitation in the mean of the domain, {paths[name]:.3g} of it "
             f"{name}; hurricanes have 5: is it in g/kg or g m-3 (1000 times too large)?"
         )
-    if paths and float(np.min(heights[0])) > _HIGHEST_CLOUD_M:
+    if total > 0 and float(np.min(heights[0])) > _HIGHEST_CLOUD_M:
         raise UserError(
             f"scene: the lowest level lies at {np.min(heights[0]) / 1e3:.1f} km, above all clouds: is pressure in hPa "
             "(100 times too small), are heights in metres?"
         )
-    if total > 0 and raised / total > _HIGHEST_CLOUD_M:
+    if total > _SOME_KG_M2 and raised / total > _HIGHEST_CLOUD_M:
         raise UserError(
             f"scene: clouds lie at {raised / total / 1e3:.0f} km in the mean, above the troposphere: are heights in "
             "metres, and levels in order?"

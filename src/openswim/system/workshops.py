@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
+import socket
 import tempfile
 import time
 from collections.abc import Iterator
@@ -19,6 +20,8 @@ _PREFIX = ".openswim-"
 _LOCK, _ASIDE = ".openswim-lock", ".openswim-aside"
 _OLD_S = 86_400.0  # after which a folder that nobody could lock is swept
 _EXCHANGE, _HERE = 2, -100  # RENAME_EXCHANGE, AT_FDCWD of Linux
+
+_HOST = socket.gethostname().encode()[:256]
 
 _held: dict[Path, int] = {}  # of this process: folder, and what holds its lock
 
@@ -79,6 +82,7 @@ def _made(folder: Path) -> Path:
         except FileNotFoundError:  # swept before it was locked
             continue
         if _lock(lock) is not False and os.fstat(lock).st_nlink:
+            os.write(lock, _HOST)
             _held[made] = lock
             return made
         os.close(lock)
@@ -107,7 +111,8 @@ def _sweep_one(made: Path) -> None:
         return
     try:
         free = _lock(lock)
-        if free or (free is None and time.time() - made.stat().st_mtime > _OLD_S):
+        told = free is not None and os.read(lock, 256) == _HOST  # elsewhere its process may live: locks may be local
+        if (free and told) or (free is not False and time.time() - made.stat().st_mtime > _OLD_S):
             _clear(made)
     finally:
         os.close(lock)
@@ -118,6 +123,7 @@ def _close(made: Path) -> None:
     if lock is not None:
         _clear(made)
         os.close(lock)
+        shutil.rmtree(made, ignore_errors=True)  # over a network what is open has another name until it is closed
 
 
 def _clear(made: Path) -> None:

@@ -123,8 +123,8 @@ def _probed(path: str, changed_ns: int, size: int) -> int:
         return subprocess.run(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=_PROBE_S
         ).returncode
-    except subprocess.TimeoutExpired:
-        return 1
+    except subprocess.TimeoutExpired as error:
+        raise UserError(f"{path}: could not be looked at within {_PROBE_S:g} s: copy it to a local disk") from error
     except OSError:
         return probe.UNKNOWN
 
@@ -135,7 +135,7 @@ def _libraries() -> tuple[str, str] | None:
     import netCDF4  # noqa: F401
 
     try:
-        names = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/" in line}
+        names = {line.split(maxsplit=5)[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/" in line}
     except OSError:
         return None
     netcdf, hdf = (
