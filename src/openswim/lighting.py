@@ -113,7 +113,9 @@ def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
     frame = scene_frame(scene)
     place = (frame.lat, frame.lon) if frame.curved else scene.place
-    return lamps_of(when, place, frame, day, wavelengths, scene.ground)
+    grid = scene.levels[-1].grid
+    reach_deg = 0.0 if grid is None else float(np.degrees(0.5 * np.hypot(*grid.size_m()) / grid.earth_radius_m))
+    return lamps_of(when, place, frame, day, wavelengths, scene.ground, reach_deg, towns=grid is not None)
 
 
 def _is_day(lamps: Lamps) -> bool:

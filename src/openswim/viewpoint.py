@@ -207,7 +207,8 @@ class Viewpoint:
         heavens = self._heavens
         if heavens is None:
             return
-        relative += np.float32(self._behind(pixels.direction[pixels.inside] @ self._axes, view))
+        if self.sun[1] < DUSK_DEG:
+            relative += np.float32(self._behind(pixels.direction[pixels.inside] @ self._axes, view))
         if self.camera.view == "rays":
             _add_disc(relative, view, pixels, heavens.moon_disc(), heavens.moon_strength())
 

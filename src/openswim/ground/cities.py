@@ -42,7 +42,9 @@ def city_radiance(lat: ArrayLike, lon: ArrayLike, ground: Ground | None = None, 
     lat, lon = np.broadcast_arrays(np.asarray(lat, float), np.asarray(lon, float))
     found = _coarse(lat, lon)
     for raster in [] if ground is None else _rasters(ground):
-        values, known = raster.sample(lat, lon, footprint_m)
+        width = np.broadcast_to(np.asarray(footprint_m, float), lat.shape).ravel()
+        values, known = (each.reshape(*lat.shape, *each.shape[1:]) for each in raster.sample(lat.ravel(), lon.ravel(),
+                         width))  # fmt: skip
         own = np.maximum(np.nan_to_num(values[..., 0]), 0)
         found = found + np.clip(known, 0, 1) * (own - found)
     return np.asarray(found)
@@ -93,12 +95,12 @@ def _rasters(ground: Ground) -> list:
 
 
 @cache
-def _grey() -> F64:
-    """Index (1024, 2048) of the picture: rows from the north pole, columns from longitude -180."""
+def _grey() -> NDArray[np.uint8]:
+    """Grey (1024, 2048) of the picture: rows from the north pole, columns from longitude -180."""
     from PIL import Image
 
     with (files("openswim.ground") / "data" / "city_lights.png").open("rb") as stream:
-        return np.asarray(Image.open(stream).convert("L"), float) / _GREY_PER_INDEX
+        return np.asarray(Image.open(stream).convert("L"))
 
 
 def _coarse(lat: F64, lon: F64) -> F64:
@@ -111,4 +113,4 @@ def _coarse(lat: F64, lon: F64) -> F64:
     left, right = i % nx, (i + 1) % nx
     index = (1 - u) * ((1 - v) * grid[j, left] + v * grid[j, right])
     index += u * ((1 - v) * grid[j + 1, left] + v * grid[j + 1, right])
-    return np.asarray(_SCALE_NW * np.expm1(_GROWTH * index))
+    return np.asarray(_SCALE_NW * np.expm1(_GROWTH * index / _GREY_PER_INDEX))

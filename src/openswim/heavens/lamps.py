@@ -7,6 +7,7 @@ solar-relative radiance, whatever lit it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from openswim.scene.times import Time
 F64 = NDArray[np.float64]
 
 _LUX_PER_NW = 4e-4
+_DAY_LX = 200.0  # of the sun, beside which moon, night sky and towns add less than `illuminance.LEAST`
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +42,18 @@ class Lamp:
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """The lights of a scene at a time. night: the sky behind; in_field (nw,): what of its mean radiance is solved for
-    with the lamps, W m-2 sr-1 nm-1."""
+    """The lights over a place (latitude, longitude) at a time. in_field (nw,): what of the night sky's mean radiance is
+    solved for with the lamps, W m-2 sr-1 nm-1."""
 
     every: tuple[Lamp, ...]
-    night: NightSky
+    time: Time
+    place: tuple[float, float]
     in_field: F64
+
+    @cached_property
+    def night(self) -> NightSky:
+        """What is to be seen of the sky behind; worked out when it is asked for, which is not by day."""
+        return NightSky.at(self.time, *self.place, np.eye(3))
 
     def unsolved(self) -> Lamps:
         """Where none but the sun is solved for."""
@@ -60,35 +68,43 @@ def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:
 
 def lamps_of(
     time: Time, place: tuple[float, float], frame: Frame, day: Daylight, wavelengths_nm: F64,
-    ground: Ground | None = None,
+    ground: Ground | None = None, reach_deg: float = 0.0, towns: bool = True,
 ) -> Lamps:  # fmt: skip
-    """Sun, moon and night sky over the middle of a scene, ``place`` its latitude and longitude.
+    """Sun, moon and night sky over the middle of a scene, ``place`` its latitude and longitude; ``reach_deg``: how far
+    it goes, over the Earth. towns: whether the ground may shine.
 
     A light that adds less than a hundredth to what falls on the ground fades out, and is not solved for at a third of
     that. The sun in eclipse, and the moon, are what they are for the middle of the scene.
     """
     toa = toa_irradiance(wavelengths_nm, day)
-    moon = moon_position(time, *place)
     altitude = float(np.degrees(np.arcsin(np.clip(day.direction[2], -1, 1))))
     covered = light_left(discs(time, *place), wavelengths_nm)[0]
+    none = np.zeros(len(wavelengths_nm))
+    sun = sun_lux(altitude) * float(covered.mean())
+    if sun > _DAY_LX:
+        return Lamps((Lamp("sun", day.direction, covered),), time, place, none)
+    moon = moon_position(time, *place)
     eclipsed = moonlight_left(time, wavelengths_nm)
     lux = {
-        "sun": sun_lux(altitude) * float(covered.mean()), "moon": moon_lux(moon) * float(eclipsed.mean()),
-        "sky": NIGHT_SKY_LX + _town_lux(place, ground),
+        "sun": sun, "moon": moon_lux(moon) * float(eclipsed.mean()),
+        "sky": NIGHT_SKY_LX + (_town_lux(place, ground) if towns else 0.0),
     }  # fmt: skip
-    part = shares(lux)
-    night = NightSky.at(time, *place, np.eye(3))
+    part, found = shares(lux), Lamps((), time, place, none)
+    # it may be up elsewhere in a wide scene
+    part["sun"] = shares(lux | {"sun": sun_lux(min(altitude + reach_deg, 90.0)) * float(covered.mean())})["sun"]
     lamps = []
     if part["sun"] > 0:
         lamps.append(Lamp("sun", day.direction, part["sun"] * covered))
     if part["moon"] > 0:
         toward = frame.direction(moon.azimuth_deg, moon.refracted_altitude_deg, *_middle(frame))
         lamps.append(Lamp("moon", toward, part["moon"] * eclipsed * moon_irradiance(moon, wavelengths_nm) / toa))
-    whole = night.mean(wavelengths_nm)
-    mean = part["sky"] * whole
+    mean = none
     if part["sky"] > 0:
-        lamps.append(Lamp("sky", None, 4 * np.pi * mean / toa, lamp_spectrum(wavelengths_nm) / whole))
-    return Lamps(tuple(lamps), night, mean)
+        whole = found.night.mean(wavelengths_nm)
+        mean = part["sky"] * whole
+        shine = lamp_spectrum(wavelengths_nm) / whole if towns else None
+        lamps.append(Lamp("sky", None, 4 * np.pi * mean / toa, shine))
+    return replace(found, every=tuple(lamps), in_field=mean)
 
 
 def _town_lux(place: tuple[float, float], ground: Ground | None) -> float:

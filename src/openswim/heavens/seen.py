@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,7 +15,7 @@ from openswim.cameras.pixels import Pixels
 from openswim.heavens.behind import sky_behind
 from openswim.heavens.lamps import Lamps
 from openswim.heavens.moon_disc import drawn_moon
-from openswim.heavens.points import Drawn, Points, Through, drawn_points, points_over
+from openswim.heavens.points import FAINTEST, Drawn, Points, Through, drawn_points, points_over
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.eclipses import moonlight_left
 from openswim.lights.moon import Moon
@@ -29,7 +30,7 @@ _HIGHEST_BENT_M = 5e4  # eyes above see too little air for refraction to be told
 _DAY_DEG, _NIGHT_DEG = 0.0, -9.0  # altitudes of the sun between which stars come out
 _ECLIPSED = 4.0  # powers of ten of sunlight lost in an eclipse, from which on all are out
 DUSK_DEG = -2.0  # altitude of the sun from which on the night's sky is looked for
-_BRIGHTEST = -5.0  # magnitude, of what is drawn by day
+_FAINTEST_BY_DAY = -5.0  # magnitude of what is drawn; no point of light is as bright
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +85,17 @@ class Heavens:
     def drawn(self, camera: Camera, pixels: Pixels, through: Through) -> list[Drawn]:
         """Moon, planets and stars on the pixels of a picture."""
         lift = self.refraction
-        bent = through if self.air is None or lift is None else _through_bent(through, self._longer)
+        bent = through if self.air is None or lift is None else _through_bent(through, lambda: self._longer)
         moon = drawn_moon(self.moon, self.time, camera, pixels, self.wavelengths_nm, self.toa, bent, lift)
         out = np.clip((self.sun_altitude_deg - _DAY_DEG) / (_NIGHT_DEG - _DAY_DEG), 0, 1)
         of_sun = sum(float(lamp.strength.mean()) for lamp in self.lamps.every if lamp.name == "sun")
         out = max(out, float(np.clip(-np.log10(max(of_sun, 1e-9)) / _ECLIPSED, 0, 1)))
+        faintest = _FAINTEST_BY_DAY + (FAINTEST - _FAINTEST_BY_DAY) * out
+        if faintest <= _FAINTEST_BY_DAY:
+            return [moon]
         lowest = -90.0 if lift is None else float(lift.apparent_deg[0])
         points = points_over(self.time, *self.place, self.height_m, lift, lowest)
-        seen = np.flatnonzero(points.magnitude <= _BRIGHTEST + (7.0 - _BRIGHTEST) * out)
+        seen = np.flatnonzero(points.magnitude <= faintest)
         points = Points(*(getattr(points, name)[seen] for name in points.__dataclass_fields__))
         return [moon, drawn_points(points, camera, pixels, self.wavelengths_nm, self.toa, bent)]
 
@@ -111,11 +115,11 @@ class Heavens:
         }
 
 
-def _through_bent(through: Through, longer: LongerWay) -> Through:
+def _through_bent(through: Through, longer: Callable[[], LongerWay]) -> Through:
     """What bent rays go through, where straight ones are followed."""
 
     def bent(direction: F64, width_rad: float) -> tuple[NDArray, NDArray[np.bool_]]:
         light, hit = through(direction, width_rad)
-        return light * longer.transmittance(np.degrees(np.arcsin(np.clip(direction[:, 2], -1, 1)))), hit
+        return light * longer().transmittance(np.degrees(np.arcsin(np.clip(direction[:, 2], -1, 1)))), hit
 
     return bent

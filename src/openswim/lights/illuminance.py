@@ -29,7 +29,7 @@ def _lux(altitude_deg: float, table: tuple[tuple[float, tuple[float, ...]], ...]
 
 
 def sun_lux(altitude_deg: float) -> float:
-    """Of the sun at a true altitude; from -18 degrees on, where the table's is the night sky's, falling on."""
+    """Of the sun at a refracted altitude; from -18 degrees on, where the table's is the night sky's, falling on."""
     return _lux(altitude_deg, _SUN)
 
 

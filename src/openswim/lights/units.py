@@ -9,9 +9,7 @@ F64 = NDArray[np.float64]
 
 ARCSEC2_PER_SR = (180 * 3600 / np.pi) ** 2
 V0_W_M2_NM = 3.63e-11  # spectral irradiance of magnitude V = 0 at 550 nm (Bessell 1979)
-V0_LX = 2.54e-6  # illuminance of V = 0 outside of the air
 S10_W_M2_SR_NM = 1.28e-11  # one V = 10 star of the sun's colour per square degree, at 500 nm (Leinert et al. 1998)
-MAG_OF_S10 = 27.78  # the same, magnitudes V per square second of arc
 PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
 
 

@@ -60,13 +60,14 @@ def bent_rays(
     steps = np.diff(s, axis=0)
     psi, r, theta = zenith.copy(), np.full(altitude.shape, start), np.zeros(altitude.shape)
     heights, lengths = np.empty(steps.shape), np.empty(steps.shape)
+    floor_m = min(height_m, 0.0) - 1.0  # eyes may be below the sea's level
     on_ground, aloft = np.zeros(altitude.shape, bool), np.ones(altitude.shape, bool)
     for k, ds in enumerate(steps):
         dr, dtheta, dpsi = _slopes(psi, r, slope, excess, radius_m)
         h = 0.5 * ds
         dr, dtheta, dpsi = _slopes(psi + h * dpsi, r + h * dr, slope, excess, radius_m)
         heights[k] = r + h * dr - radius_m
-        on_ground |= (heights[k] < -1.0) & aloft
+        on_ground |= (heights[k] < floor_m) & aloft
         aloft &= (heights[k] < TOP_M) & ~on_ground
         lengths[k] = np.where(aloft, ds, 0.0)
         psi, r, theta = psi + ds * dpsi, r + ds * dr, theta + ds * dtheta

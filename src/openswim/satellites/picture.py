@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from openswim.arguments import check_kind
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.lighting import light, solver_of
+from openswim.lighting import daylight, solver_of
 from openswim.lights import subsolar_point
 from openswim.satellites.bands import Band
 from openswim.satellites.fixed_grid import FixedGrid
@@ -20,7 +20,7 @@ from openswim.scene import Scene
 from openswim.scene.frame import Frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
+from openswim.transport import Field, ReferenceField
 
 F64 = NDArray[np.float64]
 
@@ -67,8 +67,9 @@ def reflectance(
         raise UserError("no pixel of the grid lies on the scene's domain: give a grid, or a part of one, that does")
     parts = []
     for when in times:
-        lit = light(scene, solver_of(solver), list(wavelengths), time=when)
-        parts.append(_factor(lit, lat[seen], lon[seen], zenith[seen], azimuth[seen]))
+        # the sun's light alone: reflectance is of that, also at night
+        field = solver_of(solver).solve(scene, daylight(scene, when).direction, list(wavelengths))
+        parts.append(_factor(field, lat[seen], lon[seen], zenith[seen], azimuth[seen]))
     row = np.broadcast_to(np.linspace(0.0, 1.0, len(grid.y))[:, None], lat.shape)[seen]
     share = row[:, None] if len(parts) == 2 else 0.0
     factor = (1 - share) * parts[0] + share * parts[-1]
@@ -91,21 +92,21 @@ def _within(scene: Scene, lat: F64, lon: F64) -> NDArray[np.bool_]:
     return out
 
 
-def _factor(lit: LitScene, lat: F64, lon: F64, zenith: F64, azimuth: F64) -> F64:
+def _factor(field: Field | ReferenceField, lat: F64, lon: F64, zenith: F64, azimuth: F64) -> F64:
     """Reflectance factor (n, nw) L'/4 of light that leaves places toward the satellite.
 
     The model's Earth is a sphere. A ray arrives at the pixel's latitude and longitude from the direction in which the
     satellite stands there on the ellipsoid. Such rays meet within kilometres of one point in space, from which all are
     sent: over 36,000 km that turns a ray by less than .02 degrees.
     """
-    frame = lit.field.frame
+    frame = field.frame
     ground = frame.position(lat, lon, 0.0)
     up = _toward(frame, lat, lon, zenith, azimuth)
     eye = _meeting_point(ground, up)
     away = ground - eye
     direction = away / np.linalg.norm(away, axis=-1, keepdims=True)
     rays = Rays(eye, direction)
-    return np.asarray(lit.field.viewpoint(rays).view(rays).radiance, float) / 4.0  # type: ignore[union-attr]
+    return np.asarray(field.view(rays).radiance, float) / 4.0
 
 
 def _toward(frame: Frame, lat: F64, lon: F64, zenith: F64, azimuth: F64) -> F64:

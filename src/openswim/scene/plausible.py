@@ -26,8 +26,9 @@ _MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
 _SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
-_HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in
-          ("black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate")))  # fmt: skip
+_HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in (
+    "black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate",
+)))  # fmt: skip
 _HIGHEST_CLOUD_M = 20_000.0  # where the mean of all water may be, or the lowest level of a file with water
 _RADII_M = {  # medians of species' effective radii
     "liquid": (0.5e-6, 100e-6), "ice": (0.5e-6, 1e-3), "rain": (5e-6, 1e-2), "snow": (5e-6, 5e-2),

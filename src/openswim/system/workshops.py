@@ -111,7 +111,8 @@ def _sweep_one(made: Path) -> None:
         return
     try:
         free = _lock(lock)
-        told = free is not None and os.read(lock, 256) == _HOST  # elsewhere its process may live: locks may be local
+        # of another machine its process may live on: locks may be local
+        told = free is not None and os.read(lock, 256) in (_HOST, b"")
         if (free and told) or (free is not False and time.time() - made.stat().st_mtime > _OLD_S):
             _clear(made)
     finally:

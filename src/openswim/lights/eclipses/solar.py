@@ -78,7 +78,8 @@ def light_left(found: Discs, wavelengths_nm: ArrayLike) -> F64:
     cosine = (r**2 + d**2 - b**2) / np.maximum(2 * r * d, 1e-12)
     covered = np.arccos(np.clip(cosine, -1, 1)) / np.pi  # share of each ring
     covered = np.where(d + r <= b, 1.0, np.where(np.abs(d - r) >= b, 0.0, covered))
-    return np.asarray(np.clip((1 - covered) @ light, 0.0, 1.0))
+    apart = found.separation_deg >= found.sun_deg + found.moon_deg  # then the whole, and no sum's last digits
+    return np.asarray(np.where(apart[:, None], 1.0, np.clip((1 - covered) @ light, 0.0, 1.0)))
 
 
 def solar_eclipse(near: Time, lat: float, lon: float, height_m: float = 0.0) -> SolarEclipse | None:

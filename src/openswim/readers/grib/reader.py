@@ -90,16 +90,14 @@ class GRIBReader:
                 fields, (height, terrain) = {}, _flat_levels(columns)
             haze = aerosol(columns, air, height, terrain)
             fields |= haze.fields
-            surface = ground(columns, terrain)
-            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
-                vapour = (d - dry for d, dry in zip(air.density_kg_m3, air.dry_density_kg_m3, strict=True))
+            surface, atmosphere = ground(columns, terrain), _atmosphere(columns, haze, height)
+            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:  # the humidity is known
+                vapour_kg_m3 = air.density_kg_m3 - air.dry_density_kg_m3
                 ground_m = 0.0 if terrain is None else terrain
-                surface["precipitable_water"] = precipitable_water_kg_m2(vapour, height, ground_m)
+                surface["precipitable_water"] = precipitable_water_kg_m2(vapour_kg_m3, height, ground_m)
+                atmosphere = with_vapour(atmosphere, height, vapour_kg_m3)
             data = labelled(fields, surface)
             columns.notes += no_species(data) + no_sizes(data) + no_ground(data) + low_top(height)
-            atmosphere = _atmosphere(columns, haze, height)
-            if air is not None and air.dry_density_kg_m3 is not air.density_kg_m3:
-                atmosphere = with_vapour(atmosphere, height, air.density_kg_m3 - air.dry_density_kg_m3)
             return Scene(
                 columns.selection.grid(height),
                 data,

@@ -158,15 +158,13 @@ def _read(
         fields |= haze.fields
         columns.gaps.check(files.path, levels.height_m, terrain, notes)
         notes += files.lost(columns.read_names)
-        if levels.specific_humidity is not None:
-            vapour = (d * q for d, q in zip(levels.density_kg_m3, levels.specific_humidity, strict=True))
-            ground_m = 0.0 if terrain is None else terrain
-            surface["precipitable_water"] = air.precipitable_water_kg_m2(vapour, levels.height_m, ground_m)
         _turn_wind(surface, columns, grid)
         _say_absent(columns, surface, fields, grid)
         atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
         if levels.specific_humidity is not None:
             vapour_kg_m3 = levels.specific_humidity * levels.density_kg_m3
+            ground_m = 0.0 if terrain is None else terrain
+            surface["precipitable_water"] = air.precipitable_water_kg_m2(vapour_kg_m3, levels.height_m, ground_m)
             atmosphere = air.with_vapour(atmosphere, np.asarray(grid.height_m), vapour_kg_m3)
         data, optics, cut = labelled(fields, surface), dict(haze.optics), columns.laid.selection.cut
         scene = Scene(grid, data, atmosphere, optics, valid, _source(files), notes, cut=cut)

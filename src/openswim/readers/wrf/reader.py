@@ -88,16 +88,12 @@ class WRFReader:
             haze = aerosol(file, air, humidity, notes)
             levels |= haze.fields
             surface = _surface(file, grid, notes)
-            if "QVAPOR" in file:
-                ratios = np.maximum(file.field("QVAPOR", MASS_LEVELS, "kg kg-1"), np.float32(0))
-                vapour = (dry * ratio for dry, ratio in zip(air, ratios, strict=True))
-                surface["precipitable_water"] = precipitable_water_kg_m2(
-                    vapour, grid.height_m, surface["surface_altitude"]
-                )
             notes += _absences(file)
             notes += low_top(grid.height_m)
             atmosphere = Atmosphere.us_standard(aerosol=haze.background(grid.height_m, notes))
             if vapour_kg_m3 is not None:
+                terrain = surface["surface_altitude"]
+                surface["precipitable_water"] = precipitable_water_kg_m2(vapour_kg_m3, grid.height_m, terrain)
                 atmosphere = with_vapour(atmosphere, grid.height_m, vapour_kg_m3)
             return Scene(
                 grid,
