@@ -25,7 +25,6 @@ from openswim.fluxes import (
     quadrature_directions,
     scene_vapour_cm,
     spectral_irradiance,
-    vapour_left,
 )
 from openswim.heavens.eyes import Eyes, LitBy
 from openswim.heavens.lamps import Lamps, toa_irradiance
@@ -167,9 +166,10 @@ class Viewpoint:
         has any."""
         height_m = float(self.lit.field.frame.latlon(self.rays.origin_m)[2])
         vapour_cm = scene_vapour_cm(self.lit.scene, *place_of(self.camera))
-        if vapour_cm is not None:
-            vapour_cm *= vapour_left(height_m - self.ground_m)
-        return gases_above(self.lit.scene.atmosphere, height_m, vapour_cm)
+        air = self.lit.scene.atmosphere
+        if vapour_cm is not None and air is not None:  # as much of it as the profile has above the camera
+            vapour_cm *= air.precipitable_water_cm(height_m) / max(air.precipitable_water_cm(self.ground_m), 1e-9)
+        return gases_above(air, height_m, vapour_cm)
 
     @property
     def _disc(self) -> Disc:

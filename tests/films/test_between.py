@@ -108,3 +108,18 @@ def test_grids_and_times_that_do_not_fit_are_refused() -> None:
                   time=after.time)  # fmt: skip
     with pytest.raises(UserError, match="leave out --every"):
         between(before, moved, NOON + 5 * MINUTES)
+
+
+def test_sizes_that_nobody_knows_stay_unknown() -> None:
+    scenes = []
+    for minutes in (0.0, 10.0):
+        scene = _state(minutes)
+        content = scene.data["liquid_content"]
+        radius = np.zeros(content.shape, np.float32)
+        radius[:, :48] = 10e-6
+        data = scene.data.assign(liquid_effective_radius=content.copy(data=radius))
+        scenes.append(Scene(scene.grid, data, time=scene.time))
+    found = between(*scenes, NOON + 5 * MINUTES).data["liquid_effective_radius"].values
+    known = found > 0
+    np.testing.assert_allclose(found[known], 10e-6, rtol=1e-3)
+    assert not known[:, 60:90].any()

@@ -212,3 +212,23 @@ def test_a_hidden_folder_of_others_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no film's"):
         KeptFrames(tmp_path / "film.mp4", {"a": 1})
     assert (tmp_path / ".film-film.mp4.frames" / "letter.txt").read_text() == "x"
+
+
+def test_a_blend_of_two_lights_says_its_own_time_and_sun() -> None:
+    from openswim.films.making import _between
+
+    noon = "2024-06-01T12:00:00Z"
+    one = {"valid_time": noon, "light_time": noon, "sun_azimuth_deg": 359.0, "n": 1.0}
+    other = {"valid_time": noon, "light_time": "2024-06-01T12:05:00Z", "sun_azimuth_deg": 1.0, "n": 3.0}
+    found = _between(one, other, 0.5, np.datetime64("2024-06-01T12:02:30"))
+    assert found["light_time"] == "2024-06-01T12:02:30Z"
+    assert "valid_time" not in found
+    assert found["sun_azimuth_deg"] == pytest.approx(360.0)
+    assert found["n"] == 2.0
+
+
+def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
+    times = NOON + np.timedelta64(1000, "ms") * np.arange(2)
+    path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
+    with pytest.raises(UserError, match="times of its own"):
+        film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)

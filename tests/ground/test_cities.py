@@ -59,3 +59,18 @@ def test_lamps_have_the_light_of_the_map_in_the_mean(radiance_nw):
     dark = (seen < 0.01).mean()
     assert dark > 0.2  # most of the land between lamps
     np.testing.assert_allclose(lamps_seen(lat[:9], lon[:9], 1000.0, radiance_nw), 1.0)
+
+
+def test_a_users_map_is_asked_at_places_of_any_shape(tmp_path):
+    """Inside it and beside it."""
+    from PIL import Image, TiffImagePlugin
+
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    tags[33550], tags[33922] = (0.1, 0.1, 0.0), (0.0, 0.0, 0.0, 10.0, 48.0, 0.0)
+    tags[34735] = (1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326)
+    Image.fromarray(np.full((20, 20), 7.0, np.float32)).save(tmp_path / "lights.tif", tiffinfo=tags)
+    ground = Ground(lights=tmp_path / "lights.tif")
+    north, east = np.meshgrid([-0.2, 0.0, 0.2], [-0.3, 0.0, 30.0])
+    found = city_radiance(47.0 + north, 11.0 + east, ground)
+    assert found.shape == (3, 3)
+    np.testing.assert_allclose(found[:2], 7.0, rtol=1e-3)

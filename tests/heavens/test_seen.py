@@ -11,7 +11,7 @@ from openswim.heavens.moon_disc import disc_light, even_places, on_the_moon
 from openswim.heavens.points import Points, drawn_points
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.units import V0_W_M2_NM, magnitude_of_luminance
-from openswim.optics.bent_rays import LongerWay
+from openswim.optics.bent_rays import LongerWay, Refraction
 from openswim.scene.atmosphere import Atmosphere
 
 PLACE = (40.0, 10.0)
@@ -92,3 +92,11 @@ def test_a_dark_night_over_the_alps():
 def test_the_sun_has_128_klx_outside_of_the_air():
     """133.1 klx by the solar constant of 1361 W/m2 and 98 lm/W (CIE: 127 to 134)."""
     assert 128e3 < solar_illuminance_lx() < 136e3
+
+
+def test_eyes_below_the_sea_see_refracted_light():
+    """At the Dead Sea the air is denser by 4 %, and so is refraction stronger."""
+    air = Atmosphere.us_standard()
+    low, sea = (Refraction.at(air, height) for height in (-400.0, 0.0))
+    bend = [found.apparent_altitude_deg(10.0) - 10.0 for found in (low, sea)]
+    assert bend[0] == pytest.approx(1.04 * bend[1], rel=0.02)

@@ -28,3 +28,12 @@ def test_what_is_taken_for_granted_is_said():
     (said,) = stated(np.array([550.0, 760.0, 865.0, 1610.0]), Atmosphere.us_standard())
     assert said.startswith("760, 1610 nm: means over 20 nm")
     assert "1.42 cm" in said
+
+
+def test_a_picture_states_the_vapour_that_it_is_solved_with() -> None:
+    import openswim
+    from openswim import Camera, Scene, Solver
+
+    scene = Scene.clear(47.0, 11.0, time=np.datetime64("2024-06-01T10:00"), water_vapour_cm=4.0)
+    image = openswim.render(scene, Camera.allsky(47.0, 11.0, size=4), Solver("swim"), wavelengths_nm=[940.0])
+    assert "4.00 cm" in image.attrs["assumptions"]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from openswim.scene.atmosphere import Atmosphere
 
 SEA_LEVEL_PA = 101_325.0
-SEA_LEVEL_WATER_CM, WATER_SCALE_M = 1.5, 2000.0
+SEA_LEVEL_WATER_CM = 1.42  # of the US standard
 LONGEST_NODE_NM = 700.0
 AEROSOL_ANGSTROM = 1.3  # where a single wavelength cannot tell
 AEROSOL_ALBEDO = 0.93
@@ -63,22 +63,16 @@ def gases_above(
 ) -> dict[str, float]:
     """What `broadband` asks of the gases above a height (m above sea level): pressure, ozone and precipitable water.
 
-    water_vapour_cm: the precipitable water above that height; None: that of the US standard, 1.5 cm at sea level that
-    thin with a scale height of 2 km. None of each without an atmosphere.
+    water_vapour_cm: the precipitable water above that height; None: that of the atmosphere's profile. None of each
+    without an atmosphere.
     """
     if atmosphere is None:
         return {"water_vapour_cm": 0.0, "ozone_du": 0.0, "pressure_pa": 0.0}
-    standard = SEA_LEVEL_WATER_CM * float(np.exp(-max(height_m, 0.0) / WATER_SCALE_M))
     return {
-        "water_vapour_cm": standard if water_vapour_cm is None else water_vapour_cm,
+        "water_vapour_cm": atmosphere.precipitable_water_cm(height_m) if water_vapour_cm is None else water_vapour_cm,
         "ozone_du": atmosphere.ozone_column_du(height_m),
         "pressure_pa": float(atmosphere.at(height_m)[0]),
     }
-
-
-def vapour_left(height_above_ground_m: float) -> float:
-    """Share of the precipitable water above the ground that is above a height over it."""
-    return float(np.exp(-max(height_above_ground_m, 0.0) / WATER_SCALE_M))
 
 
 def broadband(

@@ -18,6 +18,7 @@ from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
 from openswim.ground.sample import SurfaceSample
+from openswim.optics.matter import with_own_vapour
 from openswim.scene.aerosol import central_ground_m
 from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
@@ -123,8 +124,10 @@ def surface_of(scene: Scene, wavelengths_nm: ArrayLike) -> SceneSurface:
 
 
 def settled(scene: Scene) -> Scene:
-    """The scene, and the wider ones around it, with a background aerosol that counts from the ground of the place."""
-    if scene.atmosphere is None or scene.atmosphere.above_ground(0.0) is scene.atmosphere:
+    """The scene, and the wider ones around it, with a background that says all of itself: aerosol that counts from the
+    ground of the place, and the scene's own water vapour."""
+    air = scene.atmosphere
+    if air is None or (air.above_ground(0.0) is air and with_own_vapour(scene) is air):
         return scene
     terrain = surface_of(scene, 550.0).terrain_m
     spacing = (1.0, 1.0) if scene.grid is None else scene.grid.spacing_m()
@@ -133,7 +136,7 @@ def settled(scene: Scene) -> Scene:
 
 def _above_ground(scene: Scene, ground_m: float) -> Scene:
     out = copy(scene)
-    out.atmosphere = None if scene.atmosphere is None else scene.atmosphere.above_ground(ground_m)
+    out.atmosphere = None if scene.atmosphere is None else with_own_vapour(scene).above_ground(ground_m)
     out.wider = scene.wider and _above_ground(scene.wider, ground_m)
     return out
 

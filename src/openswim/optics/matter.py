@@ -125,7 +125,7 @@ def matter_of(
     for n, level in reversed(list(enumerate(scene.levels))):
         cover = cloud_cover(level)
         species = EachSpecies(level, terms.nm, cover, names[n] if n < len(names) else None)
-        air = None if level.atmosphere is None else Air(_with_vapour(level).above_ground(ground_m), terms)
+        air = None if level.atmosphere is None else Air(with_own_vapour(level).above_ground(ground_m), terms)
         out = Matter(
             frame, level.grid, terms, list(species) if keep else species, cover, air, _highest_m(level), level.cut, out,
         )  # fmt: skip
@@ -133,7 +133,7 @@ def matter_of(
     return out
 
 
-def _with_vapour(scene: Scene) -> Atmosphere:
+def with_own_vapour(scene: Scene) -> Atmosphere:
     """The scene's atmosphere, with the mean of its precipitable water where it has no profile of vapour."""
     assert scene.atmosphere is not None
     if scene.atmosphere.vapour_kg_m3 is not None or "precipitable_water" not in scene.data:

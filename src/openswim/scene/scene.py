@@ -224,7 +224,8 @@ class Scene:
 
         surface_albedo : scalar, or (nwl,) at wavelength_nm (default 615, 546, 450 nm).
         terrain_m : height of the ground above sea level, everywhere. Default atmosphere: US standard.
-        water_vapour_cm : precipitable water above the ground, for broadband irradiance. Default: 1.5 cm at sea level.
+        water_vapour_cm : precipitable water above the ground, of broadband irradiance and of the near infrared.
+            Default: that of the US standard.
         """
         lat, lon = _checked_place((lat, lon))
         albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
