@@ -142,7 +142,9 @@ def test_no_spoilt_file_is_quietly_another_picture(tmp_path, model):
     assert {case: one for case, one in verdicts.items() if one not in ("refused", "told", "same")} == {}
     # a gate that lets everything pass would be seen here
     assert sum(one == "refused" for one in verdicts.values()) > 0.4 * len(verdicts)
-    too_much = [case for case in verdicts if case.endswith(("x 100", "x 1000"))]
+    # what falls may be much in the core of a storm, so that it is told alone
+    falls = {"fl_lsrain", "RSP", "rai"}
+    too_much = [case for case in verdicts if case.endswith(("x 100", "x 1000")) and case.split()[0] not in falls]
     assert all(verdicts[case] != "told" for case in too_much)
 
 

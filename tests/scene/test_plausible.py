@@ -100,3 +100,19 @@ def test_places_that_are_not_on_earth(x, y, words):
 def test_another_planet_has_its_own_air():
     """The gate knows the Earth's air only: that of Mars, 600 Pa at the ground, passes on Mars's sphere."""
     scene(radius=3.39e6, air_pressure=lambda p: 0.006 * p)
+
+
+def test_the_core_of_a_storm_is_borne_where_the_domain_is_narrow():
+    """40 kg m-2 of hail and rain over 20 km: told; over 500 km, or as cloud water: refused."""
+    heights = np.linspace(100.0, 12_000.0, 25)
+
+    def scene(species: str, step_m: float) -> Scene:
+        content = np.zeros((25, 5, 5), np.float32)
+        content[:17] = 5e-3
+        axis = step_m * np.arange(5)
+        return Scene(Grid(axis, axis, heights), xr.Dataset({f"{species}_content": (("z", "y", "x"), content)}))
+
+    assert any("hurricanes have 5" in note for note in scene("graupel", 4e3).notes)
+    for species, step_m in (("graupel", 1e5), ("liquid", 4e3)):
+        with pytest.raises(UserError, match="hurricanes have 5"):
+            scene(species, step_m)

@@ -21,7 +21,8 @@ from openswim.scene.variables import HYDROMETEORS
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
 _WIDE = 4.0  # times as wide as tall
-# Of water in the mean of a domain, wide or not: hurricanes have 5, the cores of storms with hail some tens
+# Of water in the mean of a domain: hurricanes have 5; rain and hail in the core of a storm, all that a narrow one
+# holds, some tens
 _MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
 _SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
@@ -110,12 +111,16 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> li
                 "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
             )
     total = sum(paths.values())
-    if total > (_MOST_PATH_KG_M2 if width_m > _WIDE_M else _MOST_OF_A_CORE_KG_M2):
+    if total > _MOST_PATH_KG_M2:
         name = max(paths, key=lambda each: paths[each])
-        raise UserError(
-            f"scene: {total:.3g} kg m-2 of cloud and precipitation in the mean of the domain, {paths[name]:.3g} of it "
-            f"{name}; hurricanes have 5: is it in g/kg or g m-3 (1000 times too large)?"
+        told = (
+            f"{total:.3g} kg m-2 of cloud and precipitation in the mean of the domain, {paths[name]:.3g} of it {name}; "
+            "hurricanes have 5: is it in g/kg or g m-3 (1000 times too large)?"
         )
+        cloud = max(paths.get(f"{species}_content", 0.0) for species in ("liquid", "ice"))
+        if width_m > _WIDE_M or cloud > _MOST_PATH_KG_M2 or total > _MOST_OF_A_CORE_KG_M2:
+            raise UserError(f"scene: {told}")
+        notes.append(told)
     if total > 0 and float(np.min(heights[0])) > _HIGHEST_CLOUD_M:
         raise UserError(
             f"scene: the lowest level lies at {np.min(heights[0]) / 1e3:.1f} km, above all clouds: is pressure in hPa "
