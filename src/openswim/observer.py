@@ -30,12 +30,9 @@ def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
     if scene.grid is None or scene.grid.periodic or camera.height_m >= SPACE_M:
         return
     levels = scene.levels[:1] if solver == "reference" else scene.levels
-    found = grid_place(levels, *place_of(camera))
-    if found is not None and camera.above == "sea level" and "surface_altitude" in levels[found[0]].data:
-        level, ix, iy = found
-        terrain = np.ascontiguousarray(levels[level].data["surface_altitude"].values)
-        check_above_ground(camera, float(bilinear(terrain, np.array([ix]), np.array([iy]))[0]) - _ROUGH_M)
-    if found is None and not _aloft(camera):
+    if camera.above == "sea level" and (terrain_m := terrain_below(levels, *place_of(camera))) is not None:
+        check_above_ground(camera, terrain_m - _ROUGH_M)
+    if grid_place(levels, *place_of(camera)) is None and not _aloft(camera):
         raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
 
 
@@ -87,6 +84,16 @@ def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float,
         if max(abs(ix - inner[0]), abs(iy - inner[1])) < EDGE:
             return level, *inner
     return None
+
+
+def terrain_below(levels: Sequence[Scene], x: float, y: float) -> float | None:
+    """Height (m above sea level) of the terrain that nested scenes' files have at a place; None where they have none."""
+    found = grid_place(levels, x, y)
+    if found is None or "surface_altitude" not in levels[found[0]].data:
+        return None
+    level, ix, iy = found
+    terrain = np.ascontiguousarray(levels[level].data["surface_altitude"].values)
+    return float(bilinear(terrain, np.array([ix]), np.array([iy]))[0])
 
 
 def place_of(camera: Camera) -> tuple[float, float]:

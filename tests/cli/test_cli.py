@@ -13,6 +13,7 @@ import xarray as xr
 
 import openswim
 from openswim.cli.main import run
+from openswim.cli.render import RenderRequest
 from openswim.errors import UserError
 
 ARGUMENTS = ["--lat", "47", "--lon", "11"]
@@ -371,6 +372,20 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
         "--size",
     ):
         assert option in said
+
+
+def test_a_film_has_the_options_of_a_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim.cli import film
+
+    found: list[film.FilmRequest] = []
+    monkeypatch.setattr(film, "run", found.append)
+    assert run(["film", "x.nc", "--lat", "47", "--lon", "8", "--member", "3", "--quality", "preview",
+                "--allow-references", "--every", "5min", "--fps", "10", "--speed", "2", "--no-title",
+                "-o", "a.mp4"]) == 0  # fmt: skip
+    picture = RenderRequest(Path("x.nc"), (), 47.0, 8.0, member=3, quality="preview", allow_references=True)
+    assert found == [
+        film.FilmRequest(picture, Path("a.mp4"), "5min", frames_per_second=10.0, speed=2.0, title=False)
+    ]
 
 
 def test_help_loads_nothing_heavy() -> None:

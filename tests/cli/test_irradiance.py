@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
+import openswim
 from openswim.cli.main import run
 
 CLEAR = ["irradiance", "--clear", "--lat", "46.8", "--lon", "6.9", "--start", "2016-06-23T11:40"]
@@ -33,6 +35,76 @@ def test_a_clear_sky_as_csv_and_netcdf(tmp_path: Path, capsys: pytest.CaptureFix
         assert data.ghi.attrs["standard_name"] == "surface_downwelling_shortwave_flux_in_air"
 
 
+def clear_day(scene, lat, lon, times, **options) -> xr.Dataset:
+    """In place of `openswim.irradiance`: light that is smooth in time."""
+    minutes = (np.asarray(times) - np.datetime64("2016-06-23T12:00")) / np.timedelta64(1, "m")
+    shape = 0.5 + 0.5 * np.cos(minutes / 400)
+    parts = {"ghi": 900.0, "dni": 850.0, "dhi": 90.0}
+    return xr.Dataset({name: ("time", top * shape) for name, top in parts.items()}, {"time": times}, {"solves": 1})
+
+
+@pytest.fixture
+def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Measured every minute from 9 to 15 UTC at Payerne, without a cloud until 14:00, and under many then."""
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    times = np.datetime64("2016-06-23T09:00") + np.arange(361) * np.timedelta64(1, "m")
+    light = clear_day(None, 0, 0, times)
+    veiled = np.where((times < np.datetime64("2016-06-23T14:00")) | (np.arange(361) % 7 < 4), 1.0, 0.5)
+    table = np.stack([light[name].values * veiled for name in ("ghi", "dni", "dhi")], axis=-1)
+    rows = [f"{time}Z,{','.join(f'{value:.1f}' for value in row)}" for time, row in zip(times, table, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["utc,ghi,dni,dhi", *rows]) + "\n")
+    return tmp_path / "a.csv"
+
+
+BESIDE = ["irradiance", "--clear", "--lat", "46.8", "--lon", "6.9", "--ground", "490"]
+
+
+@pytest.mark.parametrize("minutes", [1, 10, 15])
+def test_clear_times_are_told_before_times_are_left_out(
+    minutes: int, station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.csv"
+    assert run([*BESIDE, "--station", str(station), "--every", str(minutes), "-o", str(out)]) == 0
+    total, clear = 360 // minutes + 1, len(range(0, 295, minutes))  # 5 minutes before the first cloud
+    assert f"clear sky at {clear} of {total} times" in capsys.readouterr().out
+    assert len(out.read_text().splitlines()) == 1 + total
+
+
+def test_a_plot_that_fails_leaves_the_values(
+    station: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    from openswim.stations import comparison
+
+    def fails(*arguments: object) -> None:
+        raise OSError("disc full")
+
+    monkeypatch.setattr(comparison, "plot", fails)
+    picture = str(tmp_path / "a.png")
+    assert run([*BESIDE, "--station", str(station), "--plot", picture, "-o", str(tmp_path / "out.csv")]) == 1
+    assert len((tmp_path / "out.csv").read_text().splitlines()) == 362
+
+
+@pytest.mark.parametrize(("given", "expected"), [([], (40.0, -3.5, 1200.0)), (["--ground", "5"], (40.0, -3.5, 5.0))])
+def test_an_aeronet_file_says_where_it_stands(
+    given: list[str], expected: tuple[float, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "made.lev15").write_text(
+        "Date(dd:mm:yyyy),Time(hh:mm:ss),AOD_440nm,AOD_870nm,Site_Latitude(Degrees),Site_Longitude(Degrees),"
+        "Site_Elevation(m)\n23:06:2016,11:00:00,0.15,0.06,40.0,-3.5,1200\n"
+    )
+    found = []
+
+    def seen(scene, lat, lon, times, **options) -> xr.Dataset:
+        found.append((lat, lon, float(scene.data.surface_altitude), scene.atmosphere.layers[0].base_height_m))
+        return clear_day(scene, lat, lon, times)
+
+    monkeypatch.setattr(openswim, "irradiance", seen)
+    assert run(["irradiance", "--clear", "--aeronet", str(tmp_path / "made.lev15"), "--start", "2016-06-23T11:00",
+                *given, "-o", str(tmp_path / "a.csv")]) == 0  # fmt: skip
+    assert found == [(*expected, expected[2])]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -46,6 +118,7 @@ def test_a_clear_sky_as_csv_and_netcdf(tmp_path: Path, capsys: pytest.CaptureFix
         ([*CLEAR, "--plane", "30", "-o", "a.csv"], "2 numbers"),
         ([*CLEAR, "--fit", "beam", "-o", "a.csv"], "need a --station"),
         (["irradiance", "x.nc", "--aod", "0.1", "--lat", "1", "--lon", "1", "-o", "a.csv"], "of a clear sky"),
+        (["irradiance", "--clear", "--station", "a.csv", "--plot", "a.doc"], "use .png"),
         ([*CLEAR, "--aod", "0.1", "--aeronet", "x", "-o", "a.csv"], "--aeronet or --aod"),
         (["irradiance", "--clear", "--station", "none.dat"], "none.dat"),
         (["satellite", "x.nc", "--like", "y.tif", "--imager", "sputnik"], "sputnik"),

@@ -106,5 +106,7 @@ def test_what_cannot_be_corrected_is_one_line(tmp_path):
         openswim.correct_clouds(None, [frame], [known])
     with pytest.raises(UserError, match="one of each camera"):
         openswim.correct_clouds(blocks(), [frame], [known, known])
+    with pytest.raises(UserError, match="1 clear frames of 2 cameras"):
+        openswim.correct_clouds(blocks(), [frame] * 2, [known] * 2, clear_frames=[frame])
     with pytest.raises(UserError, match="no grid"):
         openswim.correct_clouds(Scene.clear(47, 8), [frame], [known])

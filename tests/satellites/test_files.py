@@ -12,7 +12,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.satellites import FixedGrid, band, reflectance
 from openswim.satellites.comparison import agreement, displacement
-from openswim.satellites.files import grid_of, read, write
+from openswim.satellites.files import grid_of, middle_of, read, write
 from openswim.scene import Scene
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
@@ -34,6 +34,18 @@ def test_what_is_written_is_read_at_the_same_places(picture: xr.Dataset, tmp_pat
     for name in ("latitude", "longitude"):  # degrees: a hundredth of a pixel
         np.testing.assert_allclose(back[name], picture[name], atol=1e-4)
     assert grid_of(back).sweep == "x"
+    assert picture.attrs["time_coverage_start"].startswith("2021-06-21T15:00")
+    assert back.attrs["time_coverage_start"] == picture.attrs["time_coverage_start"]
+
+
+def test_the_middle_of_a_picture_across_the_date_line() -> None:
+    """What himawari's grid has east of 180 and west of it in equal parts is in the middle of it."""
+    grid = FixedGrid(2.8e-5 * np.arange(3600, 4200, 20), 2.8e-5 * np.arange(300, -301, -20), 140.7)
+    lat, lon = grid.latlon()
+    assert 0.1 < (lon < 0).mean() < 0.9
+    found = middle_of(xr.Dataset({"latitude": (("y", "x"), lat), "longitude": (("y", "x"), lon)}), 140.7)
+    assert found[0] == pytest.approx(0.0, abs=1e-6)
+    assert found[1] == pytest.approx(np.degrees(np.angle(np.exp(1j * np.radians(lon)).mean())), abs=0.05)
 
 
 def test_a_geotiff_is_cloud_optimised_and_where_proj_has_it(picture: xr.Dataset, tmp_path: Path) -> None:

@@ -44,6 +44,25 @@ def test_parts_add_up_and_planes_that_lie_flat_have_the_horizontal(day):
     assert 0 < float(day.ghi[-1]) < 5  # after sunset
 
 
+@pytest.mark.parametrize("gridded", [False, True])
+def test_a_night_through_asks_for_no_light_of_the_night(gridded, monkeypatch):
+    from openswim.stations import light as module
+
+    asked, light = [], module.light
+
+    def seen(*arguments, **options):
+        asked.append(options)
+        return light(*arguments, **options)
+
+    monkeypatch.setattr(module, "light", seen)
+    axis = np.arange(3) * 5e3
+    block = Scene.from_arrays(np.zeros((2, 3, 3)), axis, axis, np.array([500.0, 1500.0]), place=(LAT, LON))
+    found = openswim.irradiance(block if gridded else CLEAR, LAT, LON, ["2016-12-23T00:00", "2016-12-23T01:00"])
+    assert asked == [{"sun": (0.0, 10.0)}]
+    assert float(abs(found.ghi).max()) == 0
+    assert gridded or (found.ozone > 250).all()  # the block has no air
+
+
 def test_without_air_there_is_no_diffuse_light():
     bare = Scene.clear(LAT, LON, None, 0.4)
     found = openswim.irradiance(bare, LAT, LON, "2016-06-23T11:40")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from openswim.cli.plots import check_plot
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 
@@ -59,7 +60,7 @@ def fit(request: FitRequest) -> None:
         if path is not None:
             check_target(path, name=option)
     if request.plot_path is not None:
-        _check_plot(request.plot_path)
+        check_plot(request.plot_path, "mie")
     wavelengths = _numbers("--wavelengths", request.wavelengths)
     if not wavelengths or not all(200 <= wl <= 4000 for wl in wavelengths):
         raise UserError(f"--wavelengths {request.wavelengths}: give nanometres within 200 to 4000, such as 615,546,450")
@@ -202,16 +203,6 @@ def _described(wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _
             },
         },
     }
-
-
-def _check_plot(path: Path) -> None:
-    """Raise UserError unless `_draw` could draw this kind of picture."""
-    try:
-        from matplotlib.backend_bases import FigureCanvasBase
-    except ImportError as error:
-        raise UserError("--plot needs the package matplotlib: pip install 'openswim[mie]'") from error
-    if path.suffix.lower().removeprefix(".") not in FigureCanvasBase.get_supported_filetypes():
-        raise UserError(f"--plot {path}: suffix {path.suffix!r} is unknown; use .png, .pdf or .svg")
 
 
 def _draw(path: Path, wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _Particles) -> None:

@@ -55,24 +55,24 @@ def draw(files: Sequence[Path], picture: Path, time: str | None = None, allow_re
 
     check_writable(picture, files_of(files))
     scene = open_scene(files, time, allow_references=allow_references)
-    if not column_maxima(scene):
-        return False
     image = maps(scene)
+    if image is None:
+        return False
     with written_whole(picture) as partial:
         write_picture(np.asarray(image), partial, {})
     return True
 
 
-def maps(scene: Scene) -> Image.Image:
+def maps(scene: Scene) -> Image.Image | None:
     """One panel for each species that is anywhere present: north (+y) up, logarithmic colours, three decades; coasts,
-    latitudes and longitudes (of flat scenes kilometres), and a scale below."""
+    latitudes and longitudes (of flat scenes kilometres), and a scale below. None where there is nothing to map."""
     from PIL import Image, ImageDraw, ImageFont
 
     from openswim.cli.map_marks import mark, scale
 
     fields = column_maxima(scene)
     if not fields:
-        raise UserError(f"{scene.source}: no cloud, precipitation or aerosol at this time: there is nothing to map")
+        return None
     across = min(3, len(fields))
     height, width = next(iter(fields.values()))[0].shape
     stretch = PANEL / max(height, width)

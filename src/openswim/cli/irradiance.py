@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from openswim.cli.plots import check_plot
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-_FIT = ("beam", "first-half", "second-half")
+    from openswim.stations.aeronet import Sunphotometer
+
 _LOWEST_SUN_DEG = 15.0
 
 
@@ -64,7 +66,20 @@ def run(request: IrradianceRequest) -> None:
         raise UserError("--fit, --aod, --aeronet and --albedo are of a clear sky: leave them out with a model's FILES")
     if request.aeronet and request.aod is not None:
         raise UserError("give --aeronet or --aod")
-    model = _beside_station(request) if request.station is not None else _alone(request)
+    if request.plot is not None:
+        check_plot(request.plot, "stations")
+    if request.station is None:
+        _save(_alone(request), request)
+        return
+    model, station, clear = _beside_station(request)
+    _save(model, request)
+    if request.plot is not None:
+        from openswim.stations.comparison import plot
+
+        plot(model, station, request.plot, clear)
+
+
+def _save(model: xr.Dataset, request: IrradianceRequest) -> None:
     if request.output is not None:
         _write(model, request.output)
         click.echo(f"{request.output}: {model.sizes['time']} times, {model.attrs['solves']} solves")
@@ -76,34 +91,38 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
     from openswim.scene.atmosphere import AerosolProfile, Atmosphere
     from openswim.stations import Series
 
-    if request.lat is None or request.lon is None:
+    found = _aeronet(request)
+    column = {} if found is None else found.single
+    lat = column.get("latitude") if request.lat is None else request.lat
+    lon = column.get("longitude") if request.lon is None else request.lon
+    if lat is None or lon is None:
         raise UserError("place missing: give --lat and --lon in degrees")
     scene: Any
     if request.clear:
-        ground = request.ground_m or 0.0
-        aerosol, column = _by_aeronet(request, ground)
-        if aerosol is None:
+        ground = column.get("height_m", 0.0) if request.ground_m is None else request.ground_m
+        if found is None:
             aerosol = AerosolProfile(0.05 if request.aod is None else request.aod, base_height_m=ground)
+        else:
+            aerosol = found.aerosol(ground)
         scene = Scene.clear(
-            request.lat, request.lon, Atmosphere.us_standard(column.get("ozone_du", 300.0), aerosol),
+            lat, lon, Atmosphere.us_standard(column.get("ozone_du", 300.0), aerosol),
             0.2 if request.albedo is None else request.albedo, ground,
             water_vapour_cm=column.get("water_vapour_cm"),
         )  # fmt: skip
         times = _times(request, None)
     else:
-        scene = Series.open(request.files, around=(request.lat, request.lon))
+        scene = Series.open(request.files, around=(lat, lon))
         times = _times(request, None if scene.times.size == 1 else scene.times)
-    return openswim.irradiance(scene, request.lat, request.lon, times, **_options(request))
+    return openswim.irradiance(scene, lat, lon, times, **_options(request))
 
 
-def _by_aeronet(request: IrradianceRequest, ground_m: float) -> tuple[Any, dict[str, float]]:
-    """Aerosol above the ground, and water vapour and ozone, by AERONET; None and nothing without files."""
+def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
+    """What the files of AERONET say of the first time asked for, or of all that they have."""
     if not request.aeronet:
-        return None, {}
+        return None
     from openswim.stations.aeronet import read_aeronet
 
-    found = read_aeronet(list(request.aeronet), request.start if request.end is None else None)
-    return found.aerosol(ground_m), found.single
+    return read_aeronet(list(request.aeronet), request.start if request.end is None else None)
 
 
 def _options(request: IrradianceRequest) -> dict[str, Any]:
@@ -151,15 +170,13 @@ def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
     return start + step * np.arange(count)
 
 
-def _beside_station(request: IrradianceRequest) -> xr.Dataset:
+def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset, np.ndarray | None]:
+    """The model and the station at the same times, and which of these had a clear sky."""
     import numpy as np
 
     import openswim
     from openswim.stations import Series
-    from openswim.stations.checks import checked, sun_of
-    from openswim.stations.clear_day import fit_aerosol, scene_over
-    from openswim.stations.clear_sky import clear_times
-    from openswim.stations.comparison import plot
+    from openswim.stations.checks import checked
     from openswim.stations.files import read_station
 
     assert request.station is not None
@@ -167,31 +184,49 @@ def _beside_station(request: IrradianceRequest) -> xr.Dataset:
     for name, count in failed.items():
         if count:
             click.echo(f"{name.replace('_', ': ', 1)} in {count} of {station.sizes['time']} values", err=True)
-    station = _wanted(request, station)
+    station = _within(request, station)
+    if request.clear:
+        return _clear_beside(request, station)
     lat, lon = station.attrs["latitude"], station.attrs["longitude"]
-    options = _options(request)
-    if not request.clear:
-        scenes = Series.open(request.files, around=(lat, lon))
-        if scenes.times.size > 1:
-            station = station.sel(time=slice(scenes.times[0], scenes.times[-1]))
-        if not station.sizes["time"]:
-            raise UserError(f"{request.station}: no values within the model's times")
-        model = openswim.irradiance(scenes, lat, lon, station.time.values, **options)
-        _print(model, station, np.ones(station.sizes["time"], bool), "all")
-        if request.plot is not None:
-            plot(model, station, request.plot)
-        return model
-    aerosol, column = _by_aeronet(request, station.attrs["height_m"])
+    scenes = Series.open(request.files, around=(lat, lon))
+    station = station.isel(time=_thinned(request, station))
+    if scenes.times.size > 1:
+        station = station.sel(time=slice(scenes.times[0], scenes.times[-1]))
+    if not station.sizes["time"]:
+        raise UserError(f"{request.station}: no values within the model's times")
+    model = openswim.irradiance(scenes, lat, lon, station.time.values, **_options(request))
+    _print(model, station, np.ones(station.sizes["time"], bool), "all")
+    return model, station, None
+
+
+def _clear_beside(
+    request: IrradianceRequest, station: xr.Dataset
+) -> tuple[xr.Dataset, xr.Dataset, np.ndarray]:
+    """Under a clear sky. Whether it was clear is told by all that was measured, before times are left out."""
+    import numpy as np
+
+    import openswim
+    from openswim.stations.checks import sun_of
+    from openswim.stations.clear_day import fit_aerosol, scene_over
+    from openswim.stations.clear_sky import clear_times
+
+    place, options = (station.attrs["latitude"], station.attrs["longitude"]), _options(request)
+    found = _aeronet(request)
+    column = {} if found is None else found.single
+    aerosol = None if found is None else found.aerosol(station.attrs["height_m"])
     scene = scene_over(station, aerosol, column.get("ozone_du", 300.0), request.albedo)
     if "water_vapour_cm" in column and request.vapour_cm is None:
         options["water_vapour_cm"] = column["water_vapour_cm"]
     assert scene.atmosphere is not None
-    if request.aod is not None and scene.atmosphere.aerosol is not None:
-        scene = _with_depth(scene, request.aod)
-    model = openswim.irradiance(scene, lat, lon, station.time.values, **options)
-    high = sun_of(station).refracted_altitude_deg > _LOWEST_SUN_DEG
+    if request.aod is not None:
+        scene = replace(scene, atmosphere=scene.atmosphere.with_aerosol_depth(request.aod))
+    model = openswim.irradiance(scene, *place, station.time.values, **options)
     measured = {name: station[name].values for name in ("ghi", "dni", "dhi") if name in station}
-    clear = high & clear_times(station.time.values, measured, {name: model[name].values for name in measured})
+    clear = clear_times(station.time.values, measured, {name: model[name].values for name in measured})
+    kept = _thinned(request, station)
+    station, model, clear = station.isel(time=kept), model.isel(time=kept), clear[kept]
+    high = sun_of(station).refracted_altitude_deg > _LOWEST_SUN_DEG
+    clear &= high
     click.echo(f"clear sky at {clear.sum()} of {high.sum()} times with the sun above {_LOWEST_SUN_DEG:g} degrees")
     if not clear.any():
         raise UserError(f"{request.station}: no clear sky at any time: compare it with a model's FILES")
@@ -202,34 +237,31 @@ def _beside_station(request: IrradianceRequest) -> xr.Dataset:
             rank = np.cumsum(clear) - 1
             used &= (rank < clear.sum() // 2) == (request.fit == "first-half")
             told = clear & ~used
-        found = fit_aerosol(station, used, scene)
-        click.echo(f"aerosol optical depth at 550 nm by {found.times} values of DNI: {found.optical_depth:.3f}")
-        scene = _with_depth(scene, found.optical_depth)
-        model = openswim.irradiance(scene, lat, lon, station.time.values, **options)
+        fit = fit_aerosol(station, used, scene)
+        click.echo(f"aerosol optical depth at 550 nm by {fit.times} values of DNI: {fit.optical_depth:.3f}")
+        assert scene.atmosphere is not None
+        scene = replace(scene, atmosphere=scene.atmosphere.with_aerosol_depth(fit.optical_depth))
+        model = openswim.irradiance(scene, *place, station.time.values, **options)
     _print(model, station, told, "clear" if told is clear else "clear, not used for the fit")
-    if request.plot is not None:
-        plot(model, station, request.plot, clear)
-    return model
+    return model, station, clear
 
 
-def _with_depth(scene: Any, depth: float) -> Any:
-    from dataclasses import replace
-
-    aerosol = replace(scene.atmosphere.aerosol, optical_depth=depth)
-    return replace(scene, atmosphere=replace(scene.atmosphere, aerosol=aerosol))
-
-
-def _wanted(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
+def _within(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
+    """From --start to --end."""
     from openswim.scene.times import parse_time
 
-    start, end = parse_time(request.start), parse_time(request.end)
-    station = station.sel(time=slice(start, end))
-    if request.every is not None and station.sizes["time"] > 1:
-        steps = request.every / ((station.time[1] - station.time[0]).values.astype("timedelta64[ms]").astype(int) / 6e4)
-        station = station.isel(time=slice(None, None, max(round(float(steps)), 1)))
-    if not station.sizes["time"]:
+    found = station.sel(time=slice(parse_time(request.start), parse_time(request.end)))
+    if not found.sizes["time"]:
         raise UserError(f"{request.station}: no values between --start and --end")
-    return station
+    return found
+
+
+def _thinned(request: IrradianceRequest, station: xr.Dataset) -> slice:
+    """The station's times that --every leaves."""
+    if request.every is None or station.sizes["time"] < 2:
+        return slice(None)
+    steps = request.every / ((station.time[1] - station.time[0]).values.astype("timedelta64[ms]").astype(int) / 6e4)
+    return slice(None, None, max(round(float(steps)), 1))
 
 
 def _print(model: xr.Dataset, station: xr.Dataset, rows: np.ndarray, which: str) -> None:

@@ -44,19 +44,20 @@ def run(request: SatelliteRequest) -> None:
     import openswim
     from openswim.readers import Neighbourhood
     from openswim.satellites.comparison import agreement, displacement
-    from openswim.satellites.files import grid_of, read, write
+    from openswim.satellites.files import grid_of, middle_of, read, write
     from openswim.satellites.picture import reflectance
     from openswim.scene.times import parse_time
 
     observed = read(request.like)
-    lat, lon = observed.latitude.values, observed.longitude.values
-    if not np.isfinite(lat).any():
+    grid = grid_of(observed)
+    if not np.isfinite(observed.latitude).any():
         raise UserError(f"{request.like}: no pixel of it lies on the Earth")
-    middle = float(np.nanmean(lat)), float(np.nanmean(lon))
-    around = Neighbourhood.seen_from(*middle, 36e6)
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)
+    if start is None and request.time is None:
+        raise UserError(f"{request.like}: does not say its time: give --time, of the model and of the light")
+    around = Neighbourhood.seen_from(*middle_of(observed, grid.lon_0), 36e6)
     scene = openswim.open_scene(request.files, time=request.time, around=around)
-    picture = reflectance(scene, grid_of(observed), bands, start if request.time is None and start else scene.time,
+    picture = reflectance(scene, grid, bands, start if request.time is None and start else scene.time,
                           solver=request.solver)  # fmt: skip
     for output in request.outputs:
         write(picture, output)

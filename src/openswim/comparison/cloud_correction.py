@@ -84,6 +84,10 @@ def correct_clouds(
         raise UserError(f"correct_clouds: passes {passes} is not within 1 to {len(_CLEAR_SHARES)}")
     if len(frames) != len(cameras) or not frames:
         raise UserError(f"correct_clouds: {len(frames)} frames of {len(cameras)} cameras: give one of each camera")
+    if clear_frames and len(clear_frames) != len(cameras):
+        raise UserError(
+            f"correct_clouds: {len(clear_frames)} clear frames of {len(cameras)} cameras: give one of each, or none"
+        )
     skies = skies_of(model, solver, None, None, sun)
     if skies.model is None:
         raise UserError("correct_clouds: needs a model: give its file or a Scene")
@@ -96,7 +100,7 @@ def correct_clouds(
     levels = _levels(scene, layer)
     eyes = []
     for n, (frame, content) in enumerate(zip(read, contents, strict=True)):
-        known = known_camera(content, chosen, clear_frames[n] if n < len(clear_frames) else None, solver, skies)
+        known = known_camera(content, chosen, clear_frames[n] if clear_frames else None, solver, skies)
         ready = prepared(frame, content.camera, encoding_of(chosen, content), chosen.size)
         eyes.append(_eye(Skies(scene, solver, None, None, sun), scene, ready, known, chosen, hold_out, levels))
     return _passes(scene, layer, eyes, passes, solver, sun)
@@ -105,16 +109,16 @@ def correct_clouds(
 def _passes(
     scene: Scene, layer: Layer, eyes: list[_Eye], passes: int, solver: Any, sun: Any
 ) -> tuple[Scene, xr.Dataset]:
-    current, best, best_r = scene, scene, -np.inf
+    current, best, best_r, chosen = scene, scene, -np.inf, 0
     rows: list[tuple[F64, F64, float]] = []
     for number in range(passes + 1):
         skies = Skies(current, solver, None, None, sun)
         images = [skies.simulated(eye.frame.camera, eye.frame.time) for eye in eyes]
         pictures = [np.asarray(image.radiance.values, float) for image in images]
         rows.append(_scores(eyes, pictures))
-        mean = float(np.nanmean(rows[-1][0]))
-        if mean > best_r or number == 0:
-            best, best_r = current, mean
+        told = rows[-1][0][np.isfinite(rows[-1][0])]  # a camera without a pixel left has no r
+        if told.size and told.mean() > best_r:
+            best, best_r, chosen = current, float(told.mean()), number
         if number < passes:
             current = _step(current, layer, eyes, pictures, _CLEAR_SHARES[number], _STRENGTHS[number])
     used, unused, kept = (np.array(part) for part in zip(*rows, strict=True))
@@ -125,7 +129,7 @@ def _passes(
             "cloud_error": ("edit", kept, {"long_name": "share of valid pixels whose masks differ"}),
         },
         coords={"edit": np.arange(passes + 1)},
-        attrs={"chosen_edit": int(np.nanargmax(used.mean(axis=1)))},
+        attrs={"chosen_edit": chosen},
     )
     if best is not scene:
         best.notes.append(f"clouds corrected by {', '.join(eye.frame.name for eye in eyes)}: openswim correct-clouds")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.cameras import Camera
+from openswim.observer import place_of, terrain_below
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 
@@ -65,10 +66,8 @@ def crossings(scene: Scene, camera: Camera, direction: F64, levels: slice) -> Cr
     assert grid is not None
     nz, ny, nx = grid.shape
     profile = grid.height_m if grid.height_m.ndim == 1 else grid.height_m.mean(axis=(1, 2))
-    north, east = (camera.lat, camera.lon) if camera.x_m is None else (camera.y_m, camera.x_m)
-    assert north is not None
-    assert east is not None
-    ground_m = _ground(scene, north, east)
+    east, north = place_of(camera)
+    ground_m = terrain_below([scene], east, north) or 0.0
     origin = frame.position(north, east, camera.height_above_sea_m(ground_m))
     rays = direction @ frame.enu(north, east)
     heights = _heights(profile[levels], float(direction[:, 2].min()), grid.spacing_m()[0])
@@ -114,18 +113,3 @@ def _level(heights: F64, height: float, iy: F64, ix: F64) -> F64:
     below, above = (np.take_along_axis(columns, (low + n)[None], axis=0)[0] for n in (0, 1))
     at = low + (height - below) / (above - below)
     return np.where((at < 0) | (at > len(columns) - 1), np.nan, at) + 0 * ix
-
-
-def _ground(scene: Scene, north: float, east: float) -> float:
-    """Height of the model's ground at a place, between its nodes."""
-    from scipy.ndimage import map_coordinates
-
-    grid = scene.grid
-    if grid is None or "surface_altitude" not in scene.data:
-        return 0.0
-    if grid.curved:
-        ix, iy = (float(v) for v in grid.index(east, north))
-    else:
-        ix, iy = (east - grid.x[0]) / grid.step[0], (north - grid.y[0]) / grid.step[1]
-    heights = scene.data["surface_altitude"].values.astype(float)
-    return float(map_coordinates(heights, [[iy], [ix]], order=1, mode="nearest")[0])

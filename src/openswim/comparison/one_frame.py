@@ -49,7 +49,7 @@ def compare_frame(
         _clouds(scores, ready, simulated, clear, region, known)
     below_scores(scores, ready, image, curves)
     if skies.model is None and settings.aod_range and region.weight.size:
-        _aerosol_range(scores, skies, ready, region, part)
+        _aerosol_range(scores, skies, ready, region, clear, part)
     _response(scores, ready, simulated[..., part], region, curves)
     shown = as_stored(simulated[..., part], ready, region, known)
     text = {"long_name": "the simulated picture as this camera would store it"}
@@ -120,7 +120,9 @@ def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamer
     return encoded(np.clip(np.nan_to_num(light), 0, 1), frame.encoding)
 
 
-def _aerosol_range(scores: Scores, skies: Skies, frame: Prepared, region: Region, part: slice) -> None:
+def _aerosol_range(
+    scores: Scores, skies: Skies, frame: Prepared, region: Region, clear: F64, part: slice
+) -> None:
     """Mean r with the response undone for half and twice the aerosol: how little r says of it."""
     from openswim.comparison.correlation import correlation
 
@@ -128,7 +130,8 @@ def _aerosol_range(scores: Scores, skies: Skies, frame: Prepared, region: Region
     depths = [skies.aod * factor for factor in (0.5, 1.0, 2.0)]
     found = []
     for depth in depths:
-        truth = skies.clear(frame.camera, frame.time, depth)[..., part][region.valid]
+        sky = clear if depth == skies.aod else skies.clear(frame.camera, frame.time, depth)
+        truth = sky[..., part][region.valid]
         light = undone(frame.linear[region.valid].astype(float), truth, region, None)
         found.append(correlation(light, truth, region.weight, region.tiles).value)
     scores.data = scores.data.assign_coords(aod=("aod", depths, {"long_name": "aerosol optical depth at 550 nm"}))

@@ -1,6 +1,7 @@
 """A frame made ready: linear light of averaged pixels, and which of them say something."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,11 @@ class Prepared:
     @property
     def channels(self) -> tuple[str, ...]:
         return ("red", "green", "blue") if self.linear.shape[-1] == 3 else ("grey",)
+
+    @cached_property
+    def odd(self) -> Mask:
+        """(ny, nx): see `odd_pixels`."""
+        return odd_pixels(self.linear)
 
 
 def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = None, size: int = SIZE) -> Prepared:
@@ -96,7 +102,7 @@ def valid_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float,
     with np.errstate(invalid="ignore"):
         there = frame.camera.open_sky() & (pixels.altitude_deg >= lowest_deg)
         there &= pixels.angle_to_deg(*sun) > sun_mask_deg
-    return there & ~frame.saturated & ~odd_pixels(frame.linear) & (frame.linear > 0).all(axis=-1)
+    return there & ~frame.saturated & ~frame.odd & (frame.linear > 0).all(axis=-1)
 
 
 def _curve(counts: NDArray[Any], full_scale: float, encoding: str | float) -> F32:

@@ -1,7 +1,7 @@
 """The skies to compare with: a model's, lit for a frame's time, and the clear sky of that place and time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,8 @@ from openswim.comparison.clear_table import ClearTable
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
-from openswim.observer import place_of
+from openswim.observer import place_of, terrain_below
+from openswim.optics.chosen import with_aerosol
 from openswim.readers import Neighbourhood, describe, open_scene
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -65,9 +66,10 @@ class Skies:
         if not self.table:
             return np.asarray(self._clear_lit(camera, time, aod).viewpoint(camera).view().radiance.values, float)
         atmosphere, albedo, ground_m = self._air(camera, time, aod)
-        key = (camera.lat, camera.lon, aod, albedo, ground_m)
+        eye_m = camera.height_above_sea_m(ground_m) - ground_m
+        key = (camera.lat, camera.lon, aod, albedo, ground_m, eye_m)
         if key not in self._tables:
-            self._tables[key] = ClearTable(atmosphere, albedo, ground_m, camera.height_m, self.solver)
+            self._tables[key] = ClearTable(atmosphere, albedo, ground_m, eye_m, self.solver)
         distance_au = 1.0 if self.sun is not None else sun_position(time, 0.0, 0.0).distance_au
         return self._tables[key].radiance(camera.pixels(), self.sun_at(camera, time), distance_au)
 
@@ -96,7 +98,8 @@ class Skies:
         if isinstance(self.model, LitScene):
             return self.model
         minute = int((time - np.datetime64("1970-01-01")) / np.timedelta64(1, "m") // LIGHT_MINUTES)
-        key = (minute, camera.lat, camera.lon) if self.table else (time, camera.lat, camera.lon)
+        # of files the part around the camera is read; a Scene has the same light for all cameras
+        key = (minute if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
         if self._lit is None or self._lit[0] != key:
             when = time
             if self.table:  # the middle of the minutes that this light serves
@@ -104,7 +107,7 @@ class Skies:
                 when = np.datetime64("1970-01-01", "ms") + np.timedelta64(middle_ms, "ms")
             scene = self.scene(camera, time)
             if self.aod is not None:
-                scene = with_aerosol(scene, self.aod)
+                scene = with_aerosol(scene, None, self.aod)
             self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
         return self._lit[1]
 
@@ -120,27 +123,23 @@ class Skies:
 
     def _air(self, camera: Camera, time: np.datetime64, aod: float | None) -> tuple[Atmosphere | None, float, float]:
         """Atmosphere, albedo and height of the ground that the model has; defaults where there is none."""
+        air, albedo, ground_m = Atmosphere.us_standard(), DEFAULT_ALBEDO if self.albedo is None else self.albedo, 0.0
         if self.model is None:
-            scene: Scene | None = None
-            atmosphere: Atmosphere | None = Atmosphere.us_standard()
-        else:
-            scene = self._lit[1].scene if self._lit is not None else self.scene(camera, time)
-            atmosphere = scene.atmosphere
-        if aod is not None and atmosphere is not None:
-            atmosphere = _hazed(atmosphere, aod)
-        albedo, ground_m = DEFAULT_ALBEDO, 0.0
-        if scene is not None and scene.grid is not None:
-            if "surface_altitude" in scene.data:
-                ground_m = max(float(scene.data.surface_altitude.mean()), 0.0)
-            if "surface_albedo" in scene.data:
+            return air if aod is None else air.with_aerosol_depth(aod), albedo, ground_m
+        scene = self._lit[1].scene if self._lit is not None else self.scene(camera, time)
+        if aod is not None:
+            scene = with_aerosol(scene, None, aod)
+        if scene.grid is not None:
+            ground_m = _ground_m(scene, camera)
+            if self.albedo is None and "surface_albedo" in scene.data:
                 albedo = float(np.clip(scene.data.surface_albedo.mean(), 0, 1))
-        return atmosphere, albedo if self.albedo is None else self.albedo, ground_m
+        return scene.atmosphere, albedo, ground_m
 
 
-def with_aerosol(scene: Scene, aod: float) -> Scene:
-    """A scene whose background aerosol has another optical depth at 550 nm."""
-    return scene if scene.atmosphere is None else replace(scene, atmosphere=_hazed(scene.atmosphere, aod))
-
-
-def _hazed(atmosphere: Atmosphere, aod: float) -> Atmosphere:
-    return atmosphere.with_aerosol_depth(aod)
+def _ground_m(scene: Scene, camera: Camera) -> float:
+    """Of the model under the camera, or in the mean where it does not stand in the domain; never above the camera's own
+    height above sea level: what a model has for a valley may be higher."""
+    terrain_m = terrain_below(scene.levels, *place_of(camera))
+    if terrain_m is None:
+        terrain_m = float(scene.data.surface_altitude.mean()) if "surface_altitude" in scene.data else 0.0
+    return max(min(terrain_m, camera.height_m) if camera.above == "sea level" else terrain_m, 0.0)

@@ -67,6 +67,14 @@ def grid_of(picture: xr.Dataset) -> FixedGrid:
     return FixedGrid.of_cf(picture.x.values, picture.y.values, picture.geostationary.attrs)
 
 
+def middle_of(picture: xr.Dataset, lon_0: float) -> tuple[float, float]:
+    """Mean latitude and longitude (degrees) of what a picture's pixels see; about the longitude below the satellite, as
+    a picture may lie across the date line."""
+    from_below = (picture.longitude.values - lon_0 + 180.0) % 360.0 - 180.0
+    lon = lon_0 + float(np.nanmean(from_below))
+    return float(np.nanmean(picture.latitude.values)), (lon + 180.0) % 360.0 - 180.0
+
+
 def read(path: str | Path) -> xr.Dataset:
     """An observed picture: ``reflectance_factor`` on (y, x), and its grid, as `write` writes them.
 
@@ -115,7 +123,9 @@ def _from_geotiff(path: Path) -> xr.Dataset:
         x = (transform.c + transform.a * (np.arange(file.width) + 0.5)) / height
         y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
         grid = FixedGrid.of_cf(x, y, mapping)
-        return _picture(values, grid, file.tags().get("NC_GLOBAL#time_coverage_start", ""))
+        tags = file.tags()  # with the prefix as GDAL has it of a netCDF file, without as `write` does
+        time = tags.get("NC_GLOBAL#time_coverage_start") or tags.get("time_coverage_start", "")
+        return _picture(values, grid, time)
 
 
 def _picture(values: Any, grid: FixedGrid, time: str) -> xr.Dataset:

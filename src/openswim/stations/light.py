@@ -59,9 +59,9 @@ def of_clear_sky(
         return relative_diffuse(viewpoint, about_sun, _CLEAR_FINENESS)
 
     up = np.concatenate([_lit(place.track) for place in places])
+    curve = None
     if not up.size:
-        solve(10.0, planes)
-        curve = None
+        kept["any"] = _by_day(scene, solver, wavelengths_nm).viewpoint(camera)
     else:
         curve = ClearLight(solve, (float(up.min()), float(up.max())), planes)
     found = []
@@ -72,7 +72,6 @@ def of_clear_sky(
             diffuse[day] = curve.diffuse(track.refracted_altitude_deg[day], track.azimuth_deg[day], planes)
         found.append(Light(_beam(kept["any"], track), diffuse, kept["any"].gases))
     return found, 1 if curve is None else curve.solves
-
 
 
 def of_scene(
@@ -100,9 +99,12 @@ def of_scene(
     nodes = _nodes(minutes[day], step_minutes) if day.size else np.zeros(0)
     at_nodes: list[list[F64]] = [[] for _ in places]
     viewpoints: list[Viewpoint] = []
-    for node in nodes if day.size else minutes[:1]:
+    if not day.size:
+        lit = _by_day(scene, solver, wavelengths_nm)
+        viewpoints = [lit.viewpoint(place.camera) for place in places]
+    for node in nodes:
         when = times[0] + np.timedelta64(round(6e4 * float(node)), "ms")
-        lit: LitScene = light(scene, solver, list(wavelengths_nm), time=when)
+        lit = light(scene, solver, list(wavelengths_nm), time=when)
         viewpoints = [lit.viewpoint(place.camera) for place in places]
         for each, viewpoint in zip(at_nodes, viewpoints, strict=True):
             each.append(relative_diffuse(viewpoint, planes, _FINENESS))
@@ -117,6 +119,11 @@ def of_scene(
         beam[day] = _beam(viewpoint, place.track, day)
         lights[number] = Light(beam, diffuse, viewpoint.gases)
     return lights, max(len(nodes), 1)
+
+
+def _by_day(scene: Scene, solver: Solver, wavelengths_nm: F64) -> LitScene:
+    """Where it is dark all the time only the gases are wanted, and a night is the dearest light to solve for."""
+    return light(scene, solver, list(wavelengths_nm), sun=(0.0, 10.0))
 
 
 def _lit(track: SunTrack) -> F64:

@@ -1,0 +1,91 @@
+"""Options that several commands share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+SOLVERS = ("swim", "fast", "reference")
+QUALITIES = ("preview", "standard", "high")
+VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
+PATH = click.Path(path_type=Path)
+
+
+def stacked(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
+    """Several options as one decorator, in the order of --help."""
+
+    def decorated(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorated
+
+
+def solver(*names: str) -> Callable[[Command], Command]:
+    """--solver, of all or of some."""
+    return click.option("--solver", type=click.Choice(names or SOLVERS), default="fast", show_default=True)
+
+
+def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    if value:
+        context.find_root().obj["debug"] = True
+
+
+debug = click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
+allow_references = click.option(
+    "--allow-references", is_flag=True,
+    help="Follow what a file says lies in other files, out of its folder and in the network too.",
+)  # fmt: skip
+quality = click.option(
+    "--quality", type=click.Choice(QUALITIES),
+    help="Of --solver fast: how finely light is solved for.  [default: standard]",
+)  # fmt: skip
+observer_options = stacked(  # of render and film: `RenderRequest` has them
+    click.option("--lat", type=float, help="Observer's latitude, degrees north."),
+    click.option("--lon", type=float, help="Observer's longitude, degrees east."),
+    click.option("--x", "x_m", type=float, help="Observer's x in metres, in place of --lon where the scene is flat."),
+    click.option("--y", "y_m", type=float, help="Observer's y in metres, in place of --lat where the scene is flat."),
+    click.option(
+        "--height",
+        "height_m",
+        type=float,
+        help="Metres above ground (satellite: above sea level).  [default: 2; satellite: 35786 km]",
+    ),
+    click.option(
+        "--camera", "camera_file", type=PATH,
+        help="TOML file of a real camera (docs/cameras.md), in place of --view; --lat, --lon, --height go before its "
+        "own.",
+    ),
+    click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True),
+    click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north."),
+    click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon."),
+    click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees."),
+    click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS."),
+    click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]"),
+    quality,
+    allow_references,
+)  # fmt: skip
+frame_times = stacked(  # of calibrate and compare
+    click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]"),
+    click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime)."),
+    click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC."),
+)  # fmt: skip
+frame_options = stacked(  # of compare and correct-clouds
+    click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]"),
+    click.option("--sun-mask", "sun_mask_deg", type=float,
+                 help="Degrees around the sun that are left out.  [default: 12]"),
+    click.option("--lowest", "lowest_deg", type=float, help="Altitude below which pixels are left out.  [default: 5]"),
+    click.option("--encoding",
+                 help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]"),
+)  # fmt: skip

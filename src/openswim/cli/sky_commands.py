@@ -1,0 +1,151 @@
+"""Commands that make skies: demo, info, render, film. Each imports what it needs when it is called."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from openswim.cli.options import PATH, allow_references, debug, observer_options, solver
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=PATH,
+    default=Path("openswim-demo"),
+    show_default=True,
+    envvar="OPENSWIM_DEMO_DIR",
+    help="Folder for the pictures; made where it is missing.",
+)
+@debug
+def demo(folder: Path) -> None:
+    """Render four pictures of a made-up summer sky: no file and no network needed."""
+    from openswim.cli.demo import run
+
+    run(folder)
+
+
+@click.command()
+@click.argument("files", type=PATH, nargs=-1, required=True)
+@click.option("--map", "picture", type=PATH, help="Map column maxima in this PNG.")
+@click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
+@allow_references
+@debug
+def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_references: bool) -> None:
+    """Say what FILES hold, and what will be assumed where they lack something."""
+    from openswim.cli.info import run
+
+    run(files, picture, time, allow_references)
+
+
+@click.command()
+@click.argument("file", type=PATH, nargs=-1, required=True)
+@observer_options
+@click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
+@click.option(
+    "--sun",
+    help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
+)
+@click.option("--roll", "roll_deg", type=float, help="Of a perspective: the camera turned clockwise, degrees.")
+@click.option("--altitude-range", help="Of a panorama: BOTTOM,TOP in degrees.  [default: -30,90]")
+@click.option(
+    "--only", multiple=True,
+    help="Keep only these species of particles (see openswim info), or clouds, or aerosol; may be given several times.",
+)
+@solver()
+@click.option(
+    "--albedo", "albedo_maps", type=PATH, multiple=True,
+    help="Your own map of the ground's colour: GeoTIFF in any projection, Blue Marble tile or aerial photograph; may "
+    "be given several times.",
+)  # fmt: skip
+@click.option(
+    "--dem", "height_maps", type=PATH, multiple=True,
+    help="Your own elevation model: GeoTIFF in any projection, metres above sea level; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--town-lights", "town_lights", type=PATH, multiple=True,
+    help="Your own map of towns at night: GeoTIFF in nW cm-2 sr-1, such as VIIRS; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--aerosol",
+    help="Background aerosol: a type (openswim aerosol types), climatology (optical depth of the place and day; needs "
+    "pvlib), or none.  [default: the file's, else continental]",
+)
+@click.option(
+    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+)
+@click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
+@click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
+@click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
+@click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
+@click.option(
+    "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
+    help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
+)  # fmt: skip
+@click.option(
+    "--exposure", default="auto", show_default=True,
+    help="Factor from solar-relative radiance to display; auto, by what is seen; sun, by the sun's altitude alone, "
+    "alike for all of a series; or a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's.",
+)
+@click.option("--matrix", type=click.Choice(("srgb", "paper")), default="srgb", show_default=True,
+              help="Colours by sRGB, or by Eq. 36 of Albers et al. 2020.")  # fmt: skip
+@click.option("--gamma", type=float, help="Power law in place of sRGB's curve; the paper has 2.2.")
+@click.option("--bits", type=click.Choice(("8", "16")), default="8", show_default=True,
+              help="A colour, in .png and .tif.")  # fmt: skip
+@click.option("--caption", type=click.Choice(("inside", "below", "none")), default="inside", show_default=True,
+              help="Where pictures say what was rendered.")  # fmt: skip
+@click.option(
+    "-o", "--output", "outputs", type=PATH, multiple=True, required=True,
+    help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
+)  # fmt: skip
+@debug
+def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) -> None:
+    """Render what an observer in FILE would see.
+
+    Several files of one model, or a pattern in quotes, are one series of times or the parts of one state.
+    """
+    from openswim.cli.render import RenderRequest, run
+
+    run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
+
+
+@click.command()
+@click.argument("file", type=PATH, nargs=-1, required=True)
+@observer_options
+@click.option("--path", type=PATH,
+              help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
+              "like) or GPX. The film then follows it.")  # fmt: skip
+@click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
+@click.option("--from", "start", help="First time, UTC, ISO 8601.")
+@click.option("--to", "end", help="Last time, UTC.")
+@click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
+@solver("swim", "fast")
+@click.option("--exposure", default="auto", show_default=True,
+              help="As of openswim render; auto is one smooth curve for the film.")  # fmt: skip
+@click.option("--keogram", type=PATH,
+              help="Also write the middle columns of all frames as this picture.")  # fmt: skip
+@click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
+@click.option(
+    "-o", "--output", type=PATH, required=True,
+    help="The film: .mp4, .webm, .zarr (radiance), or a folder of pictures.",
+)  # fmt: skip
+@debug
+def film(
+    file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
+    frames_per_second: float, speed: float, keogram: Path | None, title: bool, **options: Any,
+) -> None:  # fmt: skip
+    """Make a film of the sky over FILE's times, or along a camera's path.
+
+    It shows its progress; stopped by Ctrl-C or worse, the same command goes on where it was.
+    """
+    from openswim.cli.film import FilmRequest, run
+    from openswim.cli.render import RenderRequest
+
+    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), **options)
+    run(FilmRequest(
+        picture, output, every=every, path=path, start=start, end=end, frames_per_second=frames_per_second,
+        speed=speed, keogram=keogram, title=title,
+    ))  # fmt: skip

@@ -1,0 +1,87 @@
+"""Which skies are solved for, and for which ground and eye."""
+
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from openswim import Camera, Scene
+from openswim.comparison import cloud_correction, skies
+from openswim.comparison.skies import Skies
+from openswim.scene.atmosphere import Atmosphere
+
+TIME = np.datetime64("2024-06-20T08:00", "ms")
+AXIS = np.arange(21) * 500.0
+
+
+def alps():
+    """Flat, 21 x 21 nodes: a valley at 200 m in the middle, and 1500 m around it."""
+    terrain = np.full((21, 21), 1500.0)
+    terrain[8:13, 8:13] = 200.0
+    return Scene.from_arrays(np.zeros((3, 21, 21)), AXIS, AXIS, np.array([100.0, 2000.0, 4000.0]), place=(47, 8),
+                             fields={"surface_altitude": terrain}, atmosphere=Atmosphere.us_standard())  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("height_m", "above", "expected"),
+    [
+        (30.0, "ground", (200.0, 30.0)),
+        (260.0, "sea level", (200.0, 60.0)),
+        (170.0, "sea level", (170.0, 0.0)),  # the model's valley is higher than it is
+    ],
+)  # fmt: skip
+def test_the_clear_sky_stands_on_the_ground_under_the_camera(height_m, above, expected, monkeypatch):
+    found = []
+
+    class Table:
+        def __init__(self, atmosphere, albedo, ground_m, eye_m, solver):
+            found.append((ground_m, eye_m))
+
+        def radiance(self, pixels, sun, distance_au):
+            return np.zeros(1)
+
+    monkeypatch.setattr(skies, "ClearTable", Table)
+    camera = replace(Camera.allsky(x_m=5000.0, y_m=5000.0, height_m=height_m, size=4), above=above)
+    Skies(alps(), table=True, sun=(180.0, 40.0)).clear(camera, TIME)
+    ground_m, eye_m = found[0]
+    assert ground_m == pytest.approx(expected[0])
+    assert eye_m == pytest.approx(expected[1], abs=0.02)
+
+
+def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):
+    solved = []
+
+    def light(scene, *arguments):
+        solved.append(scene)
+        return SimpleNamespace(scene=scene, viewpoint=lambda camera: SimpleNamespace(view=lambda: camera))
+
+    monkeypatch.setattr(skies, "light", light)
+    cameras = [Camera.allsky(lat, 8.0, size=4) for lat in (47.0, 47.1)]
+    for model, count in ((Scene.clear(47, 8), 1), (None, 2)):
+        solved.clear()
+        these = Skies(model)
+        assert [these.simulated(camera, TIME) for camera in cameras] == cameras
+        assert len(solved) == count
+
+
+def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):
+    """Cameras without a pixel left have no r; the others tell."""
+    scenes = [Scene.clear(47, 8) for _ in range(3)]
+    later = {id(scene): after for scene, after in pairwise(scenes)}
+    view = SimpleNamespace(radiance=xr.DataArray(np.zeros((2, 2, 3))))
+    monkeypatch.setattr(cloud_correction, "Skies", lambda *_: SimpleNamespace(simulated=lambda *_: view))
+    monkeypatch.setattr(cloud_correction, "_step", lambda scene, *_: later[id(scene)])
+    for r, expected in (
+        ([[0.5, np.nan], [0.6, 0.2], [0.7, 0.1]], 0),
+        ([[np.nan, np.nan], [0.2, np.nan], [0.1, 0.2]], 1),
+        ([[np.nan, np.nan]] * 3, 0),
+    ):
+        rows = iter(r)
+        monkeypatch.setattr(cloud_correction, "_scores", lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0))
+        eyes = [SimpleNamespace(frame=SimpleNamespace(camera=None, time=TIME, name=name)) for name in "ab"]
+        best, history = cloud_correction._passes(scenes[0], None, eyes, 2, "fast", None)
+        assert best is scenes[expected]
+        assert history.attrs["chosen_edit"] == expected
