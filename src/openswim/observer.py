@@ -87,7 +87,7 @@ def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float,
 
 
 def terrain_below(levels: Sequence[Scene], x: float, y: float) -> float | None:
-    """Height (m above sea level) of the terrain that nested scenes' files have at a place; None where they have none."""
+    """Height (m above sea level) of nested scenes' terrain at a place; None where their files have none."""
     found = grid_place(levels, x, y)
     if found is None or "surface_altitude" not in levels[found[0]].data:
         return None
