@@ -41,6 +41,7 @@ ORDER = (
     "satellites",
     "observations",
     "comparison",
+    "assimilation",
     "stations",
     "validation",
     "cli",

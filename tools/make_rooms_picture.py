@@ -35,6 +35,7 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(0, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
+    "assimilation": Place(0, 2.2, 1.7, "clouds by what is seen"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
@@ -101,7 +102,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison", "stations", "films", "satellites",
+USERS = {"cli", "observations", "comparison", "assimilation", "stations", "films", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from openswim.assimilation import observe as observe
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
@@ -42,6 +43,7 @@ _HOME = {
     "film": "openswim.films",
     "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
+    "observe": "openswim.assimilation",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
@@ -52,7 +54,7 @@ _HOME = {
 
 __all__ = [
     "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
-    "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 
 
