@@ -28,6 +28,5 @@ class Images:
         """The same form filled with the numbers of a row."""
         sizes = np.cumsum([one.size for one in self.radiance])
         *views, ghi = np.split(np.asarray(row, float), sizes)
-        return Images(
-            [part.reshape(one.shape) for part, one in zip(views, self.radiance, strict=True)], ghi.reshape(self.ghi.shape)
-        )
+        radiance = [part.reshape(one.shape) for part, one in zip(views, self.radiance, strict=True)]
+        return Images(radiance, ghi.reshape(self.ghi.shape))
