@@ -1,7 +1,12 @@
 """Clouds and ground by what cameras, satellites and pyranometers see: an observation operator with tangent linear and
 adjoint, and analyses made with it (docs/assimilation.md)."""
 
+from openswim.assimilation.analysing import analyse
+from openswim.assimilation.background import Background
+from openswim.assimilation.departures import representation_error
+from openswim.assimilation.linearization import Linearization
 from openswim.assimilation.observing import observe
 from openswim.assimilation.operator import Operator
+from openswim.assimilation.result import Analysis
 
-__all__ = ["Operator", "observe"]
+__all__ = ["Analysis", "Background", "Linearization", "Operator", "analyse", "observe", "representation_error"]

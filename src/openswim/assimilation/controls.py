@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -75,6 +76,7 @@ class Controls:
     def first(self) -> xr.Dataset:
         """The scene's own values as a state; fields on levels lie on their floor at least, where they may change."""
         data = {}
+        value: NDArray[Any]
         for each in self.variables:
             if each.kind == "factor":
                 value = np.array(1.0)

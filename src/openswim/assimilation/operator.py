@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.assimilation.linearization import Linearization
+from openswim.assimilation.observations import observations
 from openswim.assimilation.rows import Rows
 from openswim.errors import UserError
 
@@ -35,6 +36,10 @@ class Operator(Rows):
         if not rows:
             raise UserError("ensemble: there are no states")
         return xr.DataArray(np.stack(rows), dims=("member", "observation"), coords=self._coords)
+
+    def observations(self, images: Sequence[Any] = (), irradiance_w_m2: Any = None, **settings: Any) -> xr.Dataset:
+        """What was observed, as `analyse` takes it: see `observations.observations`."""
+        return observations(self, images, irradiance_w_m2, **settings)
 
     def as_jax(self) -> Any:
         """H as a function of JAX arrays, one for each control, with its gradient: see `bridges.as_jax`."""
