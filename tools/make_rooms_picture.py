@@ -72,6 +72,7 @@ BETWEEN = {
 TRANSPORT = {
     CONDUCTORS: Place(0, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
     "montecarlo": Place(1, 4.6, 1.9, "paths of photons: the reference"),
+    "linear": Place(1, 1.4, 1.9, "light as a linear map, and its adjoint"),
     "view": Place(2, 3.0, 1.9, "from light to what an eye sees"),
     "swim": Place(3, 3.0, 1.9, "the paper's own estimate"),
     "lit": Place(4.6, 3.0, 1.9, "solved light, without an eye"),

@@ -11,10 +11,9 @@ import pytest
 from tests.transport.linear.scenes import lumpy
 
 from openswim.errors import UserError
-from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear import beam_taken
 from openswim.transport.linear.diffuse import Change
-from openswim.transport.linear.sun_depth import sun_depth
+from openswim.transport.linear.sun_depth import depths
 
 EXACT = 1e-12
 
@@ -46,10 +45,7 @@ def test_depth_to_the_sun_is_exact_for_what_is_linear(linearised):
     world = linearised[0].world
     z, x, y = world.levels_m, *(world.cell_m[a] * np.arange(world.shape[2 - a]) for a in (0, 1))
     field = np.broadcast_to((1e-3 * (1 + z / 100))[:, None, None], world.shape).ravel()
-    both, out = np.stack([field, 2 * field], axis=-1), np.empty((world.nodes, 2))
-    sun = world.local_sun[0, 0]
-    core = linearised[0]
-    in_threads(sun_depth, core._shape, world.local_sun, world.levels_m, core._cell, both, out)
+    out, sun = depths(world, np.stack([field, 2 * field], axis=-1)), world.local_sun[0, 0]
     zz, yy, xx = np.meshgrid(z, y, x, indexing="ij")
     way = np.minimum.reduce([(z[-1] - zz) / sun[2], (x[-1] - xx) / sun[0], (y[-1] - yy) / sun[1]])
     exact = 1e-3 * way * (1 + (zz + 0.5 * way * sun[2]) / 100)

@@ -40,7 +40,7 @@ from openswim.transport.linear.march import march, march_tangent, march_transpos
 from openswim.transport.linear.moments import toward, toward_transposed
 from openswim.transport.linear.optics import Optics, Scatterer, optics_of
 from openswim.transport.linear.rays import View
-from openswim.transport.linear.sun_depth import TEAMS, sun_depth, sun_depth_transposed
+from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
@@ -98,7 +98,6 @@ class LinearCore:
         self._which = self.terms.argmax(axis=1)
         self._sweeps = Sweeps(world)
         self._shape = np.array(world.shape, np.int64)
-        self._cell = np.array(world.cell_m, float)
         self._columns, self._shares = _corners(np.zeros((0, 2)) if points is None else np.asarray(points, float), world)
 
     @property
@@ -263,18 +262,10 @@ class LinearCore:
     # -- parts -----------------------------------------------------------------------------------------------------
     def _depth(self, optics: Optics, extinction: F64) -> F64:
         """Depths (nodes, 2) to the sun through matter: scaled, and what delta scaling takes off."""
-        both, out = np.stack([optics.scaled @ extinction, optics.forward @ extinction], axis=-1), np.empty((0, 2))
-        out = np.empty_like(both)
-        in_threads(sun_depth, self._shape, self.world.local_sun, self.world.levels_m, self._cell, both, out)
-        return out
+        return depths(self.world, np.stack([optics.scaled @ extinction, optics.forward @ extinction], axis=-1))
 
     def _depth_transposed(self, optics: Optics, bar: F64) -> F64:
-        by_team = np.zeros((TEAMS, *bar.shape))
-        in_threads(
-            sun_depth_transposed, self._shape, self.world.local_sun, self.world.levels_m, self._cell, bar, by_team,
-            parts=TEAMS,
-        )  # fmt: skip
-        both = _summed(by_team)
+        both = depths_transposed(self.world, bar)
         return np.outer(optics.scaled, both[:, 0]) + np.outer(optics.forward, both[:, 1])
 
     @property

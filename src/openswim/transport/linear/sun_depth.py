@@ -10,6 +10,12 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.linear.world import World
+
+F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
@@ -104,3 +110,24 @@ def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
                         w = ds * weight[n]
                         own[node[n], 0] += w * one
                         own[node[n], 1] += w * two
+
+
+def depths(world: World, both: F64) -> F64:
+    """`sun_depth` of a world."""
+    out = np.empty_like(both)
+    in_threads(sun_depth, *_of(world), both, out)
+    return out
+
+
+def depths_transposed(world: World, bar: F64) -> F64:
+    """Its transpose: bars (nodes, 2) of both fields."""
+    by_team = np.zeros((TEAMS, *bar.shape))
+    in_threads(sun_depth_transposed, *_of(world), bar, by_team, parts=TEAMS)
+    out = by_team[0].copy()
+    for one in by_team[1:]:
+        out += one
+    return out
+
+
+def _of(world: World) -> tuple[Any, ...]:
+    return np.array(world.shape, np.int64), world.local_sun, world.levels_m, np.array(world.cell_m, float)
