@@ -27,8 +27,7 @@ def test_a_filter_squares_to_a_correlation(kind: str, places: np.ndarray) -> Non
     assert np.allclose(np.diag(square), 1.0, rtol=1e-12)
     middle = n // 2
     at = np.interp(places[middle] + length, places[middle:], square[middle, middle:])
-    # exp(-1/2) of a Gaussian; four steps of implicit diffusion fall faster near by and slower far off
-    assert at == pytest.approx(np.exp(-0.5), abs={"gaussian": 0.03, "diffusion": 0.06}[kind])
+    assert at == pytest.approx(np.exp(-0.5), abs=0.03)
 
 
 def test_a_filter_of_three_axes_and_its_transpose() -> None:
@@ -37,7 +36,7 @@ def test_a_filter_of_three_axes_and_its_transpose() -> None:
     a, b = rng.standard_normal((2, 6, 7, 8))
     assert float((each.apply(a) * b).sum()) == pytest.approx(float((a * each.transpose(b)).sum()), rel=1e-12)
     draws = np.stack([each.apply(rng.standard_normal(a.shape)) for _ in range(400)])
-    assert draws.std(axis=0).mean() == pytest.approx(1.0, abs=0.01)
+    assert draws.std(axis=0).mean() == pytest.approx(1.0, abs=0.013)
 
 
 @pytest.mark.parametrize("name", ["softplus", "sqrt", "log", "linear"])

@@ -15,6 +15,16 @@ from openswim.scene.frame import scene_frame
 F64 = NDArray[np.float64]
 
 
+class Same:
+    """The nodes are the scene's."""
+
+    def to_nodes(self, field: F64) -> F64:
+        return field
+
+    def from_nodes(self, bar: F64) -> F64:
+        return bar
+
+
 @dataclass
 class ToyCore:
     """L' = b (1 - exp(-tau)) + albedo exp(-tau) along each ray; global irradiance exp(-tau of the column) + albedo/9.
@@ -23,7 +33,7 @@ class ToyCore:
 
     names: tuple[str, ...]
     shape: tuple[int, int, int]
-    levels_m: F64
+    drawn: Same
     extinction: F64
     albedo: F64
     ways: list[tuple[F64, NDArray[np.int64]]]
@@ -98,7 +108,7 @@ def toy_core(scene: Scene, cameras: list[Camera], points: list[tuple[float, floa
     where = [int(np.rint((b - y[0]) / cell)) * x.size + int(np.rint((a - x[0]) / cell)) for b, a in points]
     bright = np.linspace(0.5, 0.7, wavelengths)
     return ToyCore(
-        tuple(one.name for one in species), grid.shape, z,
+        tuple(one.name for one in species), grid.shape, Same(),
         np.stack([np.stack([one.extinction_per_m for one in species])] * wavelengths).astype(float),
         np.full((wavelengths, *grid.shape[1:]), albedo), ways,
         np.array(where, np.int64), float(z[1] - z[0]), bright,

@@ -48,7 +48,7 @@ class Checkpoint:
         if not target.exists():
             return cls(v, mark, target)
         try:
-            with np.load(target, allow_pickle=False) as kept:
+            with target.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
                 found = {name: kept[name] for name in ("v", "mark", "loop", "done", "costs")}
         except (OSError, ValueError, KeyError, EOFError) as error:
             raise UserError(f"{target}: is no checkpoint of an analysis ({error}); remove it") from None

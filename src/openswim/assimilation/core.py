@@ -14,6 +14,18 @@ __all__ = ["Core", "Images"]
 F64 = NDArray[np.float64]
 
 
+class Drawn(Protocol):
+    """From the scene's grid to the core's nodes, a linear map."""
+
+    def to_nodes(self, field: F64) -> F64:
+        """Fields (..., nz, ny, nx) of the scene at the nodes (..., nz', ny, nx)."""
+        ...
+
+    def from_nodes(self, bar: F64) -> F64:
+        """The transpose."""
+        ...
+
+
 class Core(Protocol):
     """Linear light of one scene; all but extinction and albedo is held fixed.
 
@@ -28,7 +40,7 @@ class Core(Protocol):
     def shape(self) -> tuple[int, int, int]: ...
 
     @property
-    def levels_m(self) -> F64: ...
+    def drawn(self) -> Drawn: ...
 
     @property
     def extinction(self) -> NDArray[Any]: ...

@@ -40,7 +40,7 @@ class Axis:
 
 def axis_filter(place_m: ArrayLike, length_m: float, kind: str) -> Axis:
     """The filter along nodes at places (n,), m, whose square has correlations of a length: exp(-d^2/2 L^2) of
-    "gaussian", and of "diffusion" implicit steps of it, whose kernel has the same second moment and longer tails."""
+    "gaussian", and of "diffusion" implicit steps of it, with the same curvature at 0 and longer tails."""
     place = np.asarray(place_m, float)
     step = np.diff(place)
     if place.size == 1 or length_m < 0.1 * step.min():
@@ -63,7 +63,8 @@ def _diffusion(step: F64, weight: F64, length_m: float) -> F64:
     """Implicit steps of diffusion between nodes, by finite volumes, no flux at the ends."""
     n = weight.size
     flux = np.zeros((n, n))
-    conductance = length_m**2 / (4 * _STEPS) / step  # second moments of the steps add to half of L^2
+    # so that the curvature at 0 is the Gaussian's (Weaver & Mirouze 2013)
+    conductance = length_m**2 / (4 * _STEPS - 3) / step
     between = np.arange(n - 1)
     np.add.at(flux, (between, between), conductance)
     np.add.at(flux, (between + 1, between + 1), conductance)

@@ -20,20 +20,23 @@ from openswim.assimilation.instruments import (
     checked_points,
     sun_at,
 )
-from openswim.assimilation.nodes import Nodes
 from openswim.assimilation.operator import Operator
 from openswim.assimilation.quantities import Quantity
 from openswim.assimilation.watts import watts_of
 from openswim.cameras import Camera
 from openswim.errors import UserError
-from openswim.ground.surface import settled
+from openswim.ground.surface import settled, surface_of
 from openswim.lighting import daylight
 from openswim.lights.spectrum import solar_irradiance
+from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
 from openswim.optics.limits import check_wavelengths
+from openswim.optics.matter import matter_of
 from openswim.optics.species import scene_optics
+from openswim.options import Options
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
+from openswim.transport.engine.interpolation import bilinear
 
 F64 = NDArray[np.float64]
 
@@ -95,17 +98,35 @@ def observe(
     if not 0 < floor < 1:
         raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")
     made = core if core is not None else _core(scene, listed, points, wavelengths, day.direction, tolerance)
-    nodes = Nodes.between(scene.grid.height_m, scene.grid.shape, made.levels_m, made.shape)
-    albedo = np.asarray(made.albedo, float)[:, :: nodes.fineness, :: nodes.fineness]
+    albedo = np.asarray(made.albedo, float)
     held = Controls.of(scene, controls, wavelengths, _where(scene, where, heights_m), albedo, len(listed), floor)
     when = None if sun is not None else (scene.time if time is None else parse_time(time))
     watts = watts_of(scene, wavelengths, day) if len(points) else np.empty(wavelengths.size)
     relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
-    return Operator(scene, made, nodes, held, instruments, points, relative, watts, day, when, sun)
+    return Operator(scene, made, held, instruments, points, relative, watts, day, when, sun)
 
 
 def _core(scene: Scene, cameras: tuple[Camera, ...], points: F64, wavelengths: F64, sun: F64, tolerance: float) -> Core:
-    raise UserError("observe: the linear core is not there yet")
+    """The linear transport of the scene, with what is seen by cameras' rays."""
+    from openswim.transport.linear.of_matter import core_of
+
+    matter = matter_of(scene, wavelengths)
+    surface = surface_of(scene, matter.wavelengths_nm)
+    views = []
+    for camera in cameras:
+        check_observer(scene, camera, "reference")
+        ground_m = ground_under(scene, surface.terrain_m, camera)
+        check_above_ground(camera, ground_m)
+        views.append(camera.rays(scene_frame(scene), ground_m))
+    return core_of(Options("fast"), matter, surface, sun, views, points, tolerance)
+
+
+def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float:
+    """Height (m) of the ground below a camera; 0 where it is in space, or not over the grid."""
+    found = None if camera.height_m >= SPACE_M else grid_place([scene], *place_of(camera))
+    if found is None:
+        return 0.0
+    return float(bilinear(np.ascontiguousarray(terrain_m), np.array([found[1]]), np.array([found[2]]))[0])
 
 
 def _where(scene: Scene, where: ArrayLike | None, heights_m: tuple[float, float] | None) -> NDArray[np.bool_]:

@@ -14,7 +14,6 @@ from openswim.arguments import check_kind
 from openswim.assimilation.controls import Controls, Fill
 from openswim.assimilation.core import Core, Images
 from openswim.assimilation.instruments import Instrument
-from openswim.assimilation.nodes import Nodes
 from openswim.errors import UserError
 from openswim.lights.daylight import Daylight
 from openswim.scene import Scene
@@ -46,7 +45,6 @@ class Rows:
 
     scene: Scene
     core: Core
-    nodes: Nodes
     controls: Controls
     instruments: tuple[Instrument, ...]
     points: F64
@@ -139,12 +137,12 @@ class Rows:
         """Extinction (w, k, nz', ny', nx') and albedo (w, ny', nx') of the core, by a fill, or changes by a change."""
         extinction = np.zeros_like(self.core.extinction) if change else np.array(self.core.extinction, float)
         for species, values in fill.extinction.items():
-            at = self.nodes.filled(values)
+            at = self.core.drawn.to_nodes(values)
             for k, share in self.shares(species):
                 extinction[:, k] = self._relative(k)[:, None, None, None] * at * share
         albedo = np.zeros_like(self.core.albedo) if change else np.asarray(self.core.albedo, float)
         if fill.albedo is not None:
-            albedo = self.nodes.filled_ground(fill.albedo)
+            albedo = fill.albedo
         return extinction, albedo
 
     def gathered(self, extinction: F64, albedo: F64) -> Fill:
@@ -154,8 +152,8 @@ class Rows:
             bar = np.zeros(self.core.shape)
             for k, share in self.shares(species):
                 bar += share * np.einsum("w,wzyx->zyx", self._relative(k), extinction[:, k])
-            out[species] = self.nodes.gathered(bar)
-        return Fill(out, self.nodes.gathered_ground(np.asarray(albedo)))
+            out[species] = self.core.drawn.from_nodes(bar)
+        return Fill(out, np.asarray(albedo))
 
     def shares(self, species: str) -> list[tuple[int, F64 | float]]:
         """The core's classes that stand for a species, and the share of its extinction that each has at the nodes:
