@@ -5,9 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
+
+_LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc"})
+def _dot(a, b):
+    """Sum of products, in one order whatever the threads."""
+    total = 0.0
+    for n in range(a.shape[0]):
+        total += a[n] * b[n]
+    return total
 
 
 def fixed_point(
@@ -20,28 +32,28 @@ def fixed_point(
     x = given.copy() if start is None else start.copy()
     images: list[F64] = []
     residuals: list[F64] = []
-    size = _dot(given, given) ** 0.5 + 1e-300
+    products = np.zeros((0, 0))  # of the residuals with each other
+    size = _dot(given.ravel(), given.ravel()) ** 0.5
     for n in range(1, most + 1):
         image = apply(x)
         image += given
-        residual = image - x
-        if _dot(residual, residual) ** 0.5 <= tolerance * size or n == most:
+        np.subtract(image, x, out=x)
+        residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
+        own = np.array([_dot(one, residuals[-1]) for one in residuals])
+        if own[-1] ** 0.5 <= tolerance * size or n == most:
             return image, n
-        images, residuals = [*images[-memory:], image], [*residuals[-memory:], residual]
-        if memory == 0 or len(images) == 1:
+        if memory == 0:
             x = image
             continue
-        size_of = len(residuals) - 1
-        changes = [(one - residual).ravel() for one in residuals[:-1]]
-        gram = np.array([[_dot(a, b) for b in changes] for a in changes])
-        right = -np.array([_dot(a, residual.ravel()) for a in changes])
-        c = np.linalg.solve(gram + 1e-14 * np.trace(gram) * np.eye(size_of), right)
+        kept = len(residuals) - 1
+        products = np.block([[products[-kept:, -kept:] if kept else np.zeros((0, 0)), own[:-1, None]], [own[None]]])
+        images = [*images[-memory:], image]
+        if not kept:
+            x = image.copy()
+            continue
+        gram = products[:kept, :kept] - own[:-1, None] - own[None, :-1] + own[-1]
+        c = np.linalg.solve(gram + _LEAST * np.trace(gram) * np.eye(kept), own[-1] - own[:-1])
         x = (1 - c.sum()) * image
         for share, earlier in zip(c, images[:-1], strict=True):
             x += share * earlier
     raise AssertionError("there is at least one sweep")
-
-
-def _dot(a: F64, b: F64) -> float:
-    """Sum of products in one order whatever the threads of a linear algebra library."""
-    return float(np.add.reduce(np.ravel(a) * np.ravel(b)))

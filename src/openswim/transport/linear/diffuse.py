@@ -19,7 +19,7 @@ from openswim.transport.linear.sweep import carry, carry_gradient, carry_tangent
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
-_LEAST_BATCH = 4
+_BATCH = 8  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
 
 
 @dataclass(eq=False)
@@ -65,14 +65,17 @@ class Sweeps:
         self._cell = np.array(world.cell_m, float)
         self._way = (world.levels_m, self._cell, world.ground_node)
 
+    @property
+    def _size(self) -> int:
+        return -(-get_num_threads() // _BATCH) * _BATCH
+
     def _batches(self, first: int, last: int) -> Iterator[slice]:
-        size = max(_LEAST_BATCH, get_num_threads())
+        size = self._size
         for n in range(first, last, size):
             yield slice(n, min(n + size, last))
 
     def _fields(self, count: int) -> list[F64]:
-        size = max(_LEAST_BATCH, get_num_threads())
-        return [np.zeros((size, self.world.nodes)) for _ in range(count)]
+        return [np.zeros((self._size, self.world.nodes)) for _ in range(count)]
 
     def _around(self, of_columns: F64) -> F64:
         """Values (K, columns) of columns at all nodes."""
@@ -107,9 +110,9 @@ class Sweeps:
                     carry, self._shape, w.direction[some], *self._way, f.ext, emission[:n], inflow[some], ground,
                     light[:n], mean[:n],
                 )  # fmt: skip
-                in_threads(gather, w.gathered[some], mean[:n], out)
+                in_threads(gather, w.gathered[some].T.copy(), mean[:n], out)
                 if seen is not None:
-                    in_threads(gather, w.gathered[some], light[:n], seen)
+                    in_threads(gather, w.gathered[some].T.copy(), light[:n], seen)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
         return Swept(out, seen, flux, ground)
@@ -139,8 +142,8 @@ class Sweeps:
                     carry_tangent, self._shape, w.direction[some], *self._way, f.ext, emission[:n], f.inflow[some],
                     ground, d.ext, d_emission[:n], d_ground, light[:n], d_light[:n], d_mean[:n],
                 )  # fmt: skip
-                in_threads(gather, w.gathered[some], d_mean[:n], out)
-                in_threads(gather, w.gathered[some], d_light[:n], seen)
+                in_threads(gather, w.gathered[some].T.copy(), d_mean[:n], out)
+                in_threads(gather, w.gathered[some].T.copy(), d_light[:n], seen)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
                     d_flux += w.per_flux[some.start + b] * d_light[b, w.ground_nodes]
@@ -186,7 +189,7 @@ class Sweeps:
                     in_threads(carry_gradient, *given, emission[:n], light[:n], *bars_of, ext_bars[:n])
                     for b in range(n):
                         ext_bar += ext_bars[b]
-                in_threads(gather, w.harmonics[some], emission_bar[:n], source_bar)
+                in_threads(gather, w.harmonics[some].T.copy(), emission_bar[:n], source_bar)
                 for b in range(n if first else 0):
                     by_ground += ground_bars[b]
         if value is None:

@@ -15,31 +15,39 @@ _BLOCK = 512
 
 
 @njit(**_FLAGS)
+def _add(share, rows, out):
+    """out (n,) += share (m,) @ rows (m, n), four rows at a time."""
+    whole = share.shape[0] // 4 * 4
+    for k in range(0, whole, 4):
+        a, b, c, d = share[k], share[k + 1], share[k + 2], share[k + 3]
+        one, two, three, four = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
+        for p in range(out.shape[0]):
+            out[p] += (a * one[p] + b * two[p]) + (c * three[p] + d * four[p])
+    for k in range(whole, share.shape[0]):
+        a, one = share[k], rows[k]
+        for p in range(out.shape[0]):
+            out[p] += a * one[p]
+
+
+@njit(**_FLAGS)
 def emit(t, threads, of_ordinates, moments, out):
     """out (b, nodes) = of_ordinates (b, K) @ moments (K, nodes)."""
     nodes = out.shape[1]
     for first in range(t * _BLOCK, nodes, threads * _BLOCK):
         last = min(first + _BLOCK, nodes)
+        out[:, first:last] = 0.0
         for n in range(out.shape[0]):
-            for p in range(first, last):
-                out[n, p] = 0.0
-            for k in range(moments.shape[0]):
-                c = of_ordinates[n, k]
-                for p in range(first, last):
-                    out[n, p] += c * moments[k, p]
+            _add(of_ordinates[n], moments[:, first:last], out[n, first:last])
 
 
 @njit(**_FLAGS)
-def gather(t, threads, of_ordinates, light, out):
-    """out (K, nodes) += of_ordinates (b, K)^T @ light (b, nodes)."""
+def gather(t, threads, of_harmonics, light, out):
+    """out (K, nodes) += of_harmonics (K, b) @ light (b, nodes)."""
     nodes = out.shape[1]
     for first in range(t * _BLOCK, nodes, threads * _BLOCK):
         last = min(first + _BLOCK, nodes)
         for k in range(out.shape[0]):
-            for n in range(light.shape[0]):
-                c = of_ordinates[n, k]
-                for p in range(first, last):
-                    out[k, p] += c * light[n, p]
+            _add(of_harmonics[k], light[:, first:last], out[k, first:last])
 
 
 @njit(**_FLAGS)
