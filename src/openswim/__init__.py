@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from openswim.assimilation import Background as Background
+    from openswim.assimilation import analyse as analyse
     from openswim.assimilation import observe as observe
+    from openswim.assimilation import write_observations as write_observations
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
@@ -33,11 +36,13 @@ if TYPE_CHECKING:
     from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
+    "Background": "openswim.assimilation",
     "Camera": "openswim.cameras",
     "Ground": "openswim.ground",
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "analyse": "openswim.assimilation",
     "compare": "openswim.comparison",
     "correct_clouds": "openswim.comparison",
     "film": "openswim.films",
@@ -50,11 +55,13 @@ _HOME = {
     "render": "openswim.rendering",
     "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
+    "write_observations": "openswim.assimilation",
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
-    "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "Background", "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "analyse", "compare",
+    "correct_clouds", "film", "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render",
+    "save_camera", "to_rgb", "write_observations",
 ]  # fmt: skip
 
 

@@ -4,9 +4,14 @@ adjoint, and analyses made with it (docs/assimilation.md)."""
 from openswim.assimilation.analysing import analyse
 from openswim.assimilation.background import Background
 from openswim.assimilation.departures import representation_error
+from openswim.assimilation.ensemble import ensemble_filter, ensemble_of
+from openswim.assimilation.ioda import write_observations
 from openswim.assimilation.linearization import Linearization
 from openswim.assimilation.observing import observe
 from openswim.assimilation.operator import Operator
 from openswim.assimilation.result import Analysis
 
-__all__ = ["Analysis", "Background", "Linearization", "Operator", "analyse", "observe", "representation_error"]
+__all__ = [
+    "Analysis", "Background", "Linearization", "Operator", "analyse", "ensemble_filter", "ensemble_of", "observe",
+    "representation_error", "write_observations",
+]  # fmt: skip

@@ -76,7 +76,7 @@ class Controls:
     def first(self) -> xr.Dataset:
         """The scene's own values as a state; fields on levels lie on their floor at least, where they may change."""
         data = {}
-        value: NDArray[Any]
+        value: Any
         for each in self.variables:
             if each.kind == "factor":
                 value = np.array(1.0)

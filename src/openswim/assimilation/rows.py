@@ -135,15 +135,23 @@ class Rows:
 
     def filled(self, fill: Fill, change: bool = False) -> tuple[F64, F64]:
         """Extinction (w, k, nz', ny', nx') and albedo (w, ny', nx') of the core, by a fill, or changes by a change."""
-        extinction = np.zeros_like(self.core.extinction) if change else np.array(self.core.extinction, float)
+        extinction, albedo = np.zeros_like(self.base[0]), np.zeros_like(self.base[1])
+        if not change:
+            extinction, albedo = self.base[0].copy(), self.base[1]
         for species, values in fill.extinction.items():
             at = self.core.drawn.to_nodes(values)
             for k, share in self.shares(species):
                 extinction[:, k] = self._relative(k)[:, None, None, None] * at * share
-        albedo = np.zeros_like(self.core.albedo) if change else np.asarray(self.core.albedo, float)
         if fill.albedo is not None:
             albedo = fill.albedo
         return extinction, albedo
+
+    @cached_property
+    def base(self) -> tuple[F64, F64]:
+        """Extinction and albedo of the scene that the core was made from."""
+        assert self.core.extinction is not None
+        assert self.core.albedo is not None
+        return np.asarray(self.core.extinction, float), np.asarray(self.core.albedo, float)
 
     def gathered(self, extinction: F64, albedo: F64) -> Fill:
         """The transpose of `filled` for changes."""
@@ -164,7 +172,7 @@ class Rows:
         if len(which) == 1:
             return [(which[0], 1.0)]
         if species not in self._base:
-            each = np.stack([self.core.extinction[0, k] / self._relative(k)[0] for k in which]).astype(float)
+            each = np.stack([self.base[0][0, k] / self._relative(k)[0] for k in which]).astype(float)
             total = each.sum(axis=0)
             mean = each.reshape(len(which), -1).sum(axis=1) / max(total.sum(), 1e-300)
             with np.errstate(invalid="ignore"):
