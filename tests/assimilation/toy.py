@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim import Camera, Scene
-from openswim.assimilation.core import Images
+from openswim.assimilation.observing.core import Images
 from openswim.optics.species import scene_optics
 from openswim.scene.frame import scene_frame
 

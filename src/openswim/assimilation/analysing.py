@@ -16,8 +16,9 @@ from openswim.assimilation.checkpoint import Checkpoint
 from openswim.assimilation.cost import Cost
 from openswim.assimilation.departures import checked_solver, seen_by
 from openswim.assimilation.minimising import Spectrum, gauss_newton, lbfgs
-from openswim.assimilation.operator import Operator
-from openswim.assimilation.result import Analysis
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.report import write_report
+from openswim.assimilation.result import Found
 from openswim.errors import UserError
 from openswim.progress import job
 from openswim.solver import Solver
@@ -26,6 +27,14 @@ from openswim.system.interrupts import claim
 F64 = NDArray[np.float64]
 
 METHODS = ("lbfgs", "gauss-newton")
+
+
+class Analysis(Found):
+    """A state that fits, what was seen before and after, and how it was found: see `Found`."""
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a page: costs, pictures before and after, what was changed."""
+        write_report(self, path)
 
 
 def analyse(

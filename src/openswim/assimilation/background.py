@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.assimilation.filters import Filter
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.rows import Rows
+from openswim.assimilation.observing.variables import ALIASES, Variable
 from openswim.assimilation.transforms import Transform
-from openswim.assimilation.variables import ALIASES, Variable
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]

@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.assimilation.background import Background, Space
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
 

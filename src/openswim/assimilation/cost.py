@@ -9,8 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.assimilation.background import Space
-from openswim.assimilation.linearization import Linearization
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.rows import Rows
 
 F64 = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.rows import Rows
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.lighting import light, solver_of

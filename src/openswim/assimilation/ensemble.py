@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.assimilation.background import Background, Piece, Space
-from openswim.assimilation.operator import Operator
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 from openswim.progress import track
 from openswim.scene.frame import scene_frame

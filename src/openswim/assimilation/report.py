@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.assimilation.result import Analysis
+from openswim.assimilation.result import Found
 from openswim.comparison.report.page import document
 from openswim.comparison.report.pictures import data_uri
 from openswim.comparison.report.plots import Plot
@@ -28,7 +28,7 @@ figcaption { font-size: 13px; color: #444; max-width: 340px; }
 </style>"""
 
 
-def write_report(analysis: Analysis, path: str | os.PathLike[str]) -> None:
+def write_report(analysis: Found, path: str | os.PathLike[str]) -> None:
     """Costs, pictures observed and seen before and after, and columns of what was changed."""
     rows = analysis.rows
     title = f"Analysis of {rows.scene.source or 'a scene'}"
@@ -43,7 +43,7 @@ def write_report(analysis: Analysis, path: str | os.PathLike[str]) -> None:
         partial.write_text(document(title, body), "utf-8")
 
 
-def _summary(analysis: Analysis) -> str:
+def _summary(analysis: Found) -> str:
     steps = len(analysis.costs) - 1
     text = (
         f"{analysis.used} observations, {steps} iterations, departures by {analysis.departures}. The cost fell from "
@@ -53,7 +53,7 @@ def _summary(analysis: Analysis) -> str:
     return text + (" It was stopped before its end." if analysis.interrupted else "")
 
 
-def _costs(analysis: Analysis) -> str:
+def _costs(analysis: Found) -> str:
     each = np.log10(np.maximum(analysis.costs, 1e-12))
     low, high = np.floor(each.min()), np.ceil(each.max() + 1e-9)
     count = max(len(each) - 1, 1)
@@ -65,7 +65,7 @@ def _costs(analysis: Analysis) -> str:
     return plot.svg
 
 
-def _table(analysis: Analysis) -> str:
+def _table(analysis: Found) -> str:
     lines = ["<table><tr><th>instrument</th><th>used</th><th>rms before, errors</th><th>after</th></tr>"]
     use = analysis.observed["use"].values.astype(bool)
     both = zip(analysis.rms(analysis.before), analysis.rms(analysis.after), strict=True)
@@ -75,7 +75,7 @@ def _table(analysis: Analysis) -> str:
     return "".join([*lines, "</table>"])
 
 
-def _camera(analysis: Analysis, n: int) -> list[str]:
+def _camera(analysis: Found, n: int) -> list[str]:
     """What was observed, what is seen before and after, and what is left, in errors."""
     rows, use = analysis.rows, analysis.observed["use"].values.astype(bool)
     value, error = analysis.observed["value"].values, analysis.observed["error"].values
@@ -93,7 +93,7 @@ def _camera(analysis: Analysis, n: int) -> list[str]:
     return out
 
 
-def _irradiance(analysis: Analysis) -> str:
+def _irradiance(analysis: Found) -> str:
     rows = analysis.rows
     value = rows.irradiance_w_m2(analysis.observed["value"])
     most = 100 * float(np.ceil(max(value.max(initial=0.0), 100.0) / 100 * 1.2))
@@ -104,7 +104,7 @@ def _irradiance(analysis: Analysis) -> str:
     return plot.svg + "<p>Red: before, blue: after.</p>"
 
 
-def _changes(analysis: Analysis) -> list[str]:
+def _changes(analysis: Found) -> list[str]:
     """Fields on levels as columns' sums, before and after; numbers of what has few."""
     out = []
     for variable in analysis.rows.controls.variables:

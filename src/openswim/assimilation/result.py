@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,17 +9,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.assimilation.departures import scene_of
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.rows import Rows
 from openswim.scene import Scene
 
 F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis:
-    """state: the analysis, on the floor where there is no cloud; first: the guess before. costs: of the guess and after
+class Found:
+    """What `Analysis` is but for its page.
+
+    state: the analysis, on the floor where there is no cloud; first: the guess before. costs: of the guess and after
     each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
-    interrupted: whether it was stopped, to go on from its checkpoint."""
+    interrupted: whether it was stopped, to go on from its checkpoint.
+    """
 
     rows: Rows
     state: xr.Dataset
@@ -61,9 +63,3 @@ class Analysis:
         out["seen_before"], out["seen_after"] = self.before, self.after
         out.attrs = {"departures": self.departures, "observations_used": self.used}
         return out
-
-    def report(self, path: str | os.PathLike[str]) -> None:
-        """A page: costs, pictures before and after, what was changed."""
-        from openswim.assimilation.report import write_report
-
-        write_report(self, path)

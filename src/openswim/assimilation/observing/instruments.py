@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.arguments import check_kind, number
-from openswim.assimilation.quantities import Quantity
+from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.observer import place_of

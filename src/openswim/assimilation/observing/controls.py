@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.assimilation.particles import Particles
-from openswim.assimilation.variables import Variable, variables_of
+from openswim.assimilation.observing.particles import Particles
+from openswim.assimilation.observing.variables import Variable, variables_of
 from openswim.errors import UserError
 from openswim.optics.cover import CLOUD, cloud_cover
 from openswim.scene import Scene
@@ -76,8 +76,8 @@ class Controls:
     def first(self) -> xr.Dataset:
         """The scene's own values as a state; fields on levels lie on their floor at least, where they may change."""
         data = {}
-        value: Any
         for each in self.variables:
+            value: Any
             if each.kind == "factor":
                 value = np.array(1.0)
             elif each.kind == "scale":
@@ -137,7 +137,7 @@ class Controls:
                        if v.species == each.species and v.kind in _SIZED}  # fmt: skip
                 out[each.name] = self.where * self.particles(each.species).slope(each.kind, **now)
             elif each.kind == "extinction":
-                out[each.name] = self.where * 1.0
+                out[each.name] = np.where(self.where, 1.0, 0.0)
             elif each.kind == "factor":
                 out[each.name] = self._own("aerosol_extinction")
             elif each.kind == "albedo":

@@ -11,9 +11,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import check_kind
-from openswim.assimilation.controls import Controls, Fill
-from openswim.assimilation.core import Core, Images
-from openswim.assimilation.instruments import Instrument
+from openswim.assimilation.observing.controls import Controls, Fill
+from openswim.assimilation.observing.core import Core, Images
+from openswim.assimilation.observing.instruments import Instrument
 from openswim.errors import UserError
 from openswim.lights.daylight import Daylight
 from openswim.scene import Scene

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import check_kind, number
-from openswim.assimilation.controls import FLOOR_PER_M, Controls
-from openswim.assimilation.core import Core
-from openswim.assimilation.instruments import (
+from openswim.assimilation.observing.controls import FLOOR_PER_M, Controls
+from openswim.assimilation.observing.core import Core
+from openswim.assimilation.observing.instruments import (
     LOWEST_DEG,
     NEAR_SUN_DEG,
     Instrument,
@@ -20,9 +20,9 @@ from openswim.assimilation.instruments import (
     checked_points,
     sun_at,
 )
-from openswim.assimilation.operator import Operator
-from openswim.assimilation.quantities import Quantity
-from openswim.assimilation.watts import watts_of
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.quantities import Quantity
+from openswim.assimilation.observing.watts import watts_of
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import settled, surface_of

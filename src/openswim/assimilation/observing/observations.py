@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import number
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]

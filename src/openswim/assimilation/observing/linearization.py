@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.assimilation.checking import Check, check
-from openswim.assimilation.core import Images
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.checking import Check, check
+from openswim.assimilation.observing.core import Images
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.assimilation.linearization import Linearization
-from openswim.assimilation.observations import observations
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.observations import observations
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
 
@@ -43,12 +43,12 @@ class Operator(Rows):
 
     def as_jax(self) -> Any:
         """H as a function of JAX arrays, one for each control, with its gradient: see `bridges.as_jax`."""
-        from openswim.assimilation.bridges import as_jax
+        from openswim.assimilation.observing.bridges import as_jax
 
         return as_jax(self)
 
     def as_torch(self) -> Any:
         """H as a function of torch tensors, one for each control, with its gradient: see `bridges.as_torch`."""
-        from openswim.assimilation.bridges import as_torch
+        from openswim.assimilation.observing.bridges import as_torch
 
         return as_torch(self)

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.assimilation.operator import Operator
+from openswim.assimilation.observing.operator import Operator
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 from openswim.scene.frame import scene_frame

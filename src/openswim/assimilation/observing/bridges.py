@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.assimilation.linearization import Linearization
-from openswim.assimilation.rows import Rows
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
