@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,11 @@ from openswim.ground.surface import settled, surface_of
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
+from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport import Field, ReferenceField, solve
+from openswim.transport.linear.of_matter import SceneCore, core_of
+from openswim.transport.linear.operator import TOLERANCE
 from openswim.transport.medium.plan import lit_in_parts
 from openswim.transport.plan import Plan
 
@@ -56,6 +60,27 @@ class Solver(Options):
         surface = surface_of(scene, matter.wavelengths_nm)
         each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
         return solve(self, matter, replace(surface, lamps=each), NADIR)
+
+    def linear_core(
+        self,
+        scene: Scene,
+        sun_direction: ArrayLike,
+        wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
+        views: Sequence[Rays] = (),
+        points: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> SceneCore:
+        """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
+        (docs/linear.md).
+
+        views: rays of an eye each, in the scene frame; points (n, 2): latitude and longitude of pyranometers, in flat
+        scenes y and x, m.
+        """
+        wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
+        matter = matter_of(scene, wavelengths)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        return core_of(self, matter, surface, np.asarray(sun_direction, float), views, points, tolerance)
 
     def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)

@@ -115,3 +115,10 @@ def peak_slope(row, depth):
 def beam_of(root):
     """The beam from what is linear between nodes, its root (F5); its slope is twice the root."""
     return root * root
+
+
+@njit(**_FLAGS)
+def bend(single, single_far, beam, beam_far):
+    """By how much the mean of single scattering times beam along a step is less than that of its ends; linear in
+    either, so that its slopes are itself (fast's `march._plain_step`)."""
+    return (single_far - single) * (beam_far - beam) / 6.0
