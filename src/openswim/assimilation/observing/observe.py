@@ -30,12 +30,11 @@ from openswim.lighting import daylight
 from openswim.lights.spectrum import solar_irradiance
 from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
 from openswim.optics.limits import check_wavelengths
-from openswim.optics.matter import matter_of
 from openswim.optics.species import scene_optics
-from openswim.options import Options
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
+from openswim.solver import Solver
 from openswim.transport.engine.interpolation import bilinear
 
 F64 = NDArray[np.float64]
@@ -108,17 +107,13 @@ def observe(
 
 def _core(scene: Scene, cameras: tuple[Camera, ...], points: F64, wavelengths: F64, sun: F64, tolerance: float) -> Core:
     """The linear transport of the scene, with what is seen by cameras' rays."""
-    from openswim.transport.linear.of_matter import core_of
-
-    matter = matter_of(scene, wavelengths)
-    surface = surface_of(scene, matter.wavelengths_nm)
-    views = []
+    terrain_m, views = surface_of(scene, wavelengths).terrain_m, []
     for camera in cameras:
         check_observer(scene, camera, "reference")
-        ground_m = ground_under(scene, surface.terrain_m, camera)
+        ground_m = ground_under(scene, terrain_m, camera)
         check_above_ground(camera, ground_m)
         views.append(camera.rays(scene_frame(scene), ground_m))
-    return core_of(Options("fast"), matter, surface, sun, views, points, tolerance)
+    return Solver("fast").linear_core(scene, sun, wavelengths, views, points, tolerance)
 
 
 def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float:
