@@ -1,4 +1,4 @@
-"""Clouds found again from pictures of them: `python benchmarks/assimilation_twin.py LES [--quick]` prints a row for each case.
+"""Clouds found again from pictures of them: `python benchmarks/assimilation_twin.py LES` prints a row for each case.
 
 LES: `les_rico_122x106x39.txt` (RICO trade cumulus, 20 m). A cut of 24 x 32 x 32 nodes at 40 m is the truth; the first
 guess is that displaced by 120 and 80 m, blurred, and .8 as thick. Noise 2 %, sun at 40 degrees from the zenith. Errors
@@ -85,8 +85,10 @@ class Judge:
 
     def __init__(self, truth: F64, guess: Scene) -> None:
         self.truth = truth
-        self.op = openswim.observe(guess, [all_sky((0.62, 0.45))], sun=SUN, controls="extinction_cloud", where=np.ones(SHAPE),
-                                   near_sun_deg=20.0)  # fmt: skip
+        self.op = openswim.observe(
+            guess, [all_sky((0.62, 0.45))], sun=SUN, controls="extinction_cloud", where=np.ones(SHAPE),
+            near_sun_deg=20.0,
+        )  # fmt: skip
         self.use = self.op.instruments[0].usable
         self.want = self._seen(truth)
 
@@ -108,11 +110,12 @@ def case(truth: F64, judge: Judge, cameras: int, satellites: int, pyranometers: 
          **settings: Any) -> str:  # fmt: skip
     """One analysis, as a row of text."""
     guess = scene_of(displaced(truth))
-    n = int(round(pyranometers**0.5))
-    at = np.linspace(3, SHAPE[1] - 4, n) * CELL_M if n else []
+    n = round(pyranometers**0.5)
+    at: F64 = np.linspace(3, SHAPE[1] - 4, n) * CELL_M
     points = [(y, x) for y in at for x in at]
     views = [from_above()] * satellites + [all_sky(p) for p in PLACES[cameras]]
-    op = openswim.observe(guess, views, points, sun=SUN, controls="extinction_cloud", heights_m=(2 * CELL_M, 22 * CELL_M))
+    heights = (2 * CELL_M, 22 * CELL_M)
+    op = openswim.observe(guess, views, points, sun=SUN, controls="extinction_cloud", heights_m=heights)
     observed = seen_of(op, truth, noise)
     start = time.process_time()
     found = openswim.analyse(op, observed, background=settings.pop("background", BELIEF), **settings)
