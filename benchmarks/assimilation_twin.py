@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter
 import openswim
 from openswim import Background, Camera, Scene
 from openswim.assimilation import Operator
+from openswim.assimilation.departures import scene_of as scene_with
 from openswim.scene.phase import HenyeyGreenstein
 
 F64 = NDArray[np.float64]
@@ -127,9 +128,8 @@ def case(truth: F64, judge: Judge, cameras: int, satellites: int, pyranometers: 
 
 
 def bare(op: Operator, state: xr.Dataset) -> F64:
-    """Extinction above the floor."""
-    values = state["extinction_cloud"].values
-    return np.where(op.controls.where, np.maximum(values - op.controls.floor_per_m, 0), values)
+    """What the scene of an analysis has."""
+    return np.asarray(scene_with(op, state).data["extinction_cloud"].values, float)
 
 
 def seen_of(op: Operator, truth: F64, noise: float) -> xr.Dataset:

@@ -74,7 +74,7 @@ def test_other_transforms(transform: str, left: float) -> None:
     spread = {"extinction_cloud": {"sqrt": 2.0, "log": 0.7}[transform]}
     found = analyse(op, observed, background=Background(70.0, spread), transform=transform, iterations=40)
     assert error(found.state, truth) < 1.1 * left * error(found.first, truth)
-    assert (found.state["extinction_cloud"].values[op.controls.where] >= op.controls.floor_per_m).all()
+    assert (found.state["extinction_cloud"].values[op.controls.where] > 0).all()
 
 
 def test_what_was_stopped_goes_on(tmp_path: Path) -> None:
@@ -111,8 +111,8 @@ def analysis() -> Analysis:
 def test_the_scene_of_an_analysis(analysis: Analysis, tmp_path: Path) -> None:
     scene = analysis.scene
     field = scene.data["extinction_cloud"].values
-    assert (field == 0).mean() > 0.3  # what lies on the floor is clear air
-    assert np.abs(field - analysis.state["extinction_cloud"].values).max() <= 4.1e-5
+    assert (field == 0).mean() > 0.3  # what is not above the floor is clear air
+    assert np.abs(field - analysis.state["extinction_cloud"].values).max() <= 2.03e-5
     scene.to_netcdf(tmp_path / "analysis.nc")
     again = open_scene(tmp_path / "analysis.nc")
     assert np.array_equal(again.data["extinction_cloud"].values, field)

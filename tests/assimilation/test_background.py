@@ -64,7 +64,7 @@ def test_the_space_of_an_analysis() -> None:
     first = each.state(np.zeros(each.size))
     cloud, guess = first["extinction_cloud"].values, each.first["extinction_cloud"].values
     where = each.rows.controls.where
-    assert np.allclose(cloud[where], np.maximum(guess[where], 4e-5), rtol=1e-6)  # a little above the floor everywhere
+    assert np.allclose(cloud[where], np.maximum(guess[where], 2e-5), rtol=2e-3)  # the floor at least
     assert np.array_equal(cloud[~where], guess[~where])
     tangent, step = each.tangent(v, change), 1e-6
     up, low = each.state(v + step * change), each.state(v - step * change)

@@ -82,7 +82,7 @@ def test_nothing_is_below_the_floor_and_nothing_changes_elsewhere() -> None:
     assert where.any()
     assert not where.all()
     below = state - 1.0
-    assert np.array_equal(op(below), op(0 * state))
+    assert np.array_equal(op(below), op(0 * state))  # less than nothing is nothing
     bars = op.linearize(state).vjp(np.ones(op.size))
     assert (bars["extinction_cloud"].values[~where] == 0).all()
 

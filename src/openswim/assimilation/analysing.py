@@ -71,7 +71,7 @@ def analyse(
     if method not in METHODS:
         raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
     _check_observed(op, observed)
-    guess = op.controls.lifted(op.first() if first is None else first)
+    guess = op.controls.lifted(op.first() if first is None else first, 1.0)
     space = Space(op, guess, background, transform)
     cost = Cost.of(op, space, observed)
     kept = Checkpoint.of(checkpoint, op, observed, guess, background, (transform, method, loops, iterations))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.assimilation.filters import Filter
+from openswim.assimilation.observing.controls import LEAST_SHARE
 from openswim.assimilation.observing.rows import Rows
 from openswim.assimilation.observing.variables import ALIASES, Variable
 from openswim.assimilation.transforms import Transform
@@ -22,7 +23,7 @@ F64 = NDArray[np.float64]
 SPREADS = {"extinction": 8.0, "content": 8.0, "effective_radius": 0.3, "number": 0.5, "factor": 0.5, "albedo": 0.05,
            "scale": 0.05}  # fmt: skip
 _PER_KM = 1e-3  # 1/m: the extinction that is one unit of a transformed field
-_LEAST = 0.02  # of such units, that a first guess has above its floor everywhere
+_LEAST = 0.02  # of such units, that a first guess has everywhere: the floor's
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ class Space:
             unit = _PER_KM * np.ones(mask.shape)
             if variable.kind == "content":
                 unit = controls.particles(variable.species).content_of(_PER_KM)
-            transform = Transform(self.transform, controls.floors[variable.name][box], unit[box], _LEAST)
+            least = LEAST_SHARE * controls.floors[variable.name][box]
+            transform = Transform(self.transform, least, unit[box], _LEAST)
         else:
             transform = Transform("linear" if variable.kind == "albedo" else "log", 0.0, 1.0)
         return Piece(variable.name, first, mask[box], box, start, spread, transform, self._filter(variable, box))

@@ -18,9 +18,11 @@ from openswim.solver import Solver
 
 F64 = NDArray[np.float64]
 
+_JUST_ABOVE = 1.01  # floors, up to which nothing was found
 
-def scene_of(rows: Rows, state: xr.Dataset, bare: bool = False) -> Scene:
-    """The scene with a state's values. bare: without the floor, so that what lies on it is clear air."""
+
+def scene_of(rows: Rows, state: xr.Dataset) -> Scene:
+    """The scene with a state's values; what is not above the floor is clear air."""
     scene, data = rows.scene, rows.scene.data.copy()
     state = rows.controls.lifted(state)
     for each in rows.controls.variables:
@@ -34,10 +36,9 @@ def scene_of(rows: Rows, state: xr.Dataset, bare: bool = False) -> Scene:
             data["surface_albedo"] = (("y", "x", "wavelength"), moved)
             data = data.assign_coords(wavelength=rows.wavelengths_nm)
         elif each.kind != "scale":
-            if bare and each.on_levels:
-                floor = rows.controls.floors[each.name]
-                above = values - floor
-                values = np.where(rows.controls.where, np.where(above > floor, above, 0.0), values)
+            if each.on_levels:
+                clear = rows.controls.where & (values <= _JUST_ABOVE * rows.controls.floors[each.name])
+                values = np.where(clear, 0.0, values)
             data[each.name] = (LEVEL_DIMS, values.astype(np.float32), scene.data[each.name].attrs)
     return Scene(
         scene.grid, data, scene.atmosphere, dict(scene.optics), scene.time, scene.source, list(scene.notes),

@@ -19,8 +19,8 @@ F64 = NDArray[np.float64]
 class Found:
     """What `Analysis` is but for its page.
 
-    state: the analysis, on the floor where there is no cloud; first: the guess before. costs: of the guess and after
-    each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
+    state: the analysis, with less than the floor where there is no cloud; first: the guess before. costs: of the guess and
+    after each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
     interrupted: whether it was stopped, to go on from its checkpoint.
     """
 
@@ -37,8 +37,8 @@ class Found:
 
     @property
     def scene(self) -> Scene:
-        """The scene with the analysis in it; what lies on the floor is clear air."""
-        out = scene_of(self.rows, self.state, bare=True)
+        """The scene with the analysis in it; what is not above the floor is clear air."""
+        out = scene_of(self.rows, self.state)
         out.notes.append(f"analysis of {self.used} observations in {len(self.costs) - 1} iterations")
         return out
 

@@ -21,7 +21,8 @@ from openswim.scene.variables import LEVEL_DIMS
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-FLOOR_PER_M = 2e-5  # extinction that stands for none: below it the light of clear nodes jumps
+FLOOR_PER_M = 2e-5  # extinction that stands for none: a first guess has it, so that cloud can come to be
+LEAST_SHARE = 1e-3  # of the floor, below which no state goes: so little is still differentiable
 _SIZED = ("content", "effective_radius", "number")
 
 
@@ -64,7 +65,7 @@ class Controls:
 
     @cached_property
     def floors(self) -> dict[str, F64]:
-        """Of the fields on levels: the least value, by which a node has the floor's extinction."""
+        """Of the fields on levels: the value by which a node has the floor's extinction."""
         out = {}
         for each in self.variables:
             if each.kind == "extinction":
@@ -90,13 +91,14 @@ class Controls:
                     value = np.where(value > 0, value, np.median(value[value > 0]) if (value > 0).any() else 1e-5)
             data[each.name] = (each.dims, value, {"units": each.units})
         state = xr.Dataset(data, coords={"wavelength": self.wavelengths_nm})
-        return self.lifted(state)
+        return self.lifted(state, 1.0)
 
-    def lifted(self, state: xr.Dataset) -> xr.Dataset:
-        """The state with fields on levels not below their floor, where they may change; elsewhere the scene's."""
+    def lifted(self, state: xr.Dataset, share: float = LEAST_SHARE) -> xr.Dataset:
+        """The state with fields on levels not below a share of their floor, where they may change; elsewhere the
+        scene's."""
         out = self.checked(state).copy(deep=True)
         for name, floor in self.floors.items():
-            out[name].values[:] = np.where(self.where, np.maximum(out[name].values, floor), self._own(name))
+            out[name].values[:] = np.where(self.where, np.maximum(out[name].values, share * floor), self._own(name))
         return out
 
     def checked(self, state: xr.Dataset) -> xr.Dataset:

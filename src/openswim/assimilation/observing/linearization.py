@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 class Linearization:
     """Made by `Operator.linearize`. Datasets of changes are like states; rows are like ``value``.
 
-    state: about which it is, lifted to the floor. A state that has been changed in place since is an error.
+    state: about which it is, nowhere below the least that may be. One that has been changed in place since is an error.
     """
 
     operator: Rows

@@ -25,7 +25,7 @@ class Operator(Rows):
         return f"<Operator: {seen}; {names}; {self.size} values>"
 
     def linearize(self, state: xr.Dataset, near: Linearization | None = None) -> Linearization:
-        """H and its derivative about a state, which is lifted to the floor first (`Controls.lifted`). near: one about
+        """H and its derivative about a state, no less than the least that may be (`Controls.lifted`). near: one about
         a state like it, from whose light this one's is begun, which is quicker."""
         return Linearization.about(self, state, near)
 

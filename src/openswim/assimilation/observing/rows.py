@@ -75,7 +75,7 @@ class Rows:
         return self.parts[-1].here.stop
 
     def first(self) -> xr.Dataset:
-        """The scene's own state: fields named as in a scene, lifted to the floor where they may change."""
+        """The scene's own state: fields named as in a scene, on the floor at least where they may change."""
         return self.controls.first()
 
     def __call__(self, state: xr.Dataset) -> xr.DataArray:
