@@ -17,6 +17,7 @@ ORDER = (
     "system",
     "arguments",
     "tables",
+    "srgb",
     "scene",
     "optics",
     "lights",
