@@ -27,7 +27,7 @@ _SUFFIXES = {"hdr", "exr", "rad", "cal",
              "npz"}  # fmt: skip
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world", "red"}
 # Variables of the pages, by their classes.
-_OURS = {"field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
+_OURS = {"report": "Report", "field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
 
 
 def _prose(page: Path) -> str:

@@ -42,6 +42,7 @@ ORDER = (
     "observations",
     "comparison",
     "stations",
+    "batches",
     "validation",
     "cli",
     "__main__",
