@@ -43,6 +43,7 @@ ORDER = (
     "observations",
     "comparison",
     "stations",
+    "batches",
     "validation",
     "cli",
     "__main__",
