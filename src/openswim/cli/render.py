@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
+LAYERED = (".nc", ".zarr", ".exr")  # files that hold what is seen and how far away it is
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class RenderRequest:
     aerosol: str | None = None
     aod: float | None = None
     wavelengths: str | None = None
+    layers: bool = False
 
 
 def run(request: RenderRequest) -> None:
@@ -72,6 +74,7 @@ def run(request: RenderRequest) -> None:
     from openswim.colour import check_writable
     from openswim.colour.picture import check_bits
     from openswim.ground.earth import preload
+    from openswim.images import check_layers
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
@@ -83,6 +86,9 @@ def run(request: RenderRequest) -> None:
     for output in request.outputs:
         check_writable(output, inputs)
         check_bits(output, int(request.bits))
+    if request.layers and not any(output.suffix.lower() in LAYERED for output in request.outputs):
+        raise UserError(f"--layers are written to {', '.join(LAYERED)}: give such a file with -o as well")
+    check_layers(request.layers, request.solver)
     look = look_of(request)
     camera = camera_of(request)
     sun = sun_of(request.sun)
@@ -115,7 +121,7 @@ def run(request: RenderRequest) -> None:
         scene = scene.alone()
     chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
+    image = openswim.render(scene, camera, solver=solver, layers=request.layers, **sun | chosen)
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")

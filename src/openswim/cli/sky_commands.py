@@ -77,6 +77,8 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
 )
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
+@click.option("--layers", is_flag=True,
+              help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")

@@ -14,6 +14,7 @@ import numpy as np
 from openswim import arguments
 from openswim.arguments import check_kind, number, numbers, shown, whole
 from openswim.errors import UserError
+from openswim.readers.common.asked import winds_asked
 from openswim.readers.common.base import SceneInfo, Time
 from openswim.readers.common.bounds import references_allowed
 from openswim.readers.common.members import OneMember
@@ -34,6 +35,7 @@ def open_scene(
     ground: Ground | None = None,
     allow_references: bool = False,
     member: int | None = None,
+    winds: bool = False,
 ) -> Scene:
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
@@ -46,6 +48,7 @@ def open_scene(
         followed on up to a hemisphere (radius_km=10000). Domains without a place on Earth are laid around it.
     member : which member of an ensemble, by the file's own number (default: the first, and a note says which).
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
+    winds : also the wind on levels, `wind_east` and `wind_north`, by which clouds travel from one time to another.
     allow_references : follow what the files say lies in others, wherever that is, in the network too. By default
         references of kerchunk are followed below the folder of their JSON only, and no other file points anywhere.
     """
@@ -57,7 +60,7 @@ def open_scene(
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)
     # what comes of absurd numbers is checked in the end
-    with references_allowed(allow_references), np.errstate(all="ignore"):
+    with references_allowed(allow_references), winds_asked(winds), np.errstate(all="ignore"):
         groups: dict[Any, list[Path]] = dict(by_reader(paths))
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
