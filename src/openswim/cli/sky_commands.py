@@ -76,6 +76,19 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
 )
+@click.option(
+    "--droplet-variance", type=float,
+    help="How much cloud droplets differ in size, as effective variance: .1, usual, to .01, where they show corona and "
+    "glory.  [default: the file's, else 0.1]",
+)
+@click.option(
+    "--pristine-ice", type=float,
+    help="Share of cloud ice by smooth crystals, which show halos.  [default: the file's, else 0.05]",
+)
+@click.option(
+    "--level-ice", type=float,
+    help="Share of cloud ice by plates that float level, which show sundogs.  [default: the file's, else 0]",
+)
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--layers", is_flag=True,
               help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
