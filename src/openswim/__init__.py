@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from openswim.assimilation import analyse as analyse
     from openswim.assimilation import observe as observe
     from openswim.assimilation import write_observations as write_observations
+    from openswim.batches import batch as batch
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
@@ -43,6 +44,7 @@ _HOME = {
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
     "analyse": "openswim.assimilation",
+    "batch": "openswim.batches",
     "compare": "openswim.comparison",
     "correct_clouds": "openswim.comparison",
     "film": "openswim.films",
@@ -59,7 +61,7 @@ _HOME = {
 }
 
 __all__ = [
-    "Background", "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "analyse", "compare",
+    "Background", "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "analyse", "batch", "compare",
     "correct_clouds", "film", "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render",
     "save_camera", "to_rgb", "write_observations",
 ]  # fmt: skip

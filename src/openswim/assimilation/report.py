@@ -19,7 +19,7 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 _MOST_ROWS = 400  # of a picture on the page
-_LEAST_ROWS = 160
+_LEAST_ROWS = 200
 _GREY = np.array([120, 126, 132.0])
 _STYLE = """<style>
 figure { display: inline-block; margin: 0 14px 14px 0; vertical-align: top; }
@@ -89,7 +89,7 @@ def _camera(analysis: Found, n: int) -> list[str]:
            for image, name in zip(images, names, strict=True)]  # fmt: skip
     for row, name in ((analysis.before.values, "before"), (analysis.after.values, "after")):
         left = rows.pictures(np.where(use, (value - row) / error, np.nan))[n].values.mean(axis=-1)
-        out.append(_figure(_signed(left, 5.0), f"observed less seen {name}: red and blue are 5 errors or more"))
+        out.append(_figure(_signed(left, 5.0), f"observed less {name}, ±5 errors"))
     return out
 
 
@@ -115,7 +115,7 @@ def _changes(analysis: Found) -> list[str]:
             what = "sum of a column" if variable.dims[0] == "z" else "mean of the channels"
             for values, name in zip(sums, ("before", "after"), strict=True):
                 picture = _shades(np.repeat(values[::-1, :, None], 3, axis=2), 0.0, most)
-                out.append(_figure(picture, f"{variable.name}, {what}, {name}; north is up"))
+                out.append(_figure(picture, f"{variable.name}, {what}, {name}"))
         else:
             text = ", ".join(f"{a:.4g} → {b:.4g}" for a, b in zip(before.ravel(), after.ravel(), strict=True))
             out.append(f"<p>{escape(variable.name)}: {escape(text)}</p>")

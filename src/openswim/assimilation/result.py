@@ -19,8 +19,8 @@ F64 = NDArray[np.float64]
 class Found:
     """What `Analysis` is but for its page.
 
-    state: the analysis, with less than the floor where there is no cloud; first: the guess before. costs: of the guess and
-    after each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
+    state: the analysis, with less than the floor where there is no cloud; first: the guess before. costs: of the guess
+    and after each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
     interrupted: whether it was stopped, to go on from its checkpoint.
     """
 
