@@ -173,6 +173,8 @@ def test_titles_say_time_place_and_model() -> None:
              "longitude": 371.0, "height_m": 2.0, "source": "wrfout_d01: WRF V4"}  # fmt: skip
     times = "2024-06-01 12:00:00 UTC   light of 2024-06-01 13:00:00 UTC"
     assert title(facts) == f"{times}   47.00 N 11.00 E   2 m   wrfout_d01"
+    for metres, text in ((84.4, "84 m"), (1234.0, "1.2 km"), (12345.0, "12 km")):
+        assert f"   2 m   liquid {text} ahead   wrf" in title(facts | {"ahead": "liquid", "ahead_m": metres})
     picture = np.full((120, 320, 3), 90, np.uint8)
     drawn = titled(picture, facts)
     assert drawn.shape == picture.shape
@@ -232,3 +234,14 @@ def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
     with pytest.raises(UserError, match="times of its own"):
         film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)
+
+
+@pytest.mark.parametrize(("altitude", "ahead"), [(-30.0, "land"), (30.0, None)])
+def test_a_camera_that_looks_one_way_knows_what_is_ahead(tmp_path: Path, altitude: float, ahead: str | None) -> None:
+    from openswim.films.making import Shot, _frame
+    from openswim.lighting import light
+
+    camera = Camera.perspective(47.0, 11.0, height_m=500.0, altitude_deg=altitude, size=16)
+    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0).facts
+    assert facts.get("ahead") == ahead
+    assert ahead is None or facts["ahead_m"] == pytest.approx(1000.0, rel=1e-3)

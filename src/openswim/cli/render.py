@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
+LAYERED = (".nc", ".zarr", ".exr")  # files that hold what is seen and how far away it is
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,11 @@ class RenderRequest:
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
+    droplet_variance: float | None = None
+    pristine_ice: float | None = None
+    level_ice: float | None = None
     wavelengths: str | None = None
+    layers: bool = False
 
 
 def run(request: RenderRequest) -> None:
@@ -72,6 +77,7 @@ def run(request: RenderRequest) -> None:
     from openswim.colour import check_writable
     from openswim.colour.picture import check_bits
     from openswim.ground.earth import preload
+    from openswim.images import check_layers
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
@@ -83,6 +89,9 @@ def run(request: RenderRequest) -> None:
     for output in request.outputs:
         check_writable(output, inputs)
         check_bits(output, int(request.bits))
+    if request.layers and not any(output.suffix.lower() in LAYERED for output in request.outputs):
+        raise UserError(f"--layers are written to {', '.join(LAYERED)}: give such a file with -o as well")
+    check_layers(request.layers, request.solver)
     look = look_of(request)
     camera = camera_of(request)
     sun = sun_of(request.sun)
@@ -93,6 +102,7 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
     from openswim.optics.choosing import only
+    from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
@@ -104,6 +114,7 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
+    scene = with_shapes(scene, request.droplet_variance, request.pristine_ice, request.level_ice)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
@@ -115,7 +126,7 @@ def run(request: RenderRequest) -> None:
         scene = scene.alone()
     chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
+    image = openswim.render(scene, camera, solver=solver, layers=request.layers, **sun | chosen)
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")

@@ -31,7 +31,7 @@ from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
+from openswim.viewpoint import LitScene, Viewpoint
 
 MOST_FRAMES = 100_000
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
@@ -222,7 +222,8 @@ def _frame(
     from openswim.colour.rgb import display_light, exposure_for
 
     camera = _above_ground(lights[0][1], shot.camera)
-    images = [(share, lit.viewpoint(camera).view()) for share, lit in lights if share > 0]
+    eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
+    images = [(share, eye.view()) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
@@ -231,7 +232,7 @@ def _frame(
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
-    return KeptFrame(shown, _facts(image, wanted), data)
+    return KeptFrame(shown, _facts(image, wanted) | _ahead(eyes[0][1]), data)
 
 
 def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.datetime64) -> dict[str, Any]:
@@ -245,6 +246,17 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
             turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
             found[name] = (1 - share) * a + share * (b + turn)
     return found
+
+
+def _ahead(eye: Viewpoint) -> dict[str, Any]:
+    """What a camera that looks in one direction has in the middle of its picture, unless that is the sky."""
+    camera = eye.camera
+    if camera.view != "perspective":
+        return {}
+    sight = eye.sight(camera.azimuth_deg, camera.altitude_deg)
+    if not np.isfinite(sight.distance_m[0]):
+        return {}
+    return {"ahead": sight.names[sight.kind[0]], "ahead_m": float(sight.distance_m[0])}
 
 
 def _above_ground(lit: LitScene, camera: Camera) -> Camera:

@@ -33,7 +33,7 @@ def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint
 
 
 def title(facts: dict[str, Any]) -> str:
-    """Valid time, where the light is of another time that too, place, model."""
+    """Valid time, where the light is of another time that too, place, what is ahead, model."""
     parts = []
     weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
     if weather:
@@ -45,6 +45,15 @@ def title(facts: dict[str, Any]) -> str:
         parts.append(f"{abs(lat):.2f} {'N' if lat >= 0 else 'S'} {abs(lon):.2f} {'E' if lon >= 0 else 'W'}")
     if facts.get("height_m") is not None:
         parts.append(f"{float(facts['height_m']):,.0f} m")
+    if facts.get("ahead"):
+        parts.append(f"{facts['ahead']} {_length(float(facts['ahead_m']))} ahead")
     source = str(facts.get("source", "")).split(":")[0]
     parts += [Path(source).name] if source else []
     return "   ".join(parts)
+
+
+def _length(metres: float) -> str:
+    """In m or km, to two digits."""
+    if metres < 1000:
+        return f"{float(f'{metres:.2g}'):.0f} m"
+    return f"{metres / 1000:.1f} km" if metres < 10_000 else f"{metres / 1000:.0f} km"

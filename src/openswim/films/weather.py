@@ -43,7 +43,7 @@ class Weather:
 
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
-        """Of a model's files; ``options`` go to `openswim.open_scene`."""
+        """Of a model's files; ``options`` go to `openswim.open_scene`. Winds are read where there are several times."""
         from openswim.readers import describe, files_of, open_scene
 
         info = describe(path, allow_references=options.get("allow_references", False))
@@ -54,6 +54,8 @@ class Weather:
         if not times:
             scene = open_scene(path, **options)
             return cls.of_scenes([scene])
+        if len(times) > 1:  # clouds travel from one time to the next
+            options = {"winds": True} | options
         return cls(times, lambda time: open_scene(path, time=time, **options), identity)
 
     @property
