@@ -13,10 +13,10 @@ from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells, no_volume
-from openswim.transport.engine.ordinates import ordinates_for
+from openswim.transport.engine.ordinates import Ordinates, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
-from openswim.transport.ground_light.fluxes import Lighting
+from openswim.transport.ground_light.fluxes import Lighting, sky_flux
 from openswim.transport.linear.air import OfAir, air_at, air_kinds
 from openswim.transport.linear.drawn import Drawn
 from openswim.transport.linear.operator import TOLERANCE, LinearCore
@@ -51,12 +51,14 @@ class SceneCore(LinearCore):
 
 @dataclass(frozen=True, eq=False)
 class _Pack:
-    """The clear sky around a medium at up to PACK terms."""
+    """The clear sky around a medium at up to PACK terms; slopes (ny, nx): cosine of the sun's angle to the ground's
+    normal, None where it is level."""
 
     medium: Medium
     shells: Shells
     table: F32
     albedo: F32
+    slopes: F64 | None
     count: int
 
     @classmethod
@@ -70,7 +72,8 @@ class _Pack:
         table = np.zeros((1, 2, 2, PACK), FLOAT)
         if medium.air is not None:
             table = peak_tables([medium.air.aerosol_phase], DEGREE)
-        return cls(medium, shells, table, lighting.albedo[:count], count)
+        slopes = None if lighting.terrain is None or lighting.normal is None else lighting.normal @ sun
+        return cls(medium, shells, table, lighting.albedo[:count], slopes, count)
 
     def clear(self, origin: F64, direction: F64, sun: F64, ends: F64 | None = None) -> tuple[F64, F64]:
         """Radiance and transmission (count, n) of the clear sky along rays, as far as ``ends`` (n,) or all of the way,
@@ -88,9 +91,10 @@ class _Pack:
 def core_of(
     options: Options, matter: Matter, surface: Surface, sun: F64, views: Sequence[Rays] = (),
     points: ArrayLike | None = None, tolerance: float = TOLERANCE, memory: int = 3,
+    ordinates: Ordinates | None = None,
 ) -> SceneCore:  # fmt: skip
     """The core of matter over ground, lit from ``sun`` (3,). views: rays of an eye each; points (n, 2): latitude and
-    longitude of pyranometers, in flat scenes y and x, m."""
+    longitude of pyranometers, in flat scenes y and x, m. ordinates: others than `fast` takes."""
     sun = np.asarray(sun, float) / np.linalg.norm(sun)
     plan = _plan(options, matter, surface, sun)
     count, packs = matter.wavelengths_nm.size, []
@@ -99,7 +103,7 @@ def core_of(
         ground = surface.at_wavelengths(which)
         packs.append(_Pack.of(build_medium(plan, matter.at(which), ground), ground, sun, min(PACK, count - first)))
     medium, terms = packs[0].medium, matter.terms
-    ordinates = ordinates_for(medium.cell_m, medium.levels_m, options.setting.ordinates)
+    ordinates = ordinates or ordinates_for(medium.cell_m, medium.levels_m, options.setting.ordinates)
     inflow = np.concatenate(
         [np.moveaxis(clear_inflow(p.medium, p.shells, sun, ordinates), -1, 0)[: p.count] for p in packs]
     ).astype(float)
@@ -110,6 +114,8 @@ def core_of(
     world = replace(world, inflow=np.ascontiguousarray(inflow[:, world.order]))
     if float(world.local_sun[..., 2].min()) < _LOWEST_SUN:
         raise UserError("solver linear: the sun is below 1.2 degrees in the grid; take another time or solver fast")
+    if packs[0].slopes is not None:
+        world = replace(world, slope_sun=np.maximum(packs[0].slopes.ravel(), 0.0))
     species, airs = list(matter.species), []
     for p in packs:
         if p.medium.air is not None:
@@ -117,7 +123,7 @@ def core_of(
     kinds = [Scatterer(s.name, s.single_scattering_albedo, s.phase) for s in species]
     if airs:
         kinds += air_kinds(airs)
-        world = _with_air(world, airs, kinds[-2:])
+        world = _with_air(world, airs, kinds[-2:], packs)
     if not kinds:
         raise UserError("solver linear: the scene has neither cloud nor air; take solver fast")
     share = np.zeros((count, terms.wavelengths_nm.size))
@@ -153,15 +159,23 @@ def _plan(options: Options, matter: Matter, surface: Surface, sun: F64) -> Mediu
     return plan
 
 
-def _with_air(world: World, airs: list[OfAir], kinds: list[Scatterer]) -> World:
-    """With the air's gas, and the depths to the sun that the shells have besides those through the grid's own air."""
+def _with_air(world: World, airs: list[OfAir], kinds: list[Scatterer], packs: Sequence[_Pack]) -> World:
+    """With the air's gas, the depths to the sun that the shells have besides those through the grid's own air, and the
+    clear sky's flux that ordinates miss."""
     depth, forward = np.empty((2, len(airs), *world.shape))
     for term, air in enumerate(airs):
         optics = optics_of(kinds, term, world.degree)
         both = np.stack([optics.scaled @ air.extinction, optics.forward @ air.extinction], axis=-1)
         own = depths(world, np.repeat(both, world.columns, axis=0)).reshape(*world.shape, 2)
         depth[term], forward[term] = air.sun_depth - own[..., 0], air.sun_forward - own[..., 1]
-    return replace(world, gas=np.stack([one.gas for one in airs]), more_depth=depth, more_forward=forward)
+    lowest, share = int(world.ground_node.min()), world.weight[: world.down] * world.direction[: world.down, 2]
+    told = world.inflow[:, : world.down, lowest] @ share / (4 * np.pi)
+    known = np.concatenate([sky_flux(p.shells, world.mu_sun)[:, : p.count].T for p in packs])  # at every column
+    beam = np.exp(-np.stack([air.sun_depth.reshape(-1)[world.ground_nodes] for air in airs]))
+    return replace(
+        world, gas=np.stack([one.gas for one in airs]), more_depth=depth, more_forward=forward,
+        more_per_beam=(known - told[:, None]) / np.maximum(beam, 1e-6),
+    )  # fmt: skip
 
 
 def _view(world: World, packs: Sequence[_Pack], rays: Rays, step: float) -> View:

@@ -127,7 +127,7 @@ class LinearCore:
             depth[:, 1] += w.more_forward[term].ravel()
         beam = np.exp(-depth[:, 0])
         filled.lit = beam_taken.lit(self._grid(beam), self._grid(filled.ext), *self._cells).ravel()
-        filled.direct = w.mu_sun * beam[w.ground_nodes]
+        filled.direct = w.per_beam_on_slopes(term) * beam[w.ground_nodes]
         given = self._sweeps.sweep(filled, None, lit=True).moments
         moments, sweeps = fixed_point(
             lambda x: self._sweeps.sweep(filled, x, lit=False).moments, given, self.tolerance, self.most_sweeps,
@@ -145,7 +145,7 @@ class LinearCore:
             out = np.empty(len(view))
             in_threads(march, *self._rays(view, term), fields, *self._matter(term, one), out)
             found.append(out)
-        ghi = w.mu_sun * one.beam[w.ground_nodes] + one.swept.flux
+        ghi = w.per_beam(term) * one.beam[w.ground_nodes] + one.swept.flux
         return found, self._at_points(ghi)
 
     # -- tangent linear --------------------------------------------------------------------------------------------
@@ -173,7 +173,8 @@ class LinearCore:
         d_lit = beam_taken.lit_tangent(
             self._grid(one.beam), self._grid(f.ext), *self._cells, self._grid(d_beam), self._grid(d_ext)
         ).ravel()  # fmt: skip
-        change = Change(d_ext, optics.low.T @ d_extinction, d_lit, d_albedo, w.mu_sun * d_beam[w.ground_nodes])
+        d_direct = w.per_beam_on_slopes(term) * d_beam[w.ground_nodes]
+        change = Change(d_ext, optics.low.T @ d_extinction, d_lit, d_albedo, d_direct)
         by_values = self._sweeps.tangent(f, one.swept.moments, change)
         d_moments, sweeps = fixed_point(
             lambda x: self._sweeps.sweep(f, x, lit=False).moments, by_values.moments, tolerance, self.most_sweeps,
@@ -197,7 +198,7 @@ class LinearCore:
                 by_values.ground + by_moments.ground, out,
             )  # fmt: skip
             found.append(out)
-        return (found, self._at_points(w.mu_sun * d_beam[w.ground_nodes] + d_flux)), sweeps + 2
+        return (found, self._at_points(w.per_beam(term) * d_beam[w.ground_nodes] + d_flux)), sweeps + 2
 
     # -- adjoint ---------------------------------------------------------------------------------------------------
     def adjoint(self, state: State, residual: Images, tolerance: float | None = None) -> tuple[F64, F64]:
@@ -240,7 +241,7 @@ class LinearCore:
         ground_bar = _summed(ground_by_team)
         flux_bar, beam_bar = np.zeros(w.columns), np.zeros(w.nodes)
         np.add.at(flux_bar, self._columns, self._shares * ghi_bar[:, None])
-        beam_bar[w.ground_nodes] += w.mu_sun * flux_bar
+        beam_bar[w.ground_nodes] += w.per_beam(term) * flux_bar
         given, _ = self._sweeps.transposed(f, None, seen_bar, ground_bar, flux_bar)
         bar, sweeps = fixed_point(
             lambda x: self._sweeps.transposed(f, x)[0], given, tolerance, self.most_sweeps, self.memory
@@ -251,7 +252,7 @@ class LinearCore:
             self._grid(one.beam), self._grid(f.ext), *self._cells, self._grid(change.lit)
         )  # fmt: skip
         beam_bar += by_lit.ravel()
-        beam_bar[w.ground_nodes] += w.mu_sun * change.direct
+        beam_bar[w.ground_nodes] += w.per_beam_on_slopes(term) * change.direct
         depth_bar = np.empty((w.nodes, 2))
         depth_bar[:, 0] = -one.beam * beam_bar - 0.5 * root * fields_bar[:, 2 * kinds]
         depth_bar[:, 1] = fields_bar[:, 2 * kinds + 1]

@@ -23,7 +23,8 @@ class World:
     directions; place (ny, nx, 3): its foot at height 0; sun (3,): toward it, in the frame. ground_node (ny, nx): the
     level on which the ground lies. inflow (nt, n, nz): radiance that enters along each of ``ordinates``. gas (nt, nz):
     absorption, 1/m. more_depth, more_forward (nt, nz, ny, nx): what the depths to the sun have besides those through
-    the grid's matter.
+    the grid's matter. more_per_beam (nt, columns): what the ordinates miss of the clear sky's flux, over the beam: it
+    comes with the sun. slope_sun (columns,): cosine of the sun's angle to the ground's normal; None where it is level.
     """
 
     levels_m: F64
@@ -38,6 +39,8 @@ class World:
     gas: F64
     more_depth: F64 | None = None
     more_forward: F64 | None = None
+    more_per_beam: F64 | None = None
+    slope_sun: F64 | None = None
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -110,6 +113,14 @@ class World:
     def mu_sun(self) -> F64:
         """(columns,) cosine of the zenith angle."""
         return np.maximum(self.local_sun[..., 2].ravel(), 0.0)
+
+    def per_beam(self, term: int) -> F64:
+        """Flux (columns,) through the horizontal ground for a beam of 1."""
+        return self.mu_sun if self.more_per_beam is None else self.mu_sun + self.more_per_beam[term]
+
+    def per_beam_on_slopes(self, term: int) -> F64:
+        """The same through the ground as it slopes."""
+        return self.per_beam(term) + (0.0 if self.slope_sun is None else self.slope_sun - self.mu_sun)
 
     @cached_property
     def ground_nodes(self) -> I64:
