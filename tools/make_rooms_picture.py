@@ -33,9 +33,9 @@ class Place(NamedTuple):
 
 
 HOUSE = {
-    "cli": Place(0, 4.4, 1.5, "the command line"),
+    "cli": Place(-0.75, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
-    "assimilation": Place(0, 2.2, 1.7, "clouds by what is seen"),
+    "assimilation": Place(0.0, 3.2, 1.7, "clouds by what is seen"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
@@ -164,7 +164,7 @@ def drawn(
     if missing:
         raise SystemExit(f"tools/make_rooms_picture.py: give {sorted(missing)} a place")
     dx, dy = step
-    left, top = 18.0, 62.0
+    left, top = 18.0, 62.0 - dy * min(p.row for p in places.values())
     width = left * 2 + dx * max(p.column + p.width / 2 for p in places.values())
     height = top + dy * max(p.row for p in places.values()) + BOX + 20
     out = [
