@@ -35,7 +35,7 @@ class Place(NamedTuple):
 HOUSE = {
     "cli": Place(-0.75, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
-    "assimilation": Place(0.0, 3.2, 1.7, "clouds by what is seen"),
+    "assimilation": Place(0.0, 3.5, 1.7, "clouds by what is seen"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
@@ -66,6 +66,7 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
+    ("cli", "validation"): 2.4,
     ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
