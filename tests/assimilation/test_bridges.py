@@ -15,7 +15,8 @@ from openswim.assimilation import Operator
 def slope(op: Operator, way: dict[str, np.ndarray]) -> float:
     """Of the sum of squares of H, by differences."""
     step = 1e-4
-    ends = [float((op(op.first() + sign * step * op.first().assign({k: (op.first()[k].dims, v) for k, v in way.items()}))
+    change = op.first().assign({name: (op.first()[name].dims, v) for name, v in way.items()})
+    ends = [float((op(op.first() + sign * step * change)
                    ** 2).sum()) for sign in (1, -1)]  # fmt: skip
     return (ends[0] - ends[1]) / (2 * step)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -30,3 +31,19 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert names["expected"].shape == (4, names["op"].size)
     assert len(names["posterior"]) == 4
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_on_a_smaller_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    notebook = json.loads((PAGE.parent / "tutorials/clouds_from_cameras.ipynb").read_text("utf-8"))
+    for cell in notebook["cells"]:
+        text = "".join(cell["source"]).replace("ITERATIONS = 24, 50.0, 30", "ITERATIONS = 12, 90.0, 8")
+        if cell["cell_type"] == "code":
+            exec(compile(text.replace("size=32", "size=12").replace("(32, 32)", "(12, 12)"), "notebook", "exec"), names)
+    names["plt"].close("all")
+    assert names["errors"]["analysis"] < 0.85 * names["errors"]["first guess"]
+    assert names["r"]["analysis"] > names["r"]["first guess"]
