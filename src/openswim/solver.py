@@ -16,6 +16,7 @@ from openswim.options import Options
 from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport import Field, ReferenceField, solve
+from openswim.transport.linear.field import LinearField, fast_around, linear_field
 from openswim.transport.linear.of_matter import SceneCore, core_of
 from openswim.transport.linear.operator import TOLERANCE
 from openswim.transport.medium.plan import lit_in_parts
@@ -42,6 +43,8 @@ class Solver(Options):
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
+        if self.name == "linear":
+            return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
         matter = self._matter(scene, wavelengths, plan)
         return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)
 
@@ -52,8 +55,8 @@ class Solver(Options):
 
         lamps (nw,): L' of the ground where it shines with 1 nW cm-2 sr-1 (`ground.cities`); None: it is dark.
         """
-        if self.name == "reference":
-            raise UserError("solver reference follows no light from the night's sky: take fast")
+        if self.name in ("reference", "linear"):
+            raise UserError(f"solver {self.name} follows no light from the night's sky: take fast")
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = self._matter(scene, wavelengths, None).starlit()
@@ -81,6 +84,14 @@ class Solver(Options):
         matter = matter_of(scene, wavelengths)
         surface = surface_of(scene, matter.wavelengths_nm)
         return core_of(self, matter, surface, np.asarray(sun_direction, float), views, points, tolerance)
+
+    def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:
+        matter = matter_of(scene, wavelengths)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        core = core_of(self, matter, surface, sun, tolerance=self.tolerance or TOLERANCE)
+        around = solve(fast_around(self), matter, surface, sun)
+        assert isinstance(around, Field)
+        return linear_field(self, around, core)
 
     def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)

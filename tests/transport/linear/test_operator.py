@@ -11,6 +11,7 @@ import pytest
 from tests.transport.linear.scenes import lumpy
 
 from openswim.errors import UserError
+from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.linear import beam_taken
 from openswim.transport.linear.diffuse import Change
 from openswim.transport.linear.sun_depth import depths
@@ -163,6 +164,20 @@ def test_an_adjoint_solved_loosely_points_the_same_way(linearised):
     exact, loose = (core.adjoint(state, images, tolerance)[0].ravel() for tolerance in (1e-12, 1e-3))
     cosine = exact @ loose / np.linalg.norm(exact) / np.linalg.norm(loose)
     assert np.degrees(np.arccos(min(cosine, 1.0))) < 0.5
+
+
+def test_thin_matter_scatters_as_its_phase_function_says():
+    """L' = omega P(Theta) tau where light is scattered once: of both kinds, at all angles from the sun."""
+    core, extinction, _ = lumpy(omega=(0.9,), tolerance=1e-3, sky=0.0, below=0.0)
+    phase = [HenyeyGreenstein(0.85), HenyeyGreenstein(0.6)]
+    for kind, omega in ((0, 0.9), (1, 0.81)):
+        thin = np.zeros_like(extinction)
+        thin[0, kind] = 1e-9
+        images, _ = core.forward(thin)
+        for view, seen in zip(core.views, images.radiance, strict=True):
+            last = view.place[np.maximum(view.first[1:] - 1, 0), 3] - view.place[view.first[:-1], 3]
+            expected = omega * phase[kind].value(view.cosine) * 1e-9 * last
+            assert np.allclose(seen[0], expected, rtol=4e-3)  # of the table's angles
 
 
 def test_fields_of_another_shape_are_refused(linearised):

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.linear.cell import beam_of, bend, peak, peak_slope, step_slopes, step_weights
+from openswim.transport.march.forward_peak import peak_row
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 
@@ -60,9 +61,8 @@ def _ground(value, node, weight, columns):
 def _aim(cosine, share, table, low, kinds, row, once):
     """Of a ray by its angle to the sun: forward peaks (kinds, depths), and what is scattered of the beam whatever the
     depth (kinds,)."""
-    last = table.shape[1] - 1
-    u = math.sqrt(math.acos(min(1.0, max(-1.0, cosine))) / math.pi) * last
-    i = min(int(u), last - 1)
+    u = peak_row(math.acos(min(1.0, max(-1.0, cosine))), table.shape[1])
+    i = min(int(u), table.shape[1] - 2)
     a = u - i
     for kind in range(kinds):
         for d in range(table.shape[2]):

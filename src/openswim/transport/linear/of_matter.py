@@ -19,7 +19,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, sky_flux
 from openswim.transport.linear.air import OfAir, air_at, air_kinds
 from openswim.transport.linear.drawn import Drawn
-from openswim.transport.linear.operator import TOLERANCE, LinearCore
+from openswim.transport.linear.operator import TOLERANCE, LinearCore, State
 from openswim.transport.linear.optics import Scatterer, optics_of
 from openswim.transport.linear.place import ground_under, locate_in
 from openswim.transport.linear.rays import View, view_of, ways_of
@@ -38,6 +38,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _LOWEST_SUN = 0.02  # cosine of its zenith angle
+_TILE_RAYS = 20_000  # whose places are known at once
 
 
 class SceneCore(LinearCore):
@@ -47,6 +48,17 @@ class SceneCore(LinearCore):
     medium: Medium
     drawn: Drawn
     species: int
+    step: float
+    packs: Sequence[_Pack]
+
+    def seen(self, state: State, rays: Rays) -> F64:
+        """Radiance (w, n) along other rays, which share their origin or their direction."""
+        parts = [np.zeros((len(self.wavelengths_nm), 0))]
+        for first in range(0, len(rays), _TILE_RAYS):
+            view = _view(self.world, self.packs, rays[first : first + _TILE_RAYS], self.step)
+            found = [self.observe(term, one, [view])[0][0] for term, one in enumerate(state.terms)]
+            parts.append(self.terms.T @ np.stack(found))
+        return np.concatenate(parts, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +144,7 @@ def core_of(
     at = None if points is None else np.stack(medium.indices(_places(medium, points))[::-1], axis=-1)
     core = SceneCore(world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance, memory)
     core.medium, core.drawn, core.species = medium, Drawn.of(medium, plan), len(species)
+    core.step, core.packs = options.step, packs
     firsts = [int(np.flatnonzero(terms.which == w)[0]) for w in range(terms.wavelengths_nm.size)]
     core.albedo = np.concatenate([pack.albedo for pack in packs])[firsts].astype(float)
     core.extinction = np.zeros((len(firsts), len(kinds), *medium.shape))

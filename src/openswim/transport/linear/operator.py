@@ -112,7 +112,7 @@ class LinearCore:
             self._solve(term, every[w], of_ground[w], None if start is None else start.terms[term])
             for term, w in enumerate(self._which)
         ]
-        return self._images([self._observe(term, one) for term, one in enumerate(states)]), State(states)
+        return self._images([self.observe(term, one) for term, one in enumerate(states)]), State(states)
 
     def _solve(self, term: int, extinction: F64, albedo: F64, start: OneState | None) -> OneState:
         w, optics = self.world, self.optics[term]
@@ -136,10 +136,11 @@ class LinearCore:
         swept = self._sweeps.sweep(filled, moments, lit=True, see=True)._replace(moments=moments)
         return OneState(extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + 2)
 
-    def _observe(self, term: int, one: OneState) -> tuple[list[F64], F64]:
+    def observe(self, term: int, one: OneState, views: Sequence[View] | None = None) -> tuple[list[F64], F64]:
+        """What views, the core's own if none are given, and pyranometers see of a state at a term."""
         w, found = self.world, []
         fields = self._fields(one.extinction, np.sqrt(one.beam), one.forward_depth)
-        for view in self.views:
+        for view in self.views if views is None else views:
             assert one.swept.seen is not None
             self._toward(view, term, one.swept.seen, fields)
             out = np.empty(len(view))
