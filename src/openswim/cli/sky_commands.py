@@ -77,6 +77,11 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
 )
 @click.option(
+    "--stratosphere",
+    help="Aerosol in the stratosphere besides: background, pinatubo, smoke, with an optical depth of your own as in "
+    "pinatubo:0.1.  [default: none]",
+)
+@click.option(
     "--droplet-variance", type=float,
     help="How much cloud droplets differ in size, as effective variance: .1, usual, to .01, where they show corona and "
     "glory.  [default: the file's, else 0.1]",
