@@ -26,6 +26,7 @@ VERSION = 1
 MOST_WEATHERS, MOST_MEMBERS, MOST_TIMES = 1000, 10_000, 100_000
 SUN_W_M2 = 120.0  # of direct light across the beam: WMO-No. 8, sunshine
 CLOUD_DEPTH = 0.03  # along a line of sight, from which on cirrus is seen (Sassen and Cho 1992)
+ENSEMBLE = "ensemble"  # the folder of what all members say
 _TOP = ("openswim_batch", "files", "members", "output", "outputs", "times", "from", "to", "sun", "solver", "quality",
         "wavelengths", "only", "aerosol", "aod", "weather", "camera", "picture", "ensemble")  # fmt: skip
 _LOOK = ("exposure", "matrix", "gamma", "bits", "caption")
@@ -104,6 +105,8 @@ def _plan(tables: dict[str, Any], names: Names, files: Sequence[Path], output: P
     aod = tables.get("aod")
     look = _look(tables.get("picture", {}))
     ensemble = _ensemble(tables["ensemble"]) if "ensemble" in tables else None
+    if ensemble is not None and solver == "reference":
+        raise UserError("[ensemble] needs solver fast or swim: reference does not tell how deep its clouds are")
     return Plan(
         folder, _weathers(tables, names, files),
         planned_cameras(tables.get("camera"), texts(tables, "outputs", (".png",)), names, dict(look).get("bits", 8),
@@ -138,6 +141,8 @@ def _weathers(tables: dict[str, Any], names: Names, files: Sequence[Path]) -> tu
         name = check_name(f"{what} name", table.get("name"))
         weathers.append(Weather(name, names.files(texts(table, "files", ()), f"{what} files"),
                                 _members(table.get("members"))))  # fmt: skip
+    if "ensemble" in tables and any(weather.name == ENSEMBLE for weather in weathers):
+        raise UserError(f"[[weather]] is called {ENSEMBLE}, as the folder of what all members say: call it otherwise")
     if len({weather.name for weather in weathers}) < len(weathers):
         raise UserError("two [[weather]] have the same name")
     return tuple(weathers)
