@@ -185,6 +185,7 @@ class _Lights:
     ) -> None:
         self._sky, self._solver, self._wavelengths = sky, solver, wavelengths_nm
         self._held: dict[np.datetime64, LitScene] = {}
+        self._drifting = every_s is not None  # frames follow each other closely
         self._nodes = self._times(shots, every_s)
 
     @staticmethod
@@ -210,7 +211,7 @@ class _Lights:
         if time not in self._held:
             while len(self._held) > 1:
                 self._held.pop(next(iter(self._held)))
-            scene = self._sky.at(time)
+            scene = self._sky.at(time, self._drifting)
             when = None if np.isnat(time) else time
             self._held[time] = light(scene, self._solver, self._wavelengths, when)
         return self._held[time]
