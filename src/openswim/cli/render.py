@@ -65,6 +65,9 @@ class RenderRequest:
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
+    droplet_variance: float | None = None
+    pristine_ice: float | None = None
+    level_ice: float | None = None
     wavelengths: str | None = None
     layers: bool = False
 
@@ -99,6 +102,7 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
     from openswim.optics.choosing import only
+    from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
@@ -110,6 +114,7 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
+    scene = with_shapes(scene, request.droplet_variance, request.pristine_ice, request.level_ice)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)

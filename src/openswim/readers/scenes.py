@@ -80,6 +80,22 @@ def describe(path: Paths, allow_references: bool = False) -> SceneInfo:
     return replace(first, others=others)
 
 
+def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.datetime64 | None, list[Path]]]:
+    """The times (datetime64[ms], ascending) that files hold, each with those of the files that are to be opened for it;
+    (None, files) where they tell no time."""
+    paths = files_of(path)
+    with references_allowed(allow_references), np.errstate(all="ignore"):
+        groups = by_reader(paths)
+        reader = next(iter(groups))
+        if len(paths) > 1 and len(groups) == 1 and not hasattr(reader, "read_parts"):
+            from openswim.readers.series import files_by_time
+
+            return list(files_by_time(reader, paths).items())
+        infos = [each for group in groups.items() for each in _described(*group)]
+    times = np.unique([np.datetime64(time, "ms") for each in infos for time in each.times])
+    return [(time, paths) for time in times] if times.size else [(None, paths)]
+
+
 def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
     """What one model's files hold, one description for all that are of one grid."""
     if len(paths) == 1:

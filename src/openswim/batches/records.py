@@ -1,0 +1,96 @@
+"""What of a batch is done: a small file for each task, written after its pictures, and the manifest of all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import openswim
+from openswim.batches.plan_cameras import PlannedCamera
+from openswim.batches.tasks import Task
+from openswim.errors import UserError
+from openswim.scene.files import written_whole
+from openswim.system.workshops import sweep
+
+FOLDER = ".batch"
+MANIFEST = "manifest.jsonl"
+_LONGEST = 1 << 24  # bytes of a record, of a thousand cameras
+
+
+class Records:
+    """Which pictures of a batch stand whole in its folder, made as they would be made now."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def prepare(self, tasks: Iterable[Task]) -> None:
+        """Make the folders, and remove what dead processes have left in them."""
+        for weather in sorted({task.weather for task in tasks}):
+            for made in (self.folder / weather, self.folder / FOLDER / weather):
+                try:
+                    made.mkdir(parents=True, exist_ok=True)
+                except OSError as error:
+                    raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
+                sweep(made)
+
+    def missing(self, task: Task, cameras: Iterable[PlannedCamera]) -> list[PlannedCamera]:
+        """The cameras whose pictures are to be made."""
+        kept = self._read(task)
+        return [camera for camera in cameras if not self._stands(kept.get(camera.name), task, camera)]
+
+    def add(self, task: Task, camera: PlannedCamera, files: Iterable[str]) -> None:
+        """A camera's pictures are there."""
+        kept = self._read(task)
+        kept[camera.name] = {"mark": task.mark_of(camera),
+                             "files": {name: _size(self.folder / name) for name in sorted(files)}}  # fmt: skip
+        with written_whole(self._path(task)) as partial:
+            partial.write_text(json.dumps({"task": task.name, "cameras": kept}, sort_keys=True))
+
+    def files(self, task: Task) -> dict[str, list[str]]:
+        """Of each camera of a task, the files that were written, from the folder."""
+        return {name: sorted(each.get("files", {})) for name, each in self._read(task).items()}
+
+    def write_manifest(self, tasks: Iterable[Task], cameras: Iterable[PlannedCamera]) -> None:
+        """One line for each task of which all pictures are there, after a line about the batch."""
+        cameras = list(cameras)
+        with written_whole(self.folder / MANIFEST) as partial, partial.open("w", encoding="utf-8") as out:
+            out.write(json.dumps({"kind": "openswim batch", "openswim": openswim.__version__}) + "\n")
+            for task in tasks:
+                kept = self._read(task)
+                if all(self._stands(kept.get(camera.name), task, camera) for camera in cameras):
+                    line = {"task": task.name, "time": None if task.time is None else str(task.time),
+                            "member": task.member, "weather": task.weather,
+                            "cameras": {camera.name: kept[camera.name] for camera in cameras}}  # fmt: skip
+                    out.write(json.dumps(line, sort_keys=True) + "\n")
+
+    def _stands(self, kept: Any, task: Task, camera: PlannedCamera) -> bool:
+        if not isinstance(kept, dict) or kept.get("mark") != task.mark_of(camera):
+            return False
+        files = kept.get("files")
+        if not isinstance(files, dict) or not set(task.targets(camera)) <= set(files):
+            return False
+        return all(_size(self.folder / name) == size for name, size in files.items())
+
+    def _path(self, task: Task) -> Path:
+        return self.folder / FOLDER / f"{task.name}.json"
+
+    def _read(self, task: Task) -> dict[str, Any]:
+        """By camera; what is damaged counts as not done."""
+        with suppress(OSError, ValueError, RecursionError):
+            path = self._path(task)
+            if path.stat().st_size <= _LONGEST:
+                kept = json.loads(path.read_text("utf-8"))["cameras"]
+                return dict(kept) if isinstance(kept, dict) else {}
+        return {}
+
+
+def _size(path: Path) -> int | None:
+    """Bytes of a file; of a folder that is there, -1; None of nothing."""
+    try:
+        return -1 if path.is_dir() else os.stat(path).st_size
+    except OSError:
+        return None
