@@ -247,7 +247,7 @@ def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
         _, ny, nx = m.shape
         return detail_of(
             m.extinction[refined].sum(axis=0), np.array(refined, FLOAT), m.drawn_cell_m,
-            light.local_sun[ny // 2, nx // 2],
+            light.local_sun[ny // 2, nx // 2], m.drift_along_axes_m,
         )  # fmt: skip
 
     return lit.once("detail", make)
