@@ -52,7 +52,7 @@ def angles() -> Array:
     return np.pi * (1 + _BEND) * u**2 / (u + _BEND)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@njit(cache=True, error_model="numpy")
 def peak_row(angle, count):
     """Fractional row of the forward peaks' tables, of ``count`` rows, at an angle: see `angles`."""
     half = angle / (2.0 * math.pi * (1.0 + _BEND))
