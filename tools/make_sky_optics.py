@@ -24,29 +24,29 @@ def lumps(shape: tuple[int, int], waves: int, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     ky, kx = (np.fft.fftfreq(n, 1 / n) for n in shape)
     k = np.hypot(ky[:, None], kx)
-    spectrum = np.where((k > 0) & (k <= waves), np.maximum(k, 1) ** -1.5, 0) * np.exp(2j * np.pi * rng.random(shape))
+    spectrum = np.where((k > 0) & (k <= waves), np.maximum(k, 1) ** -1.3, 0) * np.exp(2j * np.pi * rng.random(shape))
     field = np.fft.ifft2(spectrum).real
     return np.asarray((field - field.mean()) / field.std())
 
 
 def rainbow() -> tuple[Scene, Camera, tuple[float, float]]:
     """Rain and its cloud in the east, the sun low in the west."""
-    x, y, z = np.arange(0, 16e3, 400.0), np.arange(0, 16e3, 400.0), np.arange(0, 5.1e3, 300.0)
+    x, y, z = np.arange(0, 16e3, 400.0), np.arange(0, 16e3, 400.0), np.arange(0, 5.5e3, 300.0)
     zz, yy, xx = np.meshgrid(z, y, x, indexing="ij")
     edge = 1 / (1 + np.exp(-(xx - 5.5e3 - 500 * lumps((y.size, x.size), 5, 3)) / 350))
     north = np.exp(-(((yy - 8e3) / 6.5e3) ** 4))
     streaks = np.maximum(1 + 0.35 * lumps((y.size, x.size), 9, 5), 0.1)
-    rain = 6e-4 * edge * north * streaks * (zz < 2000)
-    body = edge * north * np.clip((zz - 1500) / 500, 0, 1) * np.clip((4500 - zz) / 1000, 0, 1)
+    rain = 6e-4 * edge * north * streaks * np.clip((3000 - zz) / 400, 0, 1)
+    body = edge * north * np.clip((zz - 2500) / 500, 0, 1) * np.clip((5000 - zz) / 1000, 0, 1)
     body *= np.maximum(1 + 0.5 * lumps(edge.shape[1:], 10, 7), 0)
     fields = {"rain_content": rain, "liquid_content": 8e-4 * body}
     scene = Scene.from_arrays(
-        None, x, y, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=[0.1, 0.13, 0.06]
+        None, x, y, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=0.1
     )
     camera = Camera.perspective(
-        x_m=2e3, y_m=8e3, height_m=20.0, azimuth_deg=90.0, altitude_deg=17.0, fov_deg=100.0, size=(320, 480)
+        x_m=2e3, y_m=8e3, height_m=20.0, azimuth_deg=90.0, altitude_deg=26.0, fov_deg=100.0, size=(320, 480)
     )
-    return scene, camera, (270.0, 14.0)
+    return scene, camera, (270.0, 10.0)
 
 
 def halo() -> tuple[Scene, Camera, tuple[float, float]]:
@@ -61,7 +61,7 @@ def halo() -> tuple[Scene, Camera, tuple[float, float]]:
         periodic=True,
     )
     camera = Camera.perspective(
-        x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=32.0, fov_deg=84.0, size=(400, 480)
+        x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=33.0, fov_deg=86.0, size=(360, 480)
     )
     return with_shapes(scene, pristine=0.3, oriented=0.015), camera, (180.0, 20.0)
 
@@ -69,7 +69,7 @@ def halo() -> tuple[Scene, Camera, tuple[float, float]]:
 def glory() -> tuple[Scene, Camera, tuple[float, float]]:
     """Stratocumulus below an aeroplane."""
     x, z = np.arange(0, 9.6e3, 200.0), np.arange(0, 1.7e3, 100.0)
-    top = 1250 + 110 * lumps((x.size, x.size), 16, 21)
+    top = 1250 + 90 * lumps((x.size, x.size), 24, 21)
     zz = z[:, None, None]
     water = 4e-4 * np.clip((top - zz) / 100, 0, 1) * np.clip((zz - 700) / 100, 0, 1)
     fields = {"liquid_content": water, "liquid_effective_radius": np.full(water.shape, 8e-6)}
@@ -77,7 +77,7 @@ def glory() -> tuple[Scene, Camera, tuple[float, float]]:
         None, x, x, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=0.06, periodic=True
     )
     camera = Camera.perspective(
-        x_m=4.8e3, y_m=4.8e3, height_m=3500.0, azimuth_deg=0.0, altitude_deg=-38.0, fov_deg=26.0, size=(320, 400)
+        x_m=4.8e3, y_m=4.8e3, height_m=3000.0, azimuth_deg=0.0, altitude_deg=-36.0, fov_deg=34.0, size=(320, 400)
     )
     return with_shapes(scene, droplet_variance=0.02), camera, (180.0, 38.0)
 
@@ -85,14 +85,14 @@ def glory() -> tuple[Scene, Camera, tuple[float, float]]:
 def corona() -> tuple[Scene, Camera, tuple[float, float]]:
     """A thin cloud of water before the sun."""
     x, z = np.arange(0, 9.6e3, 200.0), np.concatenate([[0.0, 2.5e3], np.arange(3.5e3, 4.3e3, 100.0)])
-    shape = np.exp(0.5 * lumps((x.size, x.size), 20, 31))
+    shape = np.exp(0.6 * lumps((x.size, x.size), 24, 31))
     water = 1.0e-5 * shape * np.exp(-(((z - 3850) / 150) ** 2))[:, None, None]
     fields = {"liquid_content": water, "liquid_effective_radius": np.full(water.shape, 8e-6)}
     scene = Scene.from_arrays(
         None, x, x, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=0.1, periodic=True
     )
     camera = Camera.perspective(
-        x_m=4.8e3, y_m=4.8e3, azimuth_deg=180.0, altitude_deg=50.0, fov_deg=18.0, size=(320, 400)
+        x_m=4.8e3, y_m=4.8e3, azimuth_deg=180.0, altitude_deg=50.0, fov_deg=22.0, size=(320, 400)
     )
     return with_shapes(scene, droplet_variance=0.01), camera, (180.0, 50.0)
 

@@ -20,9 +20,10 @@ def veil() -> Scene:
     return with_shapes(scene, pristine=0.2, oriented=0.3)
 
 
-@pytest.mark.parametrize(("solver", "bound"), [("fast", 0.03), (Solver("reference", paths=600), 0.06)])
-def test_brightness_of_a_sundog(solver, bound) -> None:
-    scene = veil()
+@pytest.mark.parametrize("solver", ["fast", Solver("reference", paths=20_000)])
+def test_brightness_of_a_sundog(solver) -> None:
+    """The standard error of the mean of all pixels is 1 %."""
+    scene, ratio = veil(), []
     aside = 24.9  # degrees
     camera = Camera.perspective(
         x_m=4e3, y_m=4e3, azimuth_deg=180.0 + aside, altitude_deg=SUN_DEG, fov_deg=1.2, size=(3, 3)
@@ -41,10 +42,13 @@ def test_brightness_of_a_sundog(solver, bound) -> None:
             table = MAP[i : i + 2, j : j + 2]
             aligned = np.array([1 - f, f]) @ table @ np.array([1 - g, g])
             peak = level.phase[0].weights[0] * level.phase[0].phases[0].value(cosine)
-            # a layer of hat-like profile 1 km high, whose depth is that of its middle node
+            # a layer of hat-like profile 1 km high, whose depth is that of its middle node; half of what it takes out
+            # of the beam and of the way to the eye stays within a fraction of a degree
             depth = [1e3 * float(one.extinction_per_m[2, 0, 0]) for one in (ice, level)]
-            expected = (depth[0] * ice.phase[0].value(cosine) + depth[1] * (aligned + peak)) / np.sin(up)
-            assert float(here.solar_relative_radiance) == pytest.approx(expected, rel=bound)
+            once = (depth[0] * ice.phase[0].value(cosine) + depth[1] * (aligned + peak)) / np.sin(up)
+            ratio.append(float(here.solar_relative_radiance) / (once * np.exp(-0.5 * sum(depth) / np.sin(up))))
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.03 if solver == "fast" else 0.12)
 
 
 MAP = plates.phase_map(546.0, SUN_DEG)

@@ -46,20 +46,26 @@ def axes_at(place: F64, sun: F64, radius_m: float) -> F64:
     return np.stack([ahead, np.cross(up, ahead), up])
 
 
+@njit(cache=True, error_model="numpy", _nrt=False)
+def map_place(dx, dy, dz, axes, shape):
+    """Row and column of a map's bins before a direction, and the shares of the next."""
+    ahead = dx * axes[0, 0] + dy * axes[0, 1] + dz * axes[0, 2]
+    aside = dx * axes[1, 0] + dy * axes[1, 1] + dz * axes[1, 2]
+    up = dx * axes[2, 0] + dy * axes[2, 1] + dz * axes[2, 2]
+    p = (math.asin(min(max(up, -1.0), 1.0)) / math.pi + 0.5) * shape[0] - 0.5
+    q = math.atan2(abs(aside), ahead) / math.pi * shape[1] - 0.5
+    p, q = min(max(p, 0.0), shape[0] - 1.0), min(max(q, 0.0), shape[1] - 1.0)
+    i, j = min(int(p), shape[0] - 2), min(int(q), shape[1] - 2)
+    return i, j, p - i, q - j
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def add_level_ice(dx, dy, dz, ice, constants):
     """Add to `Ray.constants` what level plates scatter beyond the mean of all orientations into a ray's direction."""
-    a, rows, columns = ice.axes, ice.table.shape[0], ice.table.shape[1]
-    ahead = dx * a[0, 0] + dy * a[0, 1] + dz * a[0, 2]
-    aside = dx * a[1, 0] + dy * a[1, 1] + dz * a[1, 2]
-    up = dx * a[2, 0] + dy * a[2, 1] + dz * a[2, 2]
-    p = (math.asin(min(max(up, -1.0), 1.0)) / math.pi + 0.5) * rows - 0.5
-    q = math.atan2(abs(aside), ahead) / math.pi * columns - 0.5
-    p, q = min(max(p, 0.0), rows - 1.0), min(max(q, 0.0), columns - 1.0)
-    i, j = min(int(p), rows - 2), min(int(q), columns - 2)
-    f, g = FLOAT(p - i), FLOAT(q - j)
-    here = (i * columns + j) * PACK
-    above = here + columns * PACK
+    i, j, down, left = map_place(dx, dy, dz, ice.axes, ice.table.shape)
+    f, g = FLOAT(down), FLOAT(left)
+    here = (i * ice.table.shape[1] + j) * PACK
+    above = here + ice.table.shape[1] * PACK
     low = (_ONE - g) * read(ice.table, here) + g * read(ice.table, here + PACK)
     high = (_ONE - g) * read(ice.table, above) + g * read(ice.table, above + PACK)
     own = SPECIES + ice.species * PACK
