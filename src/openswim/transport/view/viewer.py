@@ -24,11 +24,13 @@ from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted
+from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
+from openswim.transport.view.level_ice import level_ice
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
@@ -45,7 +47,8 @@ _SAME_EYE_M, _SAME_WAY = 1e-3, 1e-6
 @dataclass(frozen=True, eq=False)
 class AimedGrid:
     """The light of a grid with its sources toward an eye, and of those around it; ``sky``: the shells that the eye's
-    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself."""
+    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself; ``plates``: those
+    of ice that float level."""
 
     lit: LitGrid
     volume: Volume
@@ -53,6 +56,7 @@ class AimedGrid:
     table: F32
     detail: Detail
     relief: Relief | None
+    plates: LevelIce = NO_LEVEL_ICE
     mirrored: Mirrored | None = None
     wider: AimedGrid | None = None
 
@@ -60,7 +64,8 @@ class AimedGrid:
     def at(cls, lit: LitGrid, eye: F64, parallel: bool, relief: Relief | None, skies: list[Shells]) -> AimedGrid:
         """Turned toward an eye (3,), or, where rays are ``parallel``, along their direction; a sky for each grid."""
         wider = None if lit.wider is None else cls.at(lit.wider, eye, parallel, relief, skies[1:])
-        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, wider=wider)
+        plates = level_ice(lit, None if parallel else eye)
+        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, plates, wider=wider)
 
     @property
     def levels(self) -> list[AimedGrid]:
@@ -100,7 +105,7 @@ class AimedGrid:
         step = lit.options.step * (CLEAR_STEP if lit.medium is None else 1.0)
         seen = march_rays(
             origin, direction, lit.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
-            detail=self.detail,
+            detail=self.detail, level_ice=self.plates,
         )  # fmt: skip
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return Seen(
