@@ -120,14 +120,16 @@ class Viewpoint:
         pixels = _part(self.pixels, np.s_[top:bottom, left:right])
         field, day = self.lit.field, self.lit.daylight
         if self.camera.view == "rays":
-            _add_disc(relative, view, pixels, self._disc, self.lit.strength("sun"))
+            _add_disc(relative, view, pixels, self._disc, self.lit.strength("sun") * self._disc.left)
         else:
             row, column, radiance = self.once("disc", self._drawn_disc)
             here = (row >= top) & (row < bottom) & (column >= left) & (column < right)
             number = (np.cumsum(pixels.inside) - 1).reshape(pixels.inside.shape)
             relative[number[row[here] - top, column[here] - left]] += radiance[here].astype(np.float32)
             if (heavens := self._heavens) is not None:
-                for each in self.once("moon and stars", lambda: heavens.drawn(self.camera, self.pixels, self._through)):
+                for each in self.once(
+                    "moon and stars", lambda: heavens.drawn(self.camera, self.pixels, self._disc, self._through)
+                ):
                     part = each.part(top, bottom, left, right)
                     relative[number[part.row, part.column]] += part.radiance.astype(np.float32)
         self._add_night(relative, view, pixels)
@@ -173,7 +175,8 @@ class Viewpoint:
 
     @property
     def _disc(self) -> Disc:
-        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm)
+        bite = None if self._heavens is None else self._heavens.bite()
+        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm, bite)
 
     def _drawn_disc(self) -> tuple[NDArray, NDArray, F64]:
         row, column, radiance = drawn(self.camera, self.pixels, self._disc, self._through)
@@ -193,6 +196,7 @@ class Viewpoint:
         return Heavens(
             lit.lamps, lit.time, (lat, lon), float(frame.latlon(self.rays.origin_m)[2]), self._axes,
             lit.scene.atmosphere, wl, toa_irradiance(wl, lit.daylight), self.sun[1],
+            np.atleast_2d(np.asarray(self.rays.origin_m, float))[0],
         )  # fmt: skip
 
     def _behind(self, direction: F64, view: Any) -> F64 | float:
