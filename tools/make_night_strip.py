@@ -44,17 +44,17 @@ def clouds(place: tuple[float, float], time: str, cover: float = 0.35) -> opensw
 
 def by_the_hour(which: str) -> NDArray[np.uint8]:
     """24 panoramas, from noon on, and their keogram toward the south, from the ground's end to the zenith."""
-    scene, pictures, lines = clouds(PLACE, f"{DAYS[which]}T12:00"), [], []
+    scene, images = clouds(PLACE, f"{DAYS[which]}T12:00"), []
     camera = openswim.Camera.panorama(*PLACE, 2.0, size=(84, 320))
     for hour in range(24):
         time = np.datetime64(f"{DAYS[which]}T11:00") + np.timedelta64(hour, "h")
-        image = openswim.light(scene, Solver(quality="preview"), time=time).viewpoint(camera).view()
-        picture = to_rgb(image)
-        facts = f"{str(time)[11:16]}  {float(image.attrs['illuminance_lx']):.2g} lx"
-        pictures.append(labelled(picture, facts))
-        lines.append(picture[:, picture.shape[1] // 2])
-        print(time, image.attrs["illuminance_lx"], image.attrs.get("lights", ""), flush=True)
-    return stacked([tiled(pictures, 4), keogram(lines, 4 * 320 + 3 * 4)])
+        images.append(openswim.light(scene, Solver(quality="preview"), time=time).viewpoint(camera).view())
+        print(time, images[-1].attrs["illuminance_lx"], images[-1].attrs.get("lights", ""), flush=True)
+    pictures = developed(images, 0.95)
+    lines = [picture[:, picture.shape[1] // 2] for picture in pictures]
+    shown = [labelled(picture, f"{image.attrs['light_time'][11:16]}  {lux(image)}")
+             for picture, image in zip(pictures, images, strict=True)]  # fmt: skip
+    return stacked([tiled(shown, 4), keogram(lines, 4 * 320 + 3 * 4)])
 
 
 def by_the_minute() -> NDArray[np.uint8]:
@@ -68,13 +68,22 @@ def by_the_minute() -> NDArray[np.uint8]:
         time = eclipse.greatest + np.timedelta64(round(60_000 * minute), "ms")
         images.append(openswim.light(scene, Solver(quality="preview"), time=time).viewpoint(camera).view())
         print(time, images[-1].attrs["illuminance_lx"], flush=True)
+    shown = [labelled(picture, f"{60 * minute:+.0f} s  {lux(image)}")
+             for minute, picture, image in zip(MINUTES, developed(images, 0.8), images, strict=True)]  # fmt: skip
+    return tiled(shown, 3)
+
+
+def developed(images: list[Any], share: float) -> list[NDArray[np.uint8]]:
+    """Pictures whose exposures follow the light, but not all the way: by a share of what is dark, in the logarithm."""
     best = [auto_exposure(image) for image in images]
-    pictures = []
-    for minute, image, own in zip(MINUTES, images, best, strict=True):
-        # a photographer follows, but not all the way
-        picture = to_rgb(image, exposure=float(best[0] ** 0.2 * own**0.8))
-        pictures.append(labelled(picture, f"{60 * minute:+.0f} s  {float(image.attrs['illuminance_lx']):.2g} lx"))
-    return tiled(pictures, 3)
+    return [to_rgb(image, exposure=float(best[0] ** (1 - share) * own**share))
+            for image, own in zip(images, best, strict=True)]  # fmt: skip
+
+
+def lux(image: Any) -> str:
+    """What falls on the ground, in two digits."""
+    found = float(image.attrs["illuminance_lx"])
+    return f"{float(f'{found:.2g}'):,.0f} lx" if found >= 10 else f"{found:.2g} lx"
 
 
 def corona() -> NDArray[np.uint8]:
@@ -134,20 +143,19 @@ def city_sky(depth: float) -> openswim.Scene:
     extinction = np.zeros((len(z), len(x), len(x)), np.float32)
     extinction[(z > 700) & (z < 1700)] = depth / 1000.0
     crs = CRS.from_proj4(f"+proj=laea +lat_0={BERLIN[0]} +lon_0={BERLIN[1]} +R=6371000 +units=m")
-    scene = openswim.Scene.from_arrays(extinction, x, x, z, crs=crs, atmosphere=Atmosphere.us_standard())
-    return replace(scene, data=scene.data.drop_vars("surface_albedo"))
+    return openswim.Scene.from_arrays(extinction, x, x, z, crs=crs, atmosphere=Atmosphere.us_standard())
 
 
 def city() -> NDArray[np.uint8]:
     """From 13 km south of its middle, clear and overcast, exposed alike, without a moon."""
-    camera = openswim.Camera.perspective(*OUTSIDE, 30.0, azimuth_deg=0.0, altitude_deg=14.0, fov_deg=75.0,
+    camera = openswim.Camera.perspective(*OUTSIDE, 250.0, azimuth_deg=0.0, altitude_deg=14.0, fov_deg=75.0,
                                          size=(320, 640))  # fmt: skip
     pictures = []
     for name, depth in (("clear", 0.0), ("overcast", 15.0)):
         lit = openswim.light(city_sky(depth), Solver(quality="preview"), time="2024-02-09T23:00")
         image = lit.viewpoint(camera).view()
         exposure = camera_exposure(seconds=8, f_number=2.8, iso=1600)
-        pictures.append(labelled(to_rgb(image, exposure), f"{name}  {float(image.attrs['illuminance_lx']):.2g} lx"))
+        pictures.append(labelled(to_rgb(image, exposure), f"{name}  {lux(image)}"))
         print(name, image.attrs["illuminance_lx"], flush=True)
     return tiled(pictures, 2)
 

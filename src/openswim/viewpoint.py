@@ -40,6 +40,7 @@ from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
+from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
@@ -284,7 +285,19 @@ class Viewpoint:
         field, lights = self.lit.field, self.lit.lights
         if isinstance(field, ReferenceField):
             return field
-        return self.once("eye", lambda: Eyes.of(lights, self.rays) if lights else field.viewpoint(self.rays))
+        return self.once(
+            "eye", lambda: Eyes.of(self._seen_from_here(), self.rays) if lights else field.viewpoint(self.rays)
+        )
+
+    def _seen_from_here(self) -> tuple[LitBy, ...]:
+        """The lights; from space, where it is night in the scene, also the sun on clear air beyond: the lit limb."""
+        lit, left, air = self.lit, 1 - np.asarray(self.lit.strength("sun")), self.lit.scene.atmosphere
+        if self._near or air is None or not lit.field.frame.curved or not left.any():
+            return lit.lights
+        frame, wl = lit.field.frame, lit.field.wavelengths_nm
+        found = Solver().solve(Scene.clear(frame.lat, frame.lon, air), lit.daylight.direction, wl)
+        assert isinstance(found, Field)
+        return (*lit.lights, LitBy("limb", found, left * np.ones(len(wl))))
 
     @cached_property
     def _number(self) -> NDArray[np.int64]:
