@@ -68,7 +68,8 @@ class AimedGrid:
         wider = None if lit.wider is None else cls.at(lit.wider, eye, parallel, relief, skies[1:])
         place = None if parallel else eye
         plates = level_ice(lit, place)
-        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, plates, wider=wider, eye=place)
+        grid = aimed(lit, eye, parallel)
+        return cls(lit, grid, skies[0], lit.table, NO_DETAIL, relief, plates, wider=wider, eye=place)
 
     @property
     def levels(self) -> list[AimedGrid]:
