@@ -196,3 +196,26 @@ def test_failures_are_listed_and_tried_again(plan: Path, capsys: pytest.CaptureF
         (plan.parent / "run_1.nc").write_bytes(good)
         assert run(["batch", str(plan)]) == 0
         assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
+
+
+def test_dask_workers_make_the_same_and_hand_back_lines(plan: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc"]'))
+    work = Work.of(read_plan(plan))
+    os.unlink(plan.parent / "run_1.nc")  # so that one fails
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        report = work.run(scheduler=cluster.scheduler_address)
+    assert [(one.task, one.made) for one in report.made] == [("20260710T100000", 2)]
+    assert [(one.task, one.fault) for one in report.failed] == [("20260710T110000", False)]
+    assert len(_files(plan.parent / "out")) == 3
+
+
+def test_a_scheduler_that_is_none_is_said(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    from openswim.batches import cluster
+
+    monkeypatch.setattr(cluster, "PATIENCE_S", 1)
+    with pytest.raises(UserError, match="no Dask scheduler answers there"):
+        Work.of(read_plan(plan)).run(scheduler="tcp://127.0.0.1:1")
