@@ -114,6 +114,17 @@ def test_changes_of_a_plan_make_what_they_touch(plan: Path) -> None:
     assert after('output = "out"', 'times = ["2026-07-10T12:00"]') == [False] * 2
 
 
+def test_light_for_renderers_is_whole_with_its_companions(plan: Path) -> None:
+    """A .hdr of a panorama comes with two more files, without which it does not count as made."""
+    plan.write_text(PLAN.replace('"24x8"', '"24x8"\noutputs = ".hdr"').replace("run_*.nc", "run_0.nc"))
+    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [2]
+    stem = plan.parent / "out/around_20260710T100000"
+    assert all(stem.with_suffix(suffix).exists() for suffix in (".hdr", ".cal", ".rad"))
+    assert Work.of(read_plan(plan)).waiting == ()
+    stem.with_suffix(".rad").unlink()
+    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [1]
+
+
 def test_parts_share_the_tasks(plan: Path) -> None:
     tasks = tasks_of(read_plan(plan))
     parts = [part_of(tasks, (which, 2)) for which in (1, 2)]
