@@ -39,7 +39,7 @@ _KINDS: tuple[type, ...] = (
 )  # fmt: skip
 # what is handed in again, or follows from what is
 _GIVEN: dict[type, set[str]] = {
-    LitGrid: {"options", "surface", "air", "frame", "landscape", "wider", "once", "decide"},
+    LitGrid: {"options", "surface", "air", "frame", "landscape", "wider", "once", "decide", "eclipse"},
     GridLight: {"medium"},
     Medium: {"frame", "species", "grid", "air", "drift_m"},
     Lighting: {"terrain"},
