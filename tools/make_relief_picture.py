@@ -84,7 +84,7 @@ def model(height: NDArray, cell_m: float = 3000.0) -> openswim.Scene:
         {}, x, x, np.linspace(0.0, 12e3, 25), crs=crs, atmosphere=Atmosphere.us_standard(),
         terrain_m=coarse,
     )  # fmt: skip
-    return replace(scene, data=scene.data.drop_vars("surface_albedo"))
+    return replace(scene, data=scene.data.drop_vars("surface_albedo", errors="ignore"))
 
 
 def main(folder: str = "") -> None:

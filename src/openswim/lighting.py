@@ -103,7 +103,7 @@ def light(
     lights = []
     for lamp in lamps.every:
         found = (chosen.solve_starlit(scene, wavelengths, lamp.towns) if lamp.direction is None
-                 else chosen.solve(scene, lamp.direction, wavelengths))  # fmt: skip
+                 else chosen.solve(scene, lamp.direction, wavelengths, shadow=lamp.shadow))  # fmt: skip
         assert isinstance(found, Field)
         lights.append(LitBy(lamp.name, found, lamp.strength))
     return LitScene(scene, lights[0].field, day, at, lamps=lamps, lights=tuple(lights))
@@ -120,7 +120,8 @@ def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
 
 def _is_day(lamps: Lamps) -> bool:
     """Whether the whole sun alone lights the scene."""
-    return [lamp.name for lamp in lamps.every] == ["sun"] and bool((lamps.every[0].strength == 1).all())
+    sun_alone = [lamp.name for lamp in lamps.every] == ["sun"] and bool((lamps.every[0].strength == 1).all())
+    return sun_alone and lamps.shadow is None
 
 
 def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:

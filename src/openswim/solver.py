@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.ground.surface import settled, surface_of
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
@@ -36,17 +37,22 @@ class Solver(Options):
         sun_direction: ArrayLike,
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
         plan: Plan | None = None,
+        shadow: MoonShadow | None = None,
     ) -> Field | ReferenceField:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
 
-        plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew.
+        plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew. shadow: the
+        moon's in an eclipse of the sun, which solver reference does not know. Solver linear takes neither.
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         if self.name == "linear":
+            if plan is not None or shadow is not None:
+                raise UserError("solver linear takes no plan and knows no eclipse of the sun: take fast")
             return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
         matter = self._matter(scene, wavelengths, plan)
-        return solve(self, matter, surface_of(scene, matter.wavelengths_nm), np.asarray(sun_direction, float), plan)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        return solve(self, matter, surface, np.asarray(sun_direction, float), plan, shadow)
 
     def solve_starlit(
         self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.lights import disc_points, disc_profile
+from openswim.lights.eclipses import MoonShadow
 from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]
@@ -25,14 +26,53 @@ _LIFTS_DEG = np.append(0.0, np.geomspace(0.02, 90.0, 31))  # above a hidden sun,
 Through = Callable[[F64, float], tuple[NDArray[np.floating], NDArray[np.bool_]]]
 
 
+@dataclass(frozen=True, eq=False)
+class Bite:
+    """The moon before the sun: where its middle is on the disc, right and up, and how wide it is, in radii of the sun.
+    left (nw,): what of the sun's light it leaves."""
+
+    right: float
+    up: float
+    radius: float
+    left: F64
+
+    @classmethod
+    def of(cls, shadow: MoonShadow, origin_m: F64, axes: F64, left: F64) -> Bite:
+        """As seen from a place in the scene frame, ``axes`` (3, 3) its east, north and up."""
+        toward = []
+        for body in (shadow.to_sun_m, shadow.to_moon_m):
+            away = axes @ (body - origin_m)
+            toward.append(away / np.linalg.norm(away))
+        at = shadow.discs(origin_m[None])
+        right, up = _across(toward[0])
+        sun = np.radians(at.sun_deg[0])
+        return cls(
+            float(toward[1] @ right / sun), float(toward[1] @ up / sun), float(at.moon_deg[0] / at.sun_deg[0]), left
+        )
+
+    def free(self, place: F64) -> NDArray[np.bool_]:
+        """Which of places (n, 2) in radii of the sun it does not hide."""
+        return np.asarray(np.hypot(place[:, 0] - self.right, place[:, 1] - self.up) > self.radius)
+
+
 @dataclass(frozen=True)
 class Disc:
-    """The sun in the sky of an observer; angles in degrees."""
+    """The sun in the sky of an observer; angles in degrees. ``bite``: the moon, where it is before it."""
 
     azimuth_deg: float
     altitude_deg: float
     radius_deg: float
     wavelengths_nm: F64
+    bite: Bite | None = None
+
+    @property
+    def left(self) -> F64:
+        """What the moon leaves of its light (nw,)."""
+        return np.ones(len(self.wavelengths_nm)) if self.bite is None else self.bite.left
+
+    def free(self, place: F64) -> NDArray[np.bool_]:
+        """Which of places (n, 2) on the disc the moon does not hide."""
+        return np.ones(len(place), bool) if self.bite is None else self.bite.free(place)
 
     def directions(self, place: F64) -> F64:
         """Unit vectors (n, 3), east, north, up, of places (n, 2) on the disc in its radii, right and up."""
@@ -57,6 +97,13 @@ class Beam:
     altitude_deg: float
 
 
+def _across(toward: F64) -> tuple[F64, F64]:
+    """Unit vectors to the right and up about a direction in the horizon frame."""
+    right = np.array([toward[1], -toward[0], 0.0])
+    right /= max(np.linalg.norm(right), 1e-12)
+    return right, np.cross(right, toward)
+
+
 def beam_of(disc: Disc, through: Through) -> Beam:
     """What of the disc is in sight, of its limb the less; smooth while it rises over a horizon or a ridge."""
     place, share = disc_points(RAYS, disc.wavelengths_nm)
@@ -70,7 +117,8 @@ def beam_of(disc: Disc, through: Through) -> Beam:
     direct = light.sum(axis=0)
     weight = light.sum(axis=1) if direct.any() else seen.sum(axis=1)
     sine = float(weight @ np.maximum(direction[:, 2], 0.0) / weight.sum())
-    return Beam(direct, float(visible.mean()), direct / visible, float(np.degrees(np.arcsin(sine))))
+    arrives, altitude = direct * disc.left, float(np.degrees(np.arcsin(sine)))
+    return Beam(arrives, float((visible * disc.left).mean()), direct / visible, altitude)
 
 
 def _hidden(disc: Disc, through: Through) -> Beam:
@@ -92,7 +140,7 @@ def drawn(camera: Camera, pixels: Pixels, disc: Disc, through: Through) -> tuple
     A pixel has the mean over its solid angle. Light falls on pixels place by place of the disc, so that radiance times
     solid angle sums to 4 pi times the beam of what the picture shows, whatever the shape and the size of its pixels.
     """
-    row, column = _pixels_of(camera, pixels, disc.directions(disc_points(_FEWEST, disc.wavelengths_nm)[0]))
+    row, column = pixels_of(camera, pixels, disc.directions(disc_points(_FEWEST, disc.wavelengths_nm)[0]))
     known = row >= 0
     if not known.any():
         return row[:0], column[:0], np.zeros((0, len(disc.wavelengths_nm)))
@@ -110,15 +158,15 @@ def drawn(camera: Camera, pixels: Pixels, disc: Disc, through: Through) -> tuple
         return _in_small_pixels(camera, pixels, disc, ray, lit, (row[known], column[known]))
 
     place, share = disc_points(int(np.clip(_PER_PIXEL * count, _FEWEST, _MOST)), disc.wavelengths_nm)
-    row, column = _pixels_of(camera, pixels, disc.directions(place))
+    row, column = pixels_of(camera, pixels, disc.directions(place))
     known = row >= 0
-    light = share[known] * lit[_nearest(ray, place[known])]
+    light = share[known] * lit[_nearest(ray, place[known])] * disc.free(place[known])[:, None]
     pixel, number = np.unique(row[known] * nx + column[known], return_inverse=True)
     total = np.stack([np.bincount(number, each, len(pixel)) for each in light.T], axis=-1)
     return pixel // nx, pixel % nx, 4 * np.pi * total / pixels.solid_angle_sr.ravel()[pixel][:, None]
 
 
-def _pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Row and column of the pixel that a direction (n, 3) falls on; -1 outside of the picture."""
     at = Pixels(direction, np.empty(len(direction)))
     row, column = (np.floor(np.nan_to_num(v, nan=-9.0) + 0.5).astype(int)
@@ -150,7 +198,7 @@ def _in_small_pixels(
         at = camera.direction_of(row + (down - 1.5) / 4, column + (across - 1.5) / 4)
         off = horizon_vector(*at) @ np.stack([right, np.cross(right, ahead)], axis=-1) / np.radians(disc.radius_deg)
         radius = np.nan_to_num(np.hypot(*off.T), nan=2.0)
-        near = np.flatnonzero(radius <= 1)
+        near = np.flatnonzero((radius <= 1) & disc.free(off))
         radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[_nearest(ray, off[near])] / 16
     radiance *= 4 / np.radians(disc.radius_deg) ** 2
     there = pixels.inside[row, column] & radiance.any(axis=1)

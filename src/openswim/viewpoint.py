@@ -27,6 +27,7 @@ from openswim.fluxes import (
     spectral_irradiance,
 )
 from openswim.heavens.eyes import Eyes, LitBy
+from openswim.heavens.far_towns import HIGHEST_EYE_M, Air, Domes, domes_of, far_sources
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.images import add_errors, add_layers, check_layers, dataset
@@ -39,6 +40,7 @@ from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.frame import horizon_vector
+from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
@@ -121,14 +123,16 @@ class Viewpoint:
         pixels = _part(self.pixels, np.s_[top:bottom, left:right])
         field, day = self.lit.field, self.lit.daylight
         if self.camera.view == "rays":
-            _add_disc(relative, view, pixels, self._disc, self.lit.strength("sun"))
+            _add_disc(relative, view, pixels, self._disc, self.lit.strength("sun") * self._disc.left)
         else:
             row, column, radiance = self.once("disc", self._drawn_disc)
             here = (row >= top) & (row < bottom) & (column >= left) & (column < right)
             number = (np.cumsum(pixels.inside) - 1).reshape(pixels.inside.shape)
             relative[number[row[here] - top, column[here] - left]] += radiance[here].astype(np.float32)
             if (heavens := self._heavens) is not None:
-                for each in self.once("moon and stars", lambda: heavens.drawn(self.camera, self.pixels, self._through)):
+                for each in self.once(
+                    "moon and stars", lambda: heavens.drawn(self.camera, self.pixels, self._disc, self._through)
+                ):
                     part = each.part(top, bottom, left, right)
                     relative[number[part.row, part.column]] += part.radiance.astype(np.float32)
         self._add_night(relative, view, pixels)
@@ -182,7 +186,8 @@ class Viewpoint:
 
     @property
     def _disc(self) -> Disc:
-        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm)
+        bite = None if self._heavens is None else self._heavens.bite()
+        return Disc(*self.sun, self.lit.daylight.angular_radius_deg, self.lit.field.wavelengths_nm, bite)
 
     def _drawn_disc(self) -> tuple[NDArray, NDArray, F64]:
         row, column, radiance = drawn(self.camera, self.pixels, self._disc, self._through)
@@ -202,6 +207,7 @@ class Viewpoint:
         return Heavens(
             lit.lamps, lit.time, (lat, lon), float(frame.latlon(self.rays.origin_m)[2]), self._axes,
             lit.scene.atmosphere, wl, toa_irradiance(wl, lit.daylight), self.sun[1],
+            np.atleast_2d(np.asarray(self.rays.origin_m, float))[0],
         )  # fmt: skip
 
     def _behind(self, direction: F64, view: Any) -> F64 | float:
@@ -209,7 +215,34 @@ class Viewpoint:
         heavens = self._heavens
         if heavens is None or self.sun[1] >= DUSK_DEG:
             return 0.0
-        return heavens.behind(direction, view.transmittance, view.hit)
+        found = heavens.behind(direction, view.transmittance, view.hit)
+        domes = self.once("domes", self._make_domes)
+        if domes is None:
+            return found
+        free = np.where(view.hit, 0.0, np.exp(-view.species_depth.sum(axis=1, dtype=float)))  # of clouds
+        return found + free[:, None] * domes.along(direction) * (4 * np.pi / heavens.toa)
+
+    def _make_domes(self) -> Domes | None:
+        """Of towns beyond the domain; None where there are none, or from where they are not seen."""
+        lit, heavens = self.lit, self._heavens
+        sky = next((light for light in lit.lights if light.name == "sky"), None)
+        grid = lit.scene.levels[-1].grid
+        if heavens is None or sky is None or grid is None or not grid.curved or heavens.height_m > HIGHEST_EYE_M:
+            return None
+        _, ny, nx = grid.shape
+
+        def within(lat: F64, lon: F64) -> NDArray[np.bool_]:
+            column, row = (np.nan_to_num(each, nan=-9.0) for each in grid.index(lon, lat))
+            return np.asarray((column > -0.5) & (column < nx - 0.5) & (row > -0.5) & (row < ny - 0.5))
+
+        frame = lit.field.frame
+        sources = far_sources(frame, *heavens.place, within, lit.scene.ground)
+        night = heavens.lamps.night.mean(heavens.wavelengths_nm)
+        domes = domes_of(
+            Air.of(sky.field), frame, *heavens.place, heavens.height_m, sky.field.ground_m, heavens.wavelengths_nm,
+            sources,
+        )  # fmt: skip
+        return Domes(domes.table * (heavens.lamps.in_field / night), domes.axes)
 
     def _add_night(self, relative: NDArray, view: Any, pixels: Pixels) -> None:
         """The night's sky behind all else, into radiance (n, nw) of pixels; on single rays the moon as well."""
@@ -261,7 +294,19 @@ class Viewpoint:
         field, lights = self.lit.field, self.lit.lights
         if isinstance(field, ReferenceField):
             return field
-        return self.once("eye", lambda: Eyes.of(lights, self.rays) if lights else field.viewpoint(self.rays))
+        return self.once(
+            "eye", lambda: Eyes.of(self._seen_from_here(), self.rays) if lights else field.viewpoint(self.rays)
+        )
+
+    def _seen_from_here(self) -> tuple[LitBy, ...]:
+        """The lights; from space, where it is night in the scene, also the sun on clear air beyond: the lit limb."""
+        lit, left, air = self.lit, 1 - np.asarray(self.lit.strength("sun")), self.lit.scene.atmosphere
+        if self._near or air is None or not lit.field.frame.curved or not left.any():
+            return lit.lights
+        frame, wl = lit.field.frame, lit.field.wavelengths_nm
+        found = Solver().solve(Scene.clear(frame.lat, frame.lon, air), lit.daylight.direction, wl)
+        assert isinstance(found, Field)
+        return (*lit.lights, LitBy("limb", found, left * np.ones(len(wl))))
 
     @cached_property
     def _number(self) -> NDArray[np.int64]:

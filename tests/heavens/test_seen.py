@@ -100,3 +100,22 @@ def test_eyes_below_the_sea_see_refracted_light():
     low, sea = (Refraction.at(air, height) for height in (-400.0, 0.0))
     bend = [found.apparent_altitude_deg(10.0) - 10.0 for found in (low, sea)]
     assert bend[0] == pytest.approx(1.04 * bend[1], rel=0.02)
+
+
+@pytest.mark.slow
+def test_from_space_the_lit_limb_shows_around_a_night():
+    """Over a place where it is midnight the sun is not solved for; yet the edge of the Earth is as bright as in the
+    sun's own field, and the middle as dark as the night."""
+    scene = openswim.Scene.clear(10.0, 10.0)
+    camera = Camera.geostationary(10.0, size=60)
+    lit = openswim.light(scene, time="2024-03-20T23:30")
+    assert "sun" not in [light.name for light in lit.lights]
+    viewpoint = lit.viewpoint(camera)
+    seen = viewpoint.view().solar_relative_radiance.values
+    own = openswim.Solver().solve(scene, lit.daylight.direction, lit.field.wavelengths_nm)
+    sunlit = np.full(seen.shape, np.nan)
+    sunlit[viewpoint.pixels.inside] = own.view(viewpoint.rays).radiance
+    ring = np.nan_to_num(sunlit[..., 1]) > 3e-4
+    assert ring.sum() > 5
+    assert seen[ring] / sunlit[ring] == pytest.approx(1.0, rel=0.02)  # the rest is airglow
+    assert seen[30, 30].max() < 1e-5

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from openswim.arguments import whole
+from openswim.batches import ensembles
 from openswim.batches.plan import Plan, read_plan
 from openswim.batches.records import Records
 from openswim.batches.tasks import Task, part_of, tasks_of
@@ -63,6 +64,9 @@ class Work:
                 found.append(outcome)
                 tell(outcome)
                 meter.advance()
+        for outcome in ensembles.outcomes(self.plan, self.tasks):
+            found.append(outcome)
+            tell(outcome)
         records.write_manifest(self.tasks, self.plan.cameras)
         return Report(
             tuple(one for one in found if not one.failure), len(self.mine) - len(self.waiting),

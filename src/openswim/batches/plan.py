@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ VERSION = 1
 MOST_WEATHERS, MOST_MEMBERS, MOST_TIMES = 1000, 10_000, 100_000
 SUN_W_M2 = 120.0  # of direct light across the beam: WMO-No. 8, sunshine
 CLOUD_DEPTH = 0.03  # along a line of sight, from which on cirrus is seen (Sassen and Cho 1992)
+ENSEMBLE = "ensemble"  # the folder of what all members say
 _TOP = ("openswim_batch", "files", "members", "output", "outputs", "times", "from", "to", "sun", "solver", "quality",
         "wavelengths", "only", "aerosol", "aod", "weather", "camera", "picture", "ensemble")  # fmt: skip
 _LOOK = ("exposure", "matrix", "gamma", "bits", "caption")
@@ -68,29 +69,35 @@ class Plan:
     look: tuple[tuple[str, Any], ...] = ()
     ensemble: Ensemble | None = None
     allow_references: bool = False
+    patterns: tuple[str, ...] = ()  # of the files, as the plan has them
 
 
 def read_plan(
     path: str | os.PathLike[str], files: Sequence[str | os.PathLike[str]] = (),
-    output: str | os.PathLike[str] | None = None, allow_references: bool = False,
+    output: str | os.PathLike[str] | None = None, allow_references: bool = False, watched: bool = False,
 ) -> Plan:  # fmt: skip
     """Read a plan; raises UserError with one line.
 
-    files, output: in place of those that the plan names. Files that the plan itself names lie below its own folder,
-    unless ``allow_references``.
+    files, output: in place of those that the plan names. watched: files are to arrive, so none is looked for. Files
+    that the plan itself names lie below its own folder, unless ``allow_references``.
     """
     check_kind("plan", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     tables = read_toml(path, "a plan in TOML")
     names = Names(path.parent, allow_references)
     try:
-        return _plan(tables, names, [Path(each) for each in files], None if output is None else Path(output))
+        if watched:
+            tables = {"files": "*"} | tables
+        plan = _plan(tables, names, [Path(each) for each in files], None if output is None else Path(output), watched)
+        return replace(plan, patterns=texts(tables, "files", ()))
     except UserError as error:
         text = str(error)
         raise UserError(text if str(path) in text else f"{path}: {text}") from None
 
 
-def _plan(tables: dict[str, Any], names: Names, files: Sequence[Path], output: Path | None) -> Plan:
+def _plan(
+    tables: dict[str, Any], names: Names, files: Sequence[Path], output: Path | None, watched: bool
+) -> Plan:
     version = tables.get("openswim_batch")
     if version != VERSION or isinstance(version, bool):
         raise UserError(f"is no plan: its first line says openswim_batch = {VERSION}")
@@ -104,8 +111,10 @@ def _plan(tables: dict[str, Any], names: Names, files: Sequence[Path], output: P
     aod = tables.get("aod")
     look = _look(tables.get("picture", {}))
     ensemble = _ensemble(tables["ensemble"]) if "ensemble" in tables else None
+    if ensemble is not None and solver == "reference":
+        raise UserError("[ensemble] needs solver fast or swim: reference does not tell how deep its clouds are")
     return Plan(
-        folder, _weathers(tables, names, files),
+        folder, _weathers(tables, names, files, watched),
         planned_cameras(tables.get("camera"), texts(tables, "outputs", (".png",)), names, dict(look).get("bits", 8),
                         ensemble is not None),
         _times(tables.get("times", [])), _time(tables.get("from"), "from"), _time(tables.get("to"), "to"),
@@ -114,13 +123,17 @@ def _plan(tables: dict[str, Any], names: Names, files: Sequence[Path], output: P
     )  # fmt: skip
 
 
-def _weathers(tables: dict[str, Any], names: Names, files: Sequence[Path]) -> tuple[Weather, ...]:
+def _weathers(
+    tables: dict[str, Any], names: Names, files: Sequence[Path], watched: bool
+) -> tuple[Weather, ...]:
     listed = tables.get("weather", [])
     check_kind("weather", listed, list, "write a table [[weather]] for each run")
     if "files" in tables and listed:
         raise UserError("give either files, or a table [[weather]] for each run")
     if files and listed:
         raise UserError("has tables [[weather]] with files of their own: leave out the files on the command line")
+    if not listed and watched:
+        return (Weather("", (), _members(tables.get("members"))),)
     if not listed:
         found = tuple(files) if files else names.files(texts(tables, "files", ()), "files")
         if not found:
@@ -138,6 +151,8 @@ def _weathers(tables: dict[str, Any], names: Names, files: Sequence[Path]) -> tu
         name = check_name(f"{what} name", table.get("name"))
         weathers.append(Weather(name, names.files(texts(table, "files", ()), f"{what} files"),
                                 _members(table.get("members"))))  # fmt: skip
+    if "ensemble" in tables and any(weather.name == ENSEMBLE for weather in weathers):
+        raise UserError(f"[[weather]] is called {ENSEMBLE}, as the folder of what all members say: call it otherwise")
     if len({weather.name for weather in weathers}) < len(weathers):
         raise UserError("two [[weather]] have the same name")
     return tuple(weathers)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,19 @@ from openswim.system.workshops import sweep
 
 FOLDER = ".batch"
 MANIFEST = "manifest.jsonl"
+_OURS = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,63}/)?[A-Za-z0-9][A-Za-z0-9_.-]{0,120}")  # names that we give
 _LONGEST = 1 << 24  # bytes of a record, of a thousand cameras
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was made of one task: of each camera the files, from the batch's folder."""
+
+    path: Path
+    task: str
+    weather: str
+    time: str
+    files: dict[str, tuple[str, ...]]
 
 
 class Records:
@@ -47,12 +62,33 @@ class Records:
         kept = self._read(task)
         kept[camera.name] = {"mark": task.mark_of(camera),
                              "files": {name: _size(self.folder / name) for name in sorted(files)}}  # fmt: skip
+        about = {"task": task.name, "weather": task.weather, "time": str(task.time), "member": task.member}
         with written_whole(self._path(task)) as partial:
-            partial.write_text(json.dumps({"task": task.name, "cameras": kept}, sort_keys=True))
+            partial.write_text(json.dumps(about | {"cameras": kept}, sort_keys=True))
 
-    def files(self, task: Task) -> dict[str, list[str]]:
-        """Of each camera of a task, the files that were written, from the folder."""
-        return {name: sorted(each.get("files", {})) for name, each in self._read(task).items()}
+    def standing(self) -> list[Record]:
+        """All that was ever recorded and not removed, by time and name; what is damaged is left out."""
+        found = []
+        for path in (self.folder / FOLDER).glob("**/*.json"):
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                if path.stat().st_size > _LONGEST:
+                    continue
+                kept = json.loads(path.read_text("utf-8"))
+                files = {str(name): tuple(filter(_is_ours, each["files"])) for name, each in kept["cameras"].items()}
+                found.append(Record(path, str(kept["task"]), str(kept["weather"]), str(kept["time"]), files))
+        return sorted(found, key=lambda record: (record.time, record.task))
+
+    def remove(self, record: Record) -> None:
+        """Remove the files of a record, and the record last."""
+        for name in (name for files in record.files.values() for name in files):
+            path = self.folder / name
+            with suppress(OSError):
+                if path.suffix == ".zarr" and path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                elif not path.is_dir():
+                    path.unlink()
+        with suppress(OSError):
+            record.path.unlink()
 
     def write_manifest(self, tasks: Iterable[Task], cameras: Iterable[PlannedCamera]) -> None:
         """One line for each task of which all pictures are there, after a line about the batch."""
@@ -86,6 +122,10 @@ class Records:
                 kept = json.loads(path.read_text("utf-8"))["cameras"]
                 return dict(kept) if isinstance(kept, dict) else {}
         return {}
+
+
+def _is_ours(name: object) -> bool:
+    return isinstance(name, str) and bool(_OURS.fullmatch(name)) and name != MANIFEST
 
 
 def _size(path: Path) -> int | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from openswim.batches.cloud_depth import with_cloud_depth
 from openswim.batches.plan import Plan
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.batches.records import Records
@@ -103,7 +104,8 @@ def scene_of(plan: Plan, task: Task, camera: PlannedCamera) -> Scene:
 
 
 def _image(plan: Plan, camera: PlannedCamera, lit: LitScene) -> xr.Dataset:
-    return lit.viewpoint(camera.camera).view()
+    viewpoint = lit.viewpoint(camera.camera)
+    return viewpoint.view() if plan.ensemble is None else with_cloud_depth(viewpoint)
 
 
 def _written(plan: Plan, task: Task, camera: PlannedCamera, image: xr.Dataset) -> list[str]:

@@ -33,6 +33,8 @@ class BatchRequest:
     scheduler: str | None = None
     part: str | None = None
     dry_run: bool = False
+    watch: Path | None = None
+    keep: int | None = None
     allow_references: bool = False
 
 
@@ -47,6 +49,11 @@ def run(request: BatchRequest) -> None:
     from openswim.readers import files_of
 
     jobs = jobs_of(request.jobs, request.threads)
+    if request.watch is not None:
+        _watch(request, request.watch, jobs)
+        return
+    if request.keep is not None:
+        raise UserError("--keep belongs to --watch")
     files = files_of(request.files) if request.files else []
     plan = read_plan(request.plan, files, request.output, request.allow_references)
     part = None if request.part is None else part_of_text(request.part)
@@ -60,6 +67,31 @@ def run(request: BatchRequest) -> None:
     click.echo(f"{plan.folder}: {len(report.made)} made, {report.standing} stood already, {len(report.failed)} failed, "
                f"{seconds:.0f} s")  # fmt: skip
     tell_failed(report)
+
+
+def _watch(request: BatchRequest, folder: Path, jobs: int) -> None:
+    from openswim.batches import read_plan
+    from openswim.batches.arrivals import Arrivals
+    from openswim.batches.watching import KEEP, watch
+    from openswim.batches.working import Outcome
+
+    if request.part is not None or request.dry_run:
+        raise UserError("--watch has neither --part nor --dry-run")
+    if not folder.is_dir():
+        raise UserError(f"--watch {folder}: no such folder")
+    plan = read_plan(request.plan, (), request.output, request.allow_references, watched=True)
+    patterns = [str(each) for each in request.files] or plan.patterns
+
+    def tell(outcome: Outcome) -> None:
+        failed = bool(outcome.failure)
+        click.echo(f"failed: {outcome.task}: {outcome.failure}" if failed else
+                   f"{outcome.task}: {outcome.seconds:.0f} s", err=failed)  # fmt: skip
+
+    click.echo(f"watching {folder}, page {plan.folder / 'index.html'}; Ctrl-C ends", err=True)
+    watch(
+        plan, Arrivals(folder, patterns, request.allow_references), jobs=jobs, threads=request.threads,
+        keep=KEEP if request.keep is None else request.keep, scheduler=request.scheduler, tell=tell,
+    )  # fmt: skip
 
 
 def part_of_text(text: str) -> tuple[int, int]:

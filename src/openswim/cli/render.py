@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ class RenderRequest:
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
+    stratosphere: str | None = None
     droplet_variance: float | None = None
     pristine_ice: float | None = None
     level_ice: float | None = None
@@ -174,12 +176,25 @@ def wavelengths_of(text: str | None) -> tuple[float, ...]:
 
 def with_aerosol_of(request: RenderRequest, scene: "Scene", time: Any = None) -> "Scene":
     """The scene with the aerosol that the options choose, if they choose one."""
-    if request.aerosol is None and request.aod is None:
-        return scene
-    from openswim.optics.chosen import with_aerosol
+    if request.aerosol is not None or request.aod is not None:
+        from openswim.optics.chosen import with_aerosol
 
-    place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
-    return with_aerosol(scene, request.aerosol, request.aod, time, place)
+        place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
+        scene = with_aerosol(scene, request.aerosol, request.aod, time, place)
+    if request.stratosphere is not None:
+        from openswim.optics.chosen import with_stratosphere
+
+        scene = with_stratosphere(scene, *_stratosphere(request.stratosphere))
+    return scene
+
+
+def _stratosphere(text: str) -> tuple[str, float | None]:
+    """NAME or NAME:DEPTH."""
+    name, colon, depth = text.partition(":")
+    try:
+        return name, float(depth) if colon else None
+    except ValueError:
+        raise UserError(f"--stratosphere {shown(text)}: give NAME or NAME:DEPTH, such as pinatubo:0.1") from None
 
 
 def sun_of(text: str | None) -> dict[str, Any]:

@@ -77,6 +77,11 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
 )
 @click.option(
+    "--stratosphere",
+    help="Aerosol in the stratosphere besides: background, pinatubo, smoke, with an optical depth of your own as in "
+    "pinatubo:0.1.  [default: none]",
+)
+@click.option(
     "--droplet-variance", type=float,
     help="How much cloud droplets differ in size, as effective variance: .1, usual, to .01, where they show corona and "
     "glory.  [default: the file's, else 0.1]",
@@ -175,13 +180,15 @@ def film(
 @click.option("--scheduler", help="Address of a Dask scheduler whose workers do it, such as tcp://10.0.0.5:8786.")
 @click.option("--part", help="Of several machines: WHICH/HOW_MANY, such as 3/16.")
 @click.option("--dry-run", is_flag=True, help="Only say what there is to do, and what it will take.")
+@click.option("--watch", type=PATH, help="Render what arrives in this folder, until Ctrl-C, and keep a page of it.")
+@click.option("--keep", type=int, help="Of --watch: the newest times that are kept.  [default: 288]")
 @allow_references
 @debug
 def batch(plan: Path, files: tuple[Path, ...], **options: Any) -> None:
     """Make all pictures that PLAN asks for: of many files, times, members and cameras.
 
-    FILES stand in place of those that the plan names. What stands already, made alike, is not made again: stopped by
-    Ctrl-C or worse, the same command goes on where it was, and what failed is tried again.
+    FILES, or patterns in quotes, stand in place of those that the plan names. What stands already, made alike, is not
+    made again: stopped by Ctrl-C or worse, the same command goes on where it was, and what failed is tried again.
     """
     from openswim.cli.batch import BatchRequest, run
 

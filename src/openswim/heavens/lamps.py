@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from openswim.ground.cities import city_radiance, lamp_spectrum
 from openswim.lights import NightSky, moon_irradiance, moon_position, solar_irradiance
 from openswim.lights.daylight import Daylight
-from openswim.lights.eclipses import light_left, moonlight_left
-from openswim.lights.eclipses.solar import discs
+from openswim.lights.eclipses import MoonShadow, moonlight_left
 from openswim.lights.illuminance import NIGHT_SKY_LX, moon_lux, shares, sun_lux
 from openswim.scene.frame import Frame
 from openswim.scene.ground import Ground
@@ -25,6 +24,9 @@ from openswim.scene.times import Time
 F64 = NDArray[np.float64]
 
 _LUX_PER_NW = 4e-4
+_EARTH_M = 6.371e6
+_BESIDE_M = 3e5  # from a scene, where the moon's shadow is seen from within it
+_TOTALITY = 1e-5  # of the sun's light, what comes from outside the moon's shadow into its middle, or more
 _DAY_LX = 200.0  # of the sun, beside which moon, night sky and towns add less than `illuminance.LEAST`
 
 
@@ -32,23 +34,26 @@ _DAY_LX = 200.0  # of the sun, beside which moon, night sky and towns add less t
 class Lamp:
     """A light to be solved: from a ``direction`` (3,) in the scene frame, or, where that is None, from all the sky
     beyond the air and from towns. ``strength`` (nw,): what its solar-relative radiance counts; ``towns`` (nw,): that of
-    ground which shines with 1 nW cm-2 sr-1, over the sky's."""
+    ground which shines with 1 nW cm-2 sr-1, over the sky's. ``shadow``: the moon's, in which the sun is weaker by what
+    it takes at each place."""
 
     name: str
     direction: F64 | None
     strength: F64
     towns: F64 | None = None
+    shadow: MoonShadow | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
     """The lights over a place (latitude, longitude) at a time. in_field (nw,): what of the night sky's mean radiance is
-    solved for with the lamps, W m-2 sr-1 nm-1."""
+    solved for with the lamps, W m-2 sr-1 nm-1. shadow: the moon's, where it is on the scene."""
 
     every: tuple[Lamp, ...]
     time: Time
     place: tuple[float, float]
     in_field: F64
+    shadow: MoonShadow | None = None
 
     @cached_property
     def night(self) -> NightSky:
@@ -74,27 +79,31 @@ def lamps_of(
     it goes, over the Earth. towns: whether the ground may shine.
 
     A light that adds less than a hundredth to what falls on the ground fades out, and is not solved for at a third of
-    that. The sun in eclipse, and the moon, are what they are for the middle of the scene.
+    that. The moon is what it is for the middle of the scene.
     """
     toa = toa_irradiance(wavelengths_nm, day)
     altitude = float(np.degrees(np.arcsin(np.clip(day.direction[2], -1, 1))))
-    covered = light_left(discs(time, *place), wavelengths_nm)[0]
-    none = np.zeros(len(wavelengths_nm))
-    sun = sun_lux(altitude) * float(covered.mean())
+    shadow: MoonShadow | None = MoonShadow.over(time, *place)
+    assert shadow is not None
+    left = float(shadow.left(np.zeros((1, 3)), wavelengths_nm).mean())
+    if not shadow.touches(np.radians(reach_deg) * _EARTH_M + _BESIDE_M):
+        shadow = None
+    none, whole = np.zeros(len(wavelengths_nm)), np.ones(len(wavelengths_nm))
+    sun = sun_lux(altitude) * max(left, _TOTALITY)
     if sun > _DAY_LX:
-        return Lamps((Lamp("sun", day.direction, covered),), time, place, none)
+        return Lamps((Lamp("sun", day.direction, whole, shadow=shadow),), time, place, none, shadow)
     moon = moon_position(time, *place)
     eclipsed = moonlight_left(time, wavelengths_nm)
     lux = {
         "sun": sun, "moon": moon_lux(moon) * float(eclipsed.mean()),
         "sky": NIGHT_SKY_LX + (_town_lux(place, ground) if towns else 0.0),
     }  # fmt: skip
-    part, found = shares(lux), Lamps((), time, place, none)
+    part, found = shares(lux), Lamps((), time, place, none, shadow)
     # it may be up elsewhere in a wide scene
-    part["sun"] = shares(lux | {"sun": sun_lux(min(altitude + reach_deg, 90.0)) * float(covered.mean())})["sun"]
+    part["sun"] = shares(lux | {"sun": sun_lux(min(altitude + reach_deg, 90.0)) * max(left, _TOTALITY)})["sun"]
     lamps = []
     if part["sun"] > 0:
-        lamps.append(Lamp("sun", day.direction, part["sun"] * covered))
+        lamps.append(Lamp("sun", day.direction, part["sun"] * whole, shadow=shadow))
     if part["moon"] > 0:
         toward = frame.direction(moon.azimuth_deg, moon.refracted_altitude_deg, *_middle(frame))
         lamps.append(Lamp("moon", toward, part["moon"] * eclipsed * moon_irradiance(moon, wavelengths_nm) / toa))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.behind import sky_behind
+from openswim.heavens.corona import MOST_SUN, drawn_corona, flattening, pole_direction
 from openswim.heavens.lamps import Lamps
 from openswim.heavens.moon_disc import drawn_moon
 from openswim.heavens.points import FAINTEST, Drawn, Points, Through, drawn_points, points_over
@@ -21,7 +22,7 @@ from openswim.lights.eclipses import moonlight_left
 from openswim.lights.moon import Moon
 from openswim.optics.bent_rays import LongerWay, Refraction
 from openswim.scene.atmosphere import Atmosphere
-from openswim.sun_disc import Disc
+from openswim.sun_disc import Bite, Disc
 from openswim.transport.lit.lit_grid import Once
 
 F64 = NDArray[np.float64]
@@ -47,6 +48,7 @@ class Heavens:
     wavelengths_nm: F64
     toa: F64
     sun_altitude_deg: float
+    origin_m: F64
     once: Once = field(default_factory=Once, repr=False)
 
     @cached_property
@@ -66,6 +68,20 @@ class Heavens:
         true = self.moon.altitude_deg
         return true if self.refraction is None else float(self.refraction.apparent_altitude_deg(true))
 
+    @cached_property
+    def sun_left(self) -> F64:
+        """What the moon leaves of the sun's light (nw,) at this place."""
+        shadow = self.lamps.shadow
+        if shadow is None:
+            return np.ones(len(self.wavelengths_nm))
+        return np.asarray(shadow.left(np.asarray(self.origin_m, float)[None], self.wavelengths_nm)[0])
+
+    def bite(self) -> Bite | None:
+        """The moon on the sun's disc."""
+        if self.lamps.shadow is None:
+            return None
+        return Bite.of(self.lamps.shadow, np.asarray(self.origin_m, float), self.axes, self.sun_left)
+
     def moon_disc(self) -> Disc:
         """Where it appears."""
         return Disc(self.moon.azimuth_deg, self.moon_altitude_deg(), self.moon.angular_radius_deg, self.wavelengths_nm)
@@ -82,22 +98,27 @@ class Heavens:
         )
         return np.asarray(4 * np.pi * found / self.toa)
 
-    def drawn(self, camera: Camera, pixels: Pixels, through: Through) -> list[Drawn]:
-        """Moon, planets and stars on the pixels of a picture."""
+    def drawn(self, camera: Camera, pixels: Pixels, sun: Disc, through: Through) -> list[Drawn]:
+        """Moon, planets, stars and the corona of an eclipsed sun on the pixels of a picture."""
         lift = self.refraction
         bent = through if self.air is None or lift is None else _through_bent(through, lambda: self._longer)
         moon = drawn_moon(self.moon, self.time, camera, pixels, self.wavelengths_nm, self.toa, bent, lift)
         out = np.clip((self.sun_altitude_deg - _DAY_DEG) / (_NIGHT_DEG - _DAY_DEG), 0, 1)
-        of_sun = sum(float(lamp.strength.mean()) for lamp in self.lamps.every if lamp.name == "sun")
-        out = max(out, float(np.clip(-np.log10(max(of_sun, 1e-9)) / _ECLIPSED, 0, 1)))
+        out = max(out, float(np.clip(-np.log10(self.sun_left.mean()) / _ECLIPSED, 0, 1)))
         faintest = _FAINTEST_BY_DAY + (FAINTEST - _FAINTEST_BY_DAY) * out
         if faintest <= _FAINTEST_BY_DAY:
             return [moon]
+        shown = [moon]
+        if self.lamps.shadow is not None and self.sun_left.mean() < MOST_SUN:
+            night = self.lamps.night  # its axes are the place's own
+            shown.append(drawn_corona(
+                sun, pole_direction(night.to_icrs), flattening(night.flux_sfu), camera, pixels, bent
+            ))  # fmt: skip
         lowest = -90.0 if lift is None else float(lift.apparent_deg[0])
         points = points_over(self.time, *self.place, self.height_m, lift, lowest)
         seen = np.flatnonzero(points.magnitude <= faintest)
         points = Points(*(getattr(points, name)[seen] for name in points.__dataclass_fields__))
-        return [moon, drawn_points(points, camera, pixels, self.wavelengths_nm, self.toa, bent)]
+        return [*shown, drawn_points(points, camera, pixels, self.wavelengths_nm, self.toa, bent)]
 
     @property
     def _longer(self) -> LongerWay:

@@ -11,8 +11,10 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.options import Options
+from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
@@ -32,11 +34,13 @@ F64 = NDArray[np.float64]
 
 
 def solve(
-    options: Options, matter: Matter, surface: Surface, sun: F64, plan: Plan | None = None
-) -> Field | ReferenceField:
+    options: Options, matter: Matter, surface: Surface, sun: F64, plan: Plan | None = None,
+    shadow: MoonShadow | None = None,
+) -> Field | ReferenceField:  # fmt: skip
     """Solve the field of light of ``matter`` over ``surface``, at their wavelengths, lit from ``sun`` (3,).
 
-    plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it.
+    plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it. shadow: the moon's, which
+    solver reference knows nothing of.
     """
     sun = sun / np.linalg.norm(sun)
     if plan is None:
@@ -52,15 +56,17 @@ def solve(
         which = np.minimum(np.arange(first, first + PACK), matter.wavelengths_nm.size - 1)
         of_pack, ground, count = matter.at(which), surface.at_wavelengths(which), len(np.unique(which))
         if plan.medium is None:
-            packs.append(_clear_light(options, of_pack, ground, sun, count))
+            packs.append(_clear_light(options, of_pack, ground, sun, count, shadow))
         elif plan.medium.parts:
-            packs.append(solve_large(options, plan, of_pack, ground, sun, count))
+            packs.append(solve_large(options, plan, of_pack, ground, sun, count, shadow))
         else:
-            packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count))
+            packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count, shadow))
     return Field(packs, matter.terms, plan)
 
 
-def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, count: int) -> LitGrid:
+def _clear_light(
+    options: Options, matter: Matter, surface: Surface, sun: F64, count: int, shadow: MoonShadow | None
+) -> LitGrid:
     """Light without a grid: the shells are all."""
     started = time.perf_counter()
     frame = matter.frame
@@ -70,17 +76,20 @@ def _clear_light(options: Options, matter: Matter, surface: Surface, sun: F64, c
         air, sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, DEGREE,
         lighting.ground_m + 1e5, 1.5 * CLEAR_STEP,
     )  # fmt: skip
+    eclipse = eclipse_of(shadow, sun, matter.wavelengths_nm, shells, air)
+    shells = shells if eclipse is None else eclipse.dimmed.of(shells)
     table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), FLOAT)
     lighting.light_clear(shells, sun)
     return LitGrid(
         options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
-        timings={"sun": 0.0, "diffuse": time.perf_counter() - started},
+        timings={"sun": 0.0, "diffuse": time.perf_counter() - started}, eclipse=eclipse,
     )  # fmt: skip
 
 
 def _nested_light(
-    options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int
-) -> LitGrid:
+    options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
+    shadow: MoonShadow | None,
+) -> LitGrid:  # fmt: skip
     """Light of a grid, and of the wider ones around it, the widest first."""
     levels = [(plan, matter, surface)]
     while matter.wider is not None and surface.wider is not None and plan.wider is not None:
@@ -88,6 +97,6 @@ def _nested_light(
         levels.append((plan, matter, surface))
     found = None
     for of_level, filled, ground in reversed(levels):
-        found = light_of_grid(options, of_level, pack, filled, ground, sun, count, found)
+        found = light_of_grid(options, of_level, pack, filled, ground, sun, count, found, shadow)
     assert found is not None
     return found.lit

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job
+from openswim.transport.air.dimmed import Eclipse, eclipse_of
 from openswim.transport.air.shells import build_shells, clear_radiance
 from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.beam.wider_shadow import DepthsAround, shade_from
@@ -35,6 +37,7 @@ from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, level_zone, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.scratch import Pool
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
@@ -62,7 +65,7 @@ class Solved(NamedTuple):
 
 def light_of_grid(
     options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
-    around: Solved | None,
+    around: Solved | None, shadow: MoonShadow | None = None,
 ) -> Solved:  # fmt: skip
     """Light of one grid at a ``pack`` of wavelengths: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`);
     ``around``: a wider grid."""
@@ -81,6 +84,11 @@ def light_of_grid(
     shells = build_shells(
         medium.air, sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top
     )
+    eclipse = eclipse_of(shadow, sun, wl, shells, medium.air)
+    sunlit, dimmed = shells, None
+    if eclipse is not None:
+        dimmed = eclipse.dimmed
+        shells = dimmed.of(sunlit)
     timings = {"air": time.perf_counter() - started}
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
@@ -95,7 +103,7 @@ def light_of_grid(
     started = time.perf_counter()
     table = forward_tables(medium, fast)
     beams = beams_and_shadows(
-        medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count, landscape is not None
+        medium, lighting, sunlit, volume, depths, coefficients, local_sun, sun, count, landscape is not None, dimmed
     )
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
@@ -109,7 +117,8 @@ def light_of_grid(
     elif fast:
         volume = volume._replace(per_extinction=True)
         light, sweeps = _with_moments(
-            options, plan.decisions(pack), light, lighting, shells, sun, wl, count, ends, _swept(wider)
+            options, plan.decisions(pack), light, lighting, shells, sun, wl, count, ends, _swept(wider),
+            eclipse,
         )
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
@@ -118,7 +127,7 @@ def light_of_grid(
     lit = LitGrid(
         options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, light, channels,
         float(reach), landscape, wider, None if wider is None else Core.of(medium), ends, sweeps, timings,
-        decide=plan.decisions(pack).within("view"),
+        eclipse, decide=plan.decisions(pack).within("view"),
     )  # fmt: skip
     return Solved(lit, DepthsAround(medium, depths))
 
@@ -162,7 +171,9 @@ def _with_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> 
     return replace(light, layers=every)
 
 
-def clear_inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates) -> F32:
+def clear_inflow(
+    medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates, eclipse: Eclipse | None = None
+) -> F32:
     """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level.
 
     A level ordinate brings the mean of what it stands for, above and below the horizon, which is brightest
@@ -180,7 +191,10 @@ def clear_inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates)
     direction = np.repeat(way @ axes, nz, axis=0)
     height = np.tile(np.maximum(medium.levels_m, shells.ground_m + 0.5), len(way))
     origin = np.stack([0 * height, 0 * height, height], axis=-1)
-    radiance = clear_radiance(origin, direction, sun, shells, 1.0).reshape(len(way), nz, PACK)
+    radiance = clear_radiance(origin, direction, sun, shells, 1.0)
+    if eclipse is not None:
+        radiance = np.maximum(radiance + eclipse.dimmed.from_around(origin, direction, eclipse.lit), 0).astype(FLOAT)
+    radiance = radiance.reshape(len(way), nz, PACK)
     of_level = radiance[count:].reshape(len(nodes), len(level), nz, PACK)
     radiance[level] = np.tensordot(0.5 * shares, of_level, 1)
     return radiance[:count]
@@ -188,7 +202,7 @@ def clear_inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates)
 
 def _with_moments(
     options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64,
-    count: int, ends: bool, wider: SweptAround | None,
+    count: int, ends: bool, wider: SweptAround | None, eclipse: Eclipse | None,
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
@@ -203,7 +217,7 @@ def _with_moments(
             f"is {math.ceil(_NARROWEST * height_m)} m wide, or use solver 'reference'"
         )
     ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, medium.periodic and airy)
-    inflow = clear_inflow(medium, shells, sun, ordinates)
+    inflow = clear_inflow(medium, shells, sun, ordinates, eclipse)
     traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}
     first = optical_grid(

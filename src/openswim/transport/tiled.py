@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.rays import Rays
+from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
@@ -89,7 +91,10 @@ class LitDomain:
         started = time.perf_counter()
         backscatter = None if fast else swim.backscatter_weights(medium)
         volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), Decisions(), backscatter)
-        beams = beams_and_shadows(medium, lighting, shells, volume, depths, coefficients, local_sun, sun, count)
+        sunlit, dimmed = (shells, None) if lit.eclipse is None else (lit.eclipse.lit, lit.eclipse.dimmed)
+        beams = beams_and_shadows(
+            medium, lighting, sunlit, volume, depths, coefficients, local_sun, sun, count, dimmed=dimmed
+        )
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started
         if fast:
@@ -215,8 +220,9 @@ class LargeViewer:
 
 
 def solve_large(
-    options: Options, plan: Plan, matter: Matter, surface: Surface, sun: F64, count: int
-) -> LitDomain:
+    options: Options, plan: Plan, matter: Matter, surface: Surface, sun: F64, count: int,
+    shadow: MoonShadow | None = None,
+) -> LitDomain:  # fmt: skip
     """What all views and parts share: optics on levels, the clear air around."""
     started = time.perf_counter()
     assert plan.medium is not None
@@ -235,12 +241,14 @@ def solve_large(
     zenith = float(np.degrees(np.arccos(np.clip(sun[2], -1, 1))))
     suns = max(0.0, zenith - reach), min(110.0, zenith + reach)
     shells = build_shells(medium.air, suns, frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top)
+    eclipse = eclipse_of(shadow, sun, matter.wavelengths_nm, shells, medium.air)
+    shells = shells if eclipse is None else eclipse.dimmed.of(shells)
     lighting.clear_sky = clear_sky_table(shells, sun)
     table = forward_tables(medium, options.name == "fast")
     coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
     inflow, lacking = light_from_above(medium, coefficients, shells, count)
     lit = LitGrid(
         options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
-        medium, reach_deg=reach, timings={"air": time.perf_counter() - started},
+        medium, reach_deg=reach, timings={"air": time.perf_counter() - started}, eclipse=eclipse,
     )  # fmt: skip
     return LitDomain(lit, inflow, lacking, cover)

@@ -69,9 +69,9 @@ def obscuration(found: Discs) -> F64:
     return np.asarray(np.where(d >= a + b, 0.0, np.where(d <= np.abs(a - b), np.minimum(b / a, 1) ** 2, lens)))
 
 
-def light_left(found: Discs, wavelengths_nm: ArrayLike) -> F64:
+def light_left(found: Discs, wavelengths_nm: ArrayLike, rings: int = 96) -> F64:
     """Share (n, nw) of the sun's light that passes the moon: its disc is darker, and redder, toward the limb."""
-    nodes, weights = np.polynomial.legendre.leggauss(96)
+    nodes, weights = np.polynomial.legendre.leggauss(rings)
     rho = np.sqrt((nodes + 1) / 2)  # equal areas of the disc
     light = disc_profile(rho, np.asarray(wavelengths_nm, float)) * (weights / 2)[:, None]
     r, d, b = rho * found.sun_deg[:, None], found.separation_deg[:, None], found.moon_deg[:, None]

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 MOST_WAYS = 24  # out of a prism: reflected outside, then at each face that is met within
 _LEAST_SHARE = 2e-3  # of light that is followed further
-_ROOT = 1.1127756842787055
+_ROOT = 1.085070245491451
 _APOTHEM = math.sqrt(0.75)
 NORMALS = np.array(
     [[math.cos(math.radians(60 * k)), math.sin(math.radians(60 * k)), 0.0] for k in range(6)]
@@ -94,8 +94,8 @@ def trace(px, py, pz, dx, dy, dz, index, half_length, ways):
 
 @njit(cache=True, error_model="numpy")
 def even(n, which):
-    """Numbers from 0 to 1 of a sequence that fills the unit cube of up to six dimensions evenly (Roberts's, of the root
-    of x^7 = x + 1)."""
+    """Numbers from 0 to 1 that fill the unit cube of up to eight dimensions evenly (Roberts's sequence, of the root
+    of x^9 = x + 1)."""
     return (0.5 + n * _ROOT ** -(which + 1.0)) % 1.0
 
 

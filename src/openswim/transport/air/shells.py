@@ -7,6 +7,7 @@ source that the last iteration left, until the field no longer changes.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -174,16 +175,12 @@ def build_shells(
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
     scattered = background.aerosol_scattering_per_m.T
-    chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
-    chi_r = np.zeros(_DIFFUSE_DEGREE)
-    chi_r[:3] = background.rayleigh_phase.moments(3)
-    f = forward_share(chi, degree)
+    f, phase = phase_moments(background, degree)
     rayleigh = background.rayleigh_per_m.T
     forward = scattered * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
     rows = np.concatenate([extinction, rayleigh, scattered, forward], axis=1)
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
-    phase = np.stack([np.repeat(chi_r[:, None], nw, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
     # below FAR_M, which stands for vacuum, also at the very top, where rays from space begin
     reach_table = np.minimum(np.interp(level_table, np.arange(len(levels)), reach(extinction)), 0.5 * FAR_M)
@@ -196,6 +193,16 @@ def build_shells(
     )  # fmt: skip
     glow = _even_sky(shells.source.shape) if background.starlit else None
     return tidy(_solve(tidy(shells), phase, sun_mu, scale, glow))
+
+
+def phase_moments(background: Background, degree: int) -> tuple[Array, Array]:
+    """Share (nw,) of aerosol's scattering that delta scaling takes off, and the Legendre moments (2, moment, nw) of
+    molecules and, scaled, of aerosol."""
+    chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
+    chi_r = np.zeros(_DIFFUSE_DEGREE)
+    chi_r[:3] = background.rayleigh_phase.moments(3)
+    f = forward_share(chi, degree)
+    return f, np.stack([np.repeat(chi_r[:, None], PACK, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
 
 
 def _sun_table(suns_deg: Array) -> Array:
@@ -228,7 +235,7 @@ def _toward_nodes() -> Array:
     return basis
 
 
-def _source(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArray[np.float32]:
+def source_of(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArray[np.float32]:
     """What the shells scatter of the diffuse field ``moments``: `Shells.source`. ``phase``: (2, moment, nw), Legendre
     moments of molecules and delta-scaled ones of aerosol."""
     index = fractional_index(_MOMENT_LEVELS_M, shell_levels())
@@ -283,26 +290,47 @@ def rows_between(table: NDArray[np.float32], index: Array) -> Array:
     return np.asarray(low[i] + (index - i)[..., None] * (low[i + 1] - low[i]))
 
 
-def _solve(
-    shells: Shells, phase: Array, sun_mu: Array, scale: float, glow: NDArray[np.float32] | None = None
-) -> Shells:
-    """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
+class Gathering(NamedTuple):
+    """Rays (levels times ordinates, 3) by which the light at the levels of `Shells.moments` is found above the origin,
+    where the sun stands over the x axis; by what they make its harmonics (harmonic, ordinate), and the flux (ordinate,)
+    down on the ground."""
 
-    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `_source`; ``glow``: `_even_sky`.
-    """
-    if glow is not None:
-        shells = shells._replace(source=glow)
+    origin: Array
+    direction: Array
+    levels: int
+    weighted: NDArray[np.float32]
+    down: Array
+
+
+def gathering(ground_m: float) -> Gathering:
+    """Over ground at a height above sea level."""
     mu, azimuth, weight = hemisphere_product(*_ORDINATES)
     sine = np.sqrt(1 - mu**2)
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
     basis = np.empty((len(mu), _HARMONICS))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
         harmonics_symmetric(m, np.cos(phi), _DIFFUSE_DEGREE, row)
-    weighted = np.ascontiguousarray((weight[:, None] * basis).T, FLOAT)
-    levels = shells.ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
+    levels = ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
     origin = np.zeros((len(levels) * len(mu), 3))
     origin[:, 2] = np.repeat(levels, len(mu))
-    direction = np.tile(ordinates, (len(levels), 1))
+    return Gathering(
+        origin, np.tile(ordinates, (len(levels), 1)), len(levels),
+        np.ascontiguousarray((weight[:, None] * basis).T, FLOAT), weight * np.maximum(mu, 0) / (4 * np.pi),
+    )  # fmt: skip
+
+
+def _solve(
+    shells: Shells, phase: Array, sun_mu: Array, scale: float, glow: NDArray[np.float32] | None = None
+) -> Shells:
+    """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
+
+    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `source_of`, ``glow``:
+    `_even_sky`.
+    """
+    if glow is not None:
+        shells = shells._replace(source=glow)
+    gather = gathering(shells.ground_m)
+    origin, direction, levels = gather.origin, gather.direction, gather.levels
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(FLOAT))
     for _ in range(_MOST_ITERATIONS):
@@ -310,12 +338,12 @@ def _solve(
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
-            radiance = clear_radiance(origin, direction, sun, shells, 2.0 * scale).reshape(len(levels), len(mu), PACK)
-            moments[:, star] = weighted @ radiance
-            flux[star] += (weight * np.maximum(mu, 0)) @ radiance[0] / (4 * np.pi)
+            radiance = clear_radiance(origin, direction, sun, shells, 2.0 * scale).reshape(levels, -1, PACK)
+            moments[:, star] = gather.weighted @ radiance
+            flux[star] += gather.down @ radiance[0]
         mean = moments[:, :, 0]
         change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
-        source = _source(shells, moments, phase)
+        source = source_of(shells, moments, phase)
         shells = shells._replace(
             moments=moments, source=source if glow is None else source + glow, ground_flux=flux.astype(FLOAT)
         )

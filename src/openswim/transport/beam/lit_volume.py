@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.air.dimmed import Dimmed
 from openswim.transport.beam.depth_basis import factors_of, mixtures
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
@@ -37,6 +39,7 @@ from openswim.transport.medium.medium import Medium
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+_SHADOW_STEP_M = 3000.0  # between places where the moon's shadow is looked at
 _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its grid ends
 
 
@@ -214,9 +217,10 @@ def _sides(medium: Medium) -> F64:
 def beams_and_shadows(
     medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
     coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int, relief: bool = False,
+    dimmed: Dimmed | None = None,
 ) -> Beams:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
-    its own, without them too."""
+    its own, without them too. dimmed: the moon's shadow, of which the shells know nothing."""
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     if not medium.periodic:
@@ -242,9 +246,50 @@ def beams_and_shadows(
             np.full((ny, nx), -1e9), ridge, count, shells, surface,
         )  # fmt: skip
         lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
+    if dimmed is not None:
+        _dim(dimmed, medium, volume, beams, [lighting.direct, lighting.unshadowed])
     _fill_air(volume, shells, medium, float(sun[2]))
     lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
     return Beams([beams[min(w, count - 1)] for w in range(PACK)], shadow, ridge)
+
+
+def _dim(dimmed: Dimmed, medium: Medium, volume: Volume, beams: F32, surfaces: list[F32 | None]) -> None:
+    """Take from the beam at nodes (count, nz, ny, nx) and on surfaces (PACK, ny, nx) what the moon takes."""
+    _, ny, nx = medium.shape
+    up = medium.axes[..., 2, :].astype(float)
+    rows, columns = (_lattice(n, cell) for n, cell in zip((ny, nx), medium.cell_m[::-1], strict=True))
+    lowest, highest = min(float(medium.terrain_m.min()), medium.levels_m[0]), float(medium.levels_m[-1])
+    heights = np.linspace(lowest, highest, 2 + int((highest - lowest) / _SHADOW_STEP_M))
+    some = np.ix_(rows[0], columns[0])
+    place = medium.place[some] + heights[:, None, None, None] * up[some]
+    left = dimmed.left(place.reshape(-1, 3)).reshape(*place.shape[:3], PACK)
+    left = np.einsum("jJ,iI,hJIw->whji", rows[1], columns[1], left)
+
+    def at(height_m: Any) -> F64:
+        """Share (PACK, ny, nx) at heights above sea level, one for all or (ny, nx)."""
+        level = np.clip((height_m - lowest) / (heights[1] - heights[0]), 0, len(heights) - 1)
+        k = np.minimum(np.asarray(level, int), len(heights) - 2)
+        if np.ndim(k) == 0:
+            return np.asarray(left[:, k] + (level - k) * (left[:, k + 1] - left[:, k]))
+        low, high = (np.take_along_axis(left, np.broadcast_to(n, (PACK, 1, ny, nx)), 1)[:, 0] for n in (k, k + 1))
+        return np.asarray(low + (level - k) * (high - low))
+
+    for k, height in enumerate(medium.levels_m):
+        share = at(float(height))
+        volume.fields[k, ..., :PACK] *= np.moveaxis(np.sqrt(share), 0, -1)
+        beams[:, k] *= share[: len(beams)]
+    on_ground = at(medium.terrain_m.astype(float))
+    for surface in surfaces:
+        if surface is not None:
+            surface *= on_ground
+
+
+def _lattice(nodes: int, cell_m: float) -> tuple[NDArray[np.int64], F64]:
+    """Some of so many nodes along an axis, the first and the last with them, and by how much (nodes, some) each lies
+    between which."""
+    some = np.unique(np.linspace(0, nodes - 1, 1 + math.ceil((nodes - 1) * cell_m / _SHADOW_STEP_M)).astype(int))
+    hats = np.eye(len(some))
+    return some, np.stack([np.interp(np.arange(nodes), some, hat) for hat in hats], axis=-1)
 
 
 def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> None:

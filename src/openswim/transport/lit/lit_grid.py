@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openswim.optics.matter import Air
 from openswim.options import Options
 from openswim.scene.frame import Frame
+from openswim.transport.air.dimmed import Eclipse
 from openswim.transport.beam.lit_volume import Channels
 from openswim.transport.columns.columns import Columns
 from openswim.transport.columns.discrete_ordinates import Layers
@@ -111,6 +112,7 @@ class LitGrid:
     ends: bool = False  # whether there is no cloud beyond its sides
     sweeps: list[list[int]] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
+    eclipse: Eclipse | None = None  # where the moon's shadow is on it
     once: Once = field(default_factory=Once, repr=False)
     decide: Decisions = field(default_factory=Decisions, repr=False)  # for all eyes
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from openswim.transport.march.level_ice import map_place
 from openswim.transport.montecarlo.ground import (
     mirrored,
     mirrored_density,
@@ -200,6 +201,13 @@ def trace(place, direction, sight, drawing, world, phases, work, rng, out):
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+                if event == CLOUD and world.plates >= 0:
+                    i, j, f, g = map_place(dx, dy, dz, world.plate_axes, world.plate_map.shape)
+                    for w in range(nw):
+                        more = (1.0 - f) * (1.0 - g) * world.plate_map[i, j, w]
+                        more += (1.0 - f) * g * world.plate_map[i, j + 1, w]
+                        more += f * (1.0 - g) * world.plate_map[i + 1, j, w] + f * g * world.plate_map[i + 1, j + 1, w]
+                        factor[w] = max(factor[w] + shares[world.plates, w] * more, 0.0)
             lit = _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out)
             if event == GROUND:
                 chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)

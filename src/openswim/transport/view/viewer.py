@@ -24,11 +24,14 @@ from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted
+from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
+from openswim.transport.view.around_shadow import light_around
+from openswim.transport.view.level_ice import level_ice
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
@@ -45,7 +48,8 @@ _SAME_EYE_M, _SAME_WAY = 1e-3, 1e-6
 @dataclass(frozen=True, eq=False)
 class AimedGrid:
     """The light of a grid with its sources toward an eye, and of those around it; ``sky``: the shells that the eye's
-    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself."""
+    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself; ``plates``: those
+    of ice that float level."""
 
     lit: LitGrid
     volume: Volume
@@ -53,14 +57,19 @@ class AimedGrid:
     table: F32
     detail: Detail
     relief: Relief | None
+    plates: LevelIce = NO_LEVEL_ICE
     mirrored: Mirrored | None = None
     wider: AimedGrid | None = None
+    eye: F64 | None = None  # None where rays are parallel
 
     @classmethod
     def at(cls, lit: LitGrid, eye: F64, parallel: bool, relief: Relief | None, skies: list[Shells]) -> AimedGrid:
         """Turned toward an eye (3,), or, where rays are ``parallel``, along their direction; a sky for each grid."""
         wider = None if lit.wider is None else cls.at(lit.wider, eye, parallel, relief, skies[1:])
-        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, wider=wider)
+        place = None if parallel else eye
+        plates = level_ice(lit, place)
+        grid = aimed(lit, eye, parallel)
+        return cls(lit, grid, skies[0], lit.table, NO_DETAIL, relief, plates, wider=wider, eye=place)
 
     @property
     def levels(self) -> list[AimedGrid]:
@@ -100,7 +109,7 @@ class AimedGrid:
         step = lit.options.step * (CLEAR_STEP if lit.medium is None else 1.0)
         seen = march_rays(
             origin, direction, lit.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
-            detail=self.detail,
+            detail=self.detail, level_ice=self.plates,
         )  # fmt: skip
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return Seen(
@@ -117,8 +126,45 @@ class AimedGrid:
         for number, level in enumerate(self.levels):  # as the grid has it in which rays end
             hit = np.flatnonzero((found.distance >= 0) & (found.level == number))
             if hit.size:
-                found.radiance[hit] += found.through[hit] * shade(level, place[hit], direction[hit], width_m[hit])
+                ground = shade(level, place[hit], direction[hit], width_m[hit])
+                found.radiance[hit] += found.through[hit] * level.more_of_the_sun(place[hit]) * ground
+        if self.lit.eclipse is not None:
+            self._add_light_around(found, origin, direction, place)
         return found
+
+    def _add_light_around(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
+        """What air beside the grids has more or less of the sun than is left over the scene's middle."""
+        widest = self.levels[-1]
+        lit, eclipse, volume = widest.lit, widest.lit.eclipse, self.volume
+        assert eclipse is not None
+        beyond = np.flatnonzero((found.distance < 0) | ~widest.holds(place))
+        if beyond.size == 0:
+            return
+        near = lit.shells.moments.shape[1] == widest.sky.moments.shape[1]
+        more = light_around(
+            eclipse, eclipse.lit if near else sunlit_wide_shells(lit), widest.volume, origin[beyond],
+            direction[beyond], self.eye, lit.once,
+        )  # fmt: skip
+        if volume.species:
+            more = more * np.exp(-found.depth[beyond, : volume.species].astype(float) @ volume.scaled)
+        found.radiance[beyond] = np.maximum(found.radiance[beyond] + more, 0)
+
+    def holds(self, place: F64) -> NDArray[np.bool_]:
+        """Which of places (n, 3) lie within the grid's sides."""
+        if self.lit.medium is None or self.volume.periodic:
+            return np.full(len(place), self.volume.periodic)
+        west, east, south, north = self.volume.sides_m
+        radius = self.sky.radius_m
+        x, y = (place[:, :2] * (radius / np.maximum(place[:, 2:] + radius, 0.01 * radius))).T
+        return np.asarray((x >= west) & (x <= east) & (y >= south) & (y <= north))
+
+    def more_of_the_sun(self, place: F64) -> F64 | float:
+        """Of places (n, 3) on ground beside the grid, how many times the light they have that the scene's origin has:
+        1 but in the moon's shadow."""
+        eclipse = self.lit.eclipse
+        if eclipse is None:
+            return 1.0
+        return np.where(self.holds(place)[:, None], 1.0, eclipse.dimmed.brighter(place, eclipse.lit))
 
     def through_clouds(self, place: F64) -> F64:
         """Delta-scaled transmission (n, nw) of the grid's species from the sun to places, by rays: ground beyond it.
@@ -247,7 +293,7 @@ def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
         _, ny, nx = m.shape
         return detail_of(
             m.extinction[refined].sum(axis=0), np.array(refined, FLOAT), m.drawn_cell_m,
-            light.local_sun[ny // 2, nx // 2],
+            light.local_sun[ny // 2, nx // 2], m.drift_along_axes_m,
         )  # fmt: skip
 
     return lit.once("detail", make)
@@ -263,6 +309,14 @@ def skies_for(lit: LitGrid, rays: Rays) -> list[Shells]:
 
 def wide_shells(lit: LitGrid) -> Shells:
     """The shells under every sun there is, on all sides of the Earth."""
+    eclipse = lit.eclipse
+    if eclipse is None:
+        return sunlit_wide_shells(lit)
+    return lit.once("dim wide shells", lambda: eclipse.dimmed.of(sunlit_wide_shells(lit)))
+
+
+def sunlit_wide_shells(lit: LitGrid) -> Shells:
+    """The same without the moon's shadow."""
     s, air = lit.shells, lit.air
 
     def make() -> Shells:

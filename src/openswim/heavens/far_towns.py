@@ -1,0 +1,174 @@
+"""Light of towns beyond the scene's domain: domes on the horizon, of what clear air scatters once on the way to an eye.
+
+Within the domain the transport has the towns' light itself. Beyond, sources stand in rings around the eye, to 150 km.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.ground.cities import city_radiance, lamp_spectrum
+from openswim.scene.frame import Frame, horizon_vector
+from openswim.scene.ground import Ground
+from openswim.transport import Field
+from openswim.transport.air.shells import shell_levels
+from openswim.transport.engine.pack import PACK
+
+F64 = NDArray[np.float64]
+
+HIGHEST_EYE_M = 2e4
+_RINGS_M = np.geomspace(4e3, 150e3, 11)
+_AROUND, _INSIDE = 24, 3  # sources in a ring; places that each stands for, along and across
+_AZIMUTHS = 24
+_ALTITUDE_DEG = np.array([-0.5, 0.5, 1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0, 36.0, 50.0, 70.0, 90.0])
+_SAMPLES, _FARTHEST_M = 14, 2.5e5
+_LOW = 0.049  # of z^4 beside cos z in what towns send up at a zenith angle z: 15 % of their light (Garstang 1986)
+_STAYS = 0.3  # of light scattered forward, by which domes are as bright as the transport's, 20 to 60 km away
+_POINTS = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Domes:
+    """Radiance (altitude, azimuth, nw), W m-2 sr-1 nm-1, around an eye whose east, north and up are ``axes`` (3, 3)."""
+
+    table: F64
+    axes: F64
+
+    def along(self, direction: F64) -> F64:
+        """Of rays (n, 3) in the scene frame."""
+        east, north, up = (direction @ self.axes.T).T
+        height = np.degrees(np.arcsin(np.clip(up, -1, 1)))
+        row = np.interp(height, _ALTITUDE_DEG, np.arange(len(_ALTITUDE_DEG)))
+        column = (np.arctan2(east, north) / (2 * np.pi) * _AZIMUTHS) % _AZIMUTHS
+        j, i = np.minimum(row.astype(int), len(_ALTITUDE_DEG) - 2), column.astype(int) % _AZIMUTHS
+        v, u = (row - j)[:, None], (column - np.floor(column))[:, None]
+        beside = (i + 1) % _AZIMUTHS
+        low = self.table[j, i] + u * (self.table[j, beside] - self.table[j, i])
+        high = self.table[j + 1, i] + u * (self.table[j + 1, beside] - self.table[j + 1, i])
+        return np.asarray(low + v * (high - low))
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """Clear air on heights (n,) above its ground: what is lost (n, nw), scattering of molecules and aerosol (n, nw),
+    1/m; asymmetry (nw,) of the latter. radius_m: of the ground.
+
+    Of light that is scattered into the forward half of all directions some arrives nonetheless, and is not lost.
+    """
+
+    height_m: F64
+    lost: F64
+    molecules: F64
+    aerosol: F64
+    asymmetry: F64
+    radius_m: float
+
+    @classmethod
+    def of(cls, field: Field) -> Air:
+        """That of the shells, without what delta scaling does."""
+        rows = [pack.shells.rows for pack in field.lit]
+
+        def of_terms(first: int) -> F64:
+            part = slice(first * PACK, (first + 1) * PACK)
+            every = [each[:, part][:, : pack.count] for each, pack in zip(rows, field.lit, strict=True)]
+            return np.asarray(field.terms.mean(np.concatenate(every, axis=1).astype(float)))
+
+        shells = field.lit[0].shells
+        first = [pack.shells.phase[1, 1, : pack.count].astype(float) for pack in field.lit]
+        scaled = field.terms.mean(np.concatenate(first)[None])[0]
+        taken, aerosol = of_terms(3), of_terms(2)
+        share = taken.sum(axis=0) / np.maximum(aerosol.sum(axis=0), 1e-30)
+        asymmetry, molecules = np.clip(scaled + share, 0.0, 0.95), of_terms(1)
+        lost = of_terms(0) + taken - _STAYS * (0.5 * molecules + 0.5 * (1 + asymmetry) * aerosol)
+        return cls(
+            shell_levels(), lost, molecules, aerosol, asymmetry,
+            shells.radius_m + shells.ground_m,
+        )  # fmt: skip
+
+
+def far_sources(
+    frame: Frame, lat: float, lon: float, within: Callable[[F64, F64], NDArray[np.bool_]], ground: Ground | None
+) -> tuple[F64, F64]:
+    """Latitudes and longitudes (n, 2) of sources around a place, and nW cm-2 sr-1 times their areas (n,), m2, of what
+    is not ``within`` the domain."""
+    turn = (np.arange(_AROUND * _INSIDE) + 0.5) / (_AROUND * _INSIDE) * 2 * np.pi
+    edges = np.geomspace(_RINGS_M[0], _RINGS_M[-1], _INSIDE * (len(_RINGS_M) - 1) + 1)
+    away, azimuth = np.meshgrid(np.sqrt(edges[1:] * edges[:-1]), turn, indexing="ij")
+    area = (0.5 * np.diff(edges**2) * (turn[1] - turn[0]))[:, None]
+    north = np.degrees(away * np.cos(azimuth) / frame.radius_m)
+    there = np.clip(lat + north, -89.9, 89.9)
+    east = np.degrees(away * np.sin(azimuth) / frame.radius_m) / np.cos(np.radians(there))
+    light = city_radiance(there, lon + east, ground, np.sqrt(area)) * area * ~within(there, lon + east)
+
+    def gathered(values: F64) -> F64:
+        return values.reshape(len(_RINGS_M) - 1, _INSIDE, _AROUND, _INSIDE).sum(axis=(1, 3)).ravel()
+
+    total = gathered(light)
+    weight = np.maximum(total, 1e-30)
+    place = np.stack([gathered(light * there) / weight, gathered(light * (lon + east)) / weight], axis=-1)
+    shining = np.flatnonzero(total > 1e-3 * total.max(initial=0.0))
+    return place[shining], total[shining]
+
+
+def domes_of(
+    air: Air, frame: Frame, lat: float, lon: float, height_m: float, ground_m: float, wavelengths_nm: F64,
+    sources: tuple[F64, F64],
+) -> Domes:  # fmt: skip
+    """What an eye sees of `far_sources`, whose ground is as high as the scene's."""
+    axes, eye = frame.enu(lat, lon), frame.position(lat, lon, height_m)
+    place, light = sources
+    table = np.zeros((len(_ALTITUDE_DEG), _AZIMUTHS, len(wavelengths_nm)))
+    if not len(light):
+        return Domes(table, axes)
+    centre = np.array([0.0, 0.0, frame.radius_m])
+    source = frame.position(place[:, 0], place[:, 1], ground_m) + centre
+    up = source / np.linalg.norm(source, axis=1)[:, None]
+    power = light[:, None] * lamp_spectrum(wavelengths_nm)
+    turn = np.arange(_AZIMUTHS) * 360.0 / _AZIMUTHS
+    for j, altitude in enumerate(_ALTITUDE_DEG):
+        way = horizon_vector(turn, np.full(_AZIMUTHS, altitude)) @ axes
+        # the last sample where the air is thin
+        end = min(_FARTHEST_M, 3e4 / max(np.sin(np.radians(altitude)), 1e-9))
+        edges = np.concatenate([[0.0], np.geomspace(0.01 * end, end, _SAMPLES)])
+        s, length = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+        x = eye + centre + s[:, None, None] * way
+        table[j] = _scattered(air, x, way, source, up, power, length, eye + centre)
+    return Domes(table, axes)
+
+
+def _scattered(
+    air: Air, x: F64, way: F64, source: F64, up: F64, power: F64, length_m: F64, eye: F64
+) -> F64:  # fmt: skip
+    """Radiance (azimuth, nw) of light from sources (j, 3) scattered once at places (sample, azimuth, 3)."""
+    height = np.linalg.norm(x, axis=-1) - air.radius_m
+    v = x[:, :, None] - source
+    away = np.maximum(np.linalg.norm(v, axis=-1), 500.0)
+    rise = np.clip((v * up).sum(axis=-1) / away, -1, 1)
+    sends = np.where(rise > 0, rise + _LOW * np.arccos(rise) ** 4, 0.0) / away**2
+    cosine = -(v * way[:, None]).sum(axis=-1) / away  # of the angle by which light is turned toward the eye
+    out = np.zeros((x.shape[1], power.shape[1]))
+    for w in range(power.shape[1]):
+        through = np.exp(-_depth(air, w, source, v) - _depth(air, w, eye, x - eye)[..., None])
+        molecules, aerosol = (
+            np.interp(height, air.height_m, each[:, w])[..., None] for each in (air.molecules, air.aerosol)
+        )
+        g = air.asymmetry[w]
+        phase = molecules * 0.75 * (1 + cosine**2) + aerosol * (1 - g**2) / (1 + g**2 - 2 * g * cosine) ** 1.5
+        arrives = (sends * through * phase) @ power[:, w] / (4 * np.pi)
+        out[:, w] = length_m @ np.where(height > -500.0, arrives, 0.0)
+    return out
+
+
+def _depth(air: Air, w: int, start: F64, way: F64) -> F64:
+    """Optical depth (...) of straight ways (..., 3) from a start."""
+    length = np.linalg.norm(way, axis=-1)
+    nodes, weights = (_POINTS[0] + 1) / 2, _POINTS[1] / 2
+    depth = np.zeros(length.shape)
+    for at, share in zip(nodes, weights, strict=True):
+        height = np.linalg.norm(start + at * way, axis=-1) - air.radius_m
+        depth += share * np.interp(np.maximum(height, 0.0), air.height_m, air.lost[:, w])
+    return np.asarray(depth * length)
