@@ -70,19 +70,20 @@ BETWEEN = {
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
 TRANSPORT = {
-    CONDUCTORS: Place(0, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
-    "montecarlo": Place(1, 4.6, 1.9, "paths of photons: the reference"),
-    "view": Place(2, 3.0, 1.9, "from light to what an eye sees"),
-    "swim": Place(3, 3.0, 1.9, "the paper's own estimate"),
-    "lit": Place(4.6, 3.0, 1.9, "solved light, without an eye"),
-    "columns": Place(5.6, 1.6, 1.9, "each column by itself"),
-    "diffuse": Place(6.1, 4.4, 1.9, "sweeps: scattered many times"),
-    "beam": Place(6.6, 1.6, 1.9, "the sun's beam in the grid"),
-    "ground_light": Place(7.6, 1.6, 1.9, "light on the ground, its shape"),
-    "medium": Place(9.0, 3.0, 1.9, "the plan, and its grid"),
-    "air": Place(10.0, 3.0, 1.9, "the clear sky in shells"),
-    "march": Place(11.0, 3.0, 1.9, "along an eye ray"),
-    "engine": Place(12.0, 3.0, 1.9, "packs, threads, scratch"),
+    "linear": Place(0, 3.0, 1.9, "a linear twin of fast, its adjoint"),
+    CONDUCTORS: Place(1, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
+    "montecarlo": Place(2, 4.6, 1.9, "paths of photons: the reference"),
+    "view": Place(3, 3.0, 1.9, "from light to what an eye sees"),
+    "swim": Place(4, 3.0, 1.9, "the paper's own estimate"),
+    "lit": Place(5.6, 3.0, 1.9, "solved light, without an eye"),
+    "columns": Place(6.6, 1.6, 1.9, "each column by itself"),
+    "diffuse": Place(7.1, 4.4, 1.9, "sweeps: scattered many times"),
+    "beam": Place(7.6, 1.6, 1.9, "the sun's beam in the grid"),
+    "ground_light": Place(8.6, 1.6, 1.9, "light on the ground, its shape"),
+    "medium": Place(10, 3.0, 1.9, "the plan, and its grid"),
+    "air": Place(11, 3.0, 1.9, "the clear sky in shells"),
+    "march": Place(12, 3.0, 1.9, "along an eye ray"),
+    "engine": Place(13, 3.0, 1.9, "packs, threads, scratch"),
 }
 
 
@@ -97,8 +98,8 @@ class Wall(NamedTuple):
 
 HOUSE_WALLS = [Wall(7.12, 5.5, 9.4, "wall: optics | transport")]
 TRANSPORT_WALLS = [
-    Wall(3.82, 0.1, 5.5, "wall: lit grid | viewer"),
-    Wall(8.32, 0.1, 5.5, "wall: plan | values"),
+    Wall(4.82, 0.1, 5.5, "wall: lit grid | viewer"),
+    Wall(9.32, 0.1, 5.5, "wall: plan | values"),
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
