@@ -23,11 +23,11 @@ _PATH = re.compile(r"(?<![\w/.*<-])([\w.-]+/)*[\w*-]+\.py\b")
 _DOTTED = re.compile(r"(?<![\w./*\"'-])([A-Za-z_]\w*(?:/\w+)*)((?:\.[A-Za-z_]\w*)+)(?![\w/*-])")
 # Dotted words that are not ours: data files, other people's packages, and what some variable of an example has.
 _SUFFIXES = {"hdr", "exr", "rad", "cal",
-             "nc", "csv", "grib2", "png", "jpg", "tif", "zarr", "json", "txt", "md", "yml", "sh", "toml", "svg",
-             "npz"}  # fmt: skip
+             "nc", "csv", "grib2", "png", "jpg", "tif", "zarr", "json", "jsonl", "txt", "md", "yml", "sh", "toml",
+             "svg", "npz"}  # fmt: skip
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world", "red"}
 # Variables of the pages, by their classes.
-_OURS = {"field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
+_OURS = {"report": "Report", "field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
 
 
 def _prose(page: Path) -> str:

@@ -28,11 +28,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(page: str) -> dict[str, Any]:
+def run(page: str, module: str = "") -> dict[str, Any]:
     """What is defined after all Python blocks of a page, one after the other."""
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text("utf-8"), re.MULTILINE | re.DOTALL)
     assert blocks
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"__name__": module} if module else {}
     for block in blocks:
         exec(compile(block, page, "exec"), names)
     return names
@@ -83,3 +83,16 @@ def test_rays_and_spectra(folder: Path) -> None:
     assert found["zenith"].shape == (7,)
     assert (found["radiance"] > 0).all()
     assert (found["sky"] > found["zenith"]).all()
+
+
+def test_a_plan_is_carried_out(folder: Path) -> None:
+    """The plan of docs/batch.md, of small pictures, by the Python block below it."""
+    page = (ROOT / "docs/batch.md").read_text("utf-8")
+    (plan,) = re.findall(r"^```toml\n(openswim_batch.*?)^```", page, re.MULTILINE | re.DOTALL)[:1]
+    text = plan.replace("size = 400", "size = 16").replace("900x600", "24x16")
+    (folder / "plan.toml").write_text(text.replace("\n\n", '\nsolver = "swim"\n', 1))
+    report = run("docs/batch.md", "__main__")["report"]
+    assert (len(report.made), report.standing, report.failed) == (1, 0, ())
+    names = {path.name for path in (folder / "pictures").iterdir() if not path.name.startswith(".")}
+    stem = "20050828T180000"
+    assert names == {f"roof_{stem}.png", f"harbour_{stem}.jpg", f"harbour_{stem}.nc", "manifest.jsonl"}

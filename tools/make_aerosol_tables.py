@@ -47,6 +47,10 @@ RECIPES = {
     "sea_salt": Recipe((Mode(0.416, 2.03, 20.0), Mode(3.49, 2.03, 3.2e-3)), 1.361, {550: 3.5e-9}),
     # ammonium sulphate at 80 % relative humidity: .0355 um dry (Boucher & Anderson 1995), grown by 1.44
     "sulphate": Recipe((Mode(0.0511, 2.0, 1.0),), 1.411, {550: 4.4e-8}),
+    # the stratosphere without eruptions: droplets of 75 % sulphuric acid (Palmer & Williams 1975; Pinnick et al. 1976)
+    "stratospheric": Recipe((Mode(0.0725, 1.86, 1.0),), 1.43, {550: 1e-8}),
+    # half a year to a year after Pinatubo: effective radius .5 um (Russell et al. 1996; Stothers 1997)
+    "volcanic": Recipe((Mode(0.331, 1.5, 1.0),), 1.43, {550: 1e-8}),
 }
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
 # which any room may use; their arrows are not drawn
-FOUNDATION = ("errors", "progress", "system", "arguments", "tables")
+FOUNDATION = ("errors", "progress", "system", "arguments", "tables", "srgb")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 
@@ -38,6 +38,7 @@ HOUSE = {
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
+    "batches": Place(0.88, 5.05, 1.3, "pictures by plan"),
     "satellites": Place(0.88, 8.3, 1.5, "imagers in space"),
     "observations": Place(1.75, 2.9, 1.6, "cameras by their frames"),
     "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
@@ -101,7 +102,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison", "stations", "films", "satellites",
+USERS = {"cli", "observations", "comparison", "stations", "films", "batches", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from openswim.batches import batch as batch
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
@@ -37,6 +38,7 @@ _HOME = {
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "batch": "openswim.batches",
     "compare": "openswim.comparison",
     "correct_clouds": "openswim.comparison",
     "film": "openswim.films",
@@ -51,7 +53,7 @@ _HOME = {
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "compare", "correct_clouds", "film",
+    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "batch", "compare", "correct_clouds", "film",
     "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
 ]  # fmt: skip
 

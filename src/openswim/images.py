@@ -15,9 +15,11 @@ from openswim.scene.frame import Frame
 from openswim.system.machine import free_memory
 from openswim.transport.montecarlo.reference import ReferenceView
 from openswim.transport.view.seen import View
+from openswim.transport.view.sight import FIRST_SPECIES, Sight
 
 F64 = NDArray[np.float64]
 
+_NO_PIXEL = -1  # in `seen`, outside of a round image
 PIXEL_BYTES = 90  # of memory that a view takes for each pixel and wavelength
 
 
@@ -81,6 +83,36 @@ def dataset(
                  "long_name": f"{name} of the ground that the pixel shows"},
             )  # fmt: skip
     return image
+
+
+def check_layers(layers: bool, solver: str) -> None:
+    """Complain of layers that a solver does not have, before it is begun."""
+    if layers and solver == "reference":
+        raise UserError("layers: the solver reference has none: use fast or swim for them")
+
+
+def add_layers(image: xr.Dataset, pixels: Pixels, sight: Sight, frame: Frame) -> None:
+    """What pixels look at: its kind, distance and height, and the optical depth of each species on the way."""
+    kinds = np.full(pixels.inside.shape, _NO_PIXEL, np.int8)
+    kinds[pixels.inside] = sight.kind
+    names = ["no_pixel", *sight.names]
+    image["seen"] = (
+        ("y", "x"), kinds,
+        {"long_name": "what the pixel shows: a species of particles, the ground, or the sky",
+         "flag_values": np.arange(_NO_PIXEL, FIRST_SPECIES + len(sight.species), dtype=np.int8),
+         "flag_meanings": " ".join(names)},
+    )  # fmt: skip
+    for name, value, attrs in (
+        ("distance", sight.distance_m, {"long_name": "distance of what is seen"}),
+        ("height", frame.latlon(sight.position)[2],
+         {"standard_name": "altitude", "long_name": "height above sea level of what is seen"}),
+    ):  # fmt: skip
+        image[name] = (("y", "x"), pixels.image(value.astype(np.float32)), attrs | {"units": "m"})
+    image["optical_depth"] = (
+        ("species", "y", "x"), np.moveaxis(pixels.image(sight.depth), -1, 0),
+        {"long_name": "optical depth along the way to the ground or to space, at 550 nm", "units": "1"},
+    )  # fmt: skip
+    image.coords["species"] = ("species", np.array(sight.species, dtype=str), {"long_name": "species of particles"})
 
 
 def add_errors(image: xr.Dataset, pixels: Pixels, view: ReferenceView, seed: int) -> None:

@@ -49,7 +49,7 @@ def save_light(
         "daylight": asdict(daylight) | {"direction": daylight.direction.tolist()},
         "time": None if time is None else str(time),
         "cut": [level.cut for level in scene.levels], "ground": [_ground(level) for level in scene.levels],
-        "light": found.levels,
+        "drift_m": [level.drift_m for level in scene.levels], "light": found.levels,
     }  # fmt: skip
     import zarr
 
@@ -146,6 +146,8 @@ def _scene(path: str | os.PathLike[str], about: dict[str, Any]) -> Scene:
     for n, level in enumerate(levels):
         ground = about["ground"][n]
         level.cut = bool(about["cut"][n])
+        east, north = about["drift_m"][n] if "drift_m" in about else (0.0, 0.0)
+        level.drift_m = float(east), float(north)
         level.ground = None if ground is None else Ground((), (), ground["chlorophyll_mg_m3"], ground["mountains"])
         level.wider = levels[n + 1] if n + 1 < len(levels) else None
     return levels[0]
@@ -173,6 +175,8 @@ def fingerprint(scene: Scene) -> str:
         about = {k: v for k, v in data.attrs.items() if k not in ("history", "source", "assumptions", "title")}
         found.update(repr(sorted((str(k), str(v)) for k, v in about.items())).encode() + bytes([level.cut]))
         found.update(repr(_ground(level)).encode())
+        if any(level.drift_m):
+            found.update(repr(tuple(map(float, level.drift_m))).encode())
     return found.hexdigest()
 
 

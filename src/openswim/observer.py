@@ -75,10 +75,7 @@ def grid_place(levels: Sequence[Scene], x: float, y: float) -> tuple[int, float,
     for level, scene in enumerate(levels):
         grid = scene.grid
         assert grid is not None
-        if grid.curved:
-            ix, iy = (float(v) for v in grid.index(x, y))
-        else:
-            ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
+        ix, iy = (float(v) for v in grid.place(x, y))
         _, ny, nx = grid.shape
         inner = min(max(ix, 0.0), nx - 1.0), min(max(iy, 0.0), ny - 1.0)
         if max(abs(ix - inner[0]), abs(iy - inner[1])) < EDGE:

@@ -10,7 +10,7 @@ import xarray as xr
 
 from openswim.arguments import check_kind
 from openswim.cameras import Camera
-from openswim.images import check_fits
+from openswim.images import check_fits, check_layers
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
 from openswim.observer import check_observer
 from openswim.scene import Scene
@@ -25,6 +25,7 @@ def render(
     wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
     time: Any = None,
     sun: tuple[float, float] | None = None,
+    layers: bool = False,
 ) -> xr.Dataset:
     """Image of a scene: what a calibrated camera would measure.
 
@@ -35,17 +36,19 @@ def render(
     Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
     al. 2020, Eq. 2); coordinates on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the
     ray ends on the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference"
-    adds ``radiance_standard_error``, the paths per pixel and the mean error.
+    adds ``radiance_standard_error``, the paths per pixel and the mean error. layers=True adds what is seen in each
+    pixel (``seen``), its ``distance`` and ``height`` (m), and the ``optical_depth`` of each species on (species, y, x).
     """
     check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     if isinstance(scene, LitScene):
-        return scene.viewpoint(camera).view()
+        return scene.viewpoint(camera).view(layers)
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     check_fits(camera.shape, np.size(wavelengths_nm))
     chosen = solver_of(solver)
     part = _needed(scene, camera, chosen.name)
     check_observer(part, camera, chosen.name)
-    return light(part, chosen, wavelengths_nm, time, sun).viewpoint(camera).view()
+    check_layers(layers, chosen.name)
+    return light(part, chosen, wavelengths_nm, time, sun).viewpoint(camera).view(layers)
 
 
 def _needed(scene: Scene, camera: Camera, solver: str) -> Scene:

@@ -30,7 +30,7 @@ from openswim.heavens.eyes import Eyes, LitBy
 from openswim.heavens.far_towns import HIGHEST_EYE_M, Air, Domes, domes_of, far_sources
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
-from openswim.images import add_errors, dataset
+from openswim.images import add_errors, add_layers, check_layers, dataset
 from openswim.kept_light import save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
@@ -46,6 +46,7 @@ from openswim.transport import Field, ReferenceField
 from openswim.transport.field import Viewpoint as Eye
 from openswim.transport.lit.lit_grid import Once
 from openswim.transport.montecarlo.reference import PATHS, ReferenceView
+from openswim.transport.view.sight import Sight
 
 F64 = NDArray[np.float64]
 
@@ -103,11 +104,11 @@ class Viewpoint:
     rays: Rays
     once: Once = dataclasses.field(default_factory=Once, repr=False)
 
-    def view(self) -> xr.Dataset:
+    def view(self, layers: bool = False) -> xr.Dataset:
         """The whole image: see `openswim.render`."""
-        return self.tile(slice(None), slice(None))
+        return self.tile(slice(None), slice(None), layers)
 
-    def tile(self, rows: slice, columns: slice) -> xr.Dataset:
+    def tile(self, rows: slice, columns: slice, layers: bool = False) -> xr.Dataset:
         """Some rows and columns of the image, the same bit for bit as in the whole."""
         ny, nx = self.pixels.inside.shape
         (top, bottom, _), (left, right, _) = rows.indices(ny), columns.indices(nx)
@@ -138,7 +139,15 @@ class Viewpoint:
         image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, self.attrs)
         if isinstance(view, ReferenceView):
             add_errors(image, pixels, view, field.solver.seed)
+        if layers:
+            rays = self.rays[self._number[top:bottom, left:right][pixels.inside]]
+            add_layers(image, pixels, _with_layers(self._eye).sight(rays), field.frame)
         return image
+
+    def sight(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Sight:
+        """What stands in directions (n,) from the camera's place, and how far away it is."""
+        rays = self._toward(azimuth_deg, altitude_deg)
+        return _with_layers(self._eye).of_others(rays).sight(rays)
 
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
@@ -373,6 +382,14 @@ def _add_disc(relative: NDArray, view: Any, pixels: Pixels, disc: Disc, strength
     half = np.broadcast_to(pixels.half_width_deg, inside.shape)[inside]
     radiance = disc_coverage(distance[open_to], half[open_to], disc.radius_deg, disc.wavelengths_nm)
     relative[open_to] += (strength * radiance * view.transmittance[open_to]).astype(np.float32)
+
+
+def _with_layers(eye: Eye | Eyes | ReferenceField) -> Eye | Eyes:
+    """An eye that can say what it looks at."""
+    if isinstance(eye, ReferenceField):
+        check_layers(True, eye.solver.name)
+        raise AssertionError
+    return eye
 
 
 def _for_sums(field: ReferenceField) -> ReferenceField:

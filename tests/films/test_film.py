@@ -129,6 +129,15 @@ def test_gpx_and_headings(tmp_path: Path) -> None:
     assert (camera.above, camera.height_m) == ("sea level", 800.0)
 
 
+def test_a_camera_that_stops_goes_on_looking_ahead() -> None:
+    times = NOON + np.timedelta64(1000, "ms") * np.array([0, 10, 60])
+    place = np.array([[47.0, 11.0, 900.0], [47.0, 11.1, 900.0], [47.0, 11.1, 900.0]])
+    path = CameraPath(times, place, np.full((3, 4), np.nan))
+    when = NOON + np.timedelta64(1000, "ms") * np.array([0, 5, 20, 59])
+    cameras = path.camera(Camera.perspective(0.0, 0.0, azimuth_deg=7.0), when)
+    np.testing.assert_allclose([camera.azimuth_deg for camera in cameras], 90.0, atol=0.1)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -173,6 +182,10 @@ def test_titles_say_time_place_and_model() -> None:
              "longitude": 371.0, "height_m": 2.0, "source": "wrfout_d01: WRF V4"}  # fmt: skip
     times = "2024-06-01 12:00:00 UTC   light of 2024-06-01 13:00:00 UTC"
     assert title(facts) == f"{times}   47.00 N 11.00 E   2 m   wrfout_d01"
+    soon = facts | {"light_time": "2024-06-01T12:02:00Z", "height_above": "sea level"}
+    assert title(soon) == "2024-06-01 12:00:00 UTC   47.00 N 11.00 E   2 m above sea level   wrfout_d01"
+    for metres, text in ((84.4, "84 m"), (1234.0, "1.2 km"), (12345.0, "12 km")):
+        assert f"   2 m   liquid {text} ahead   wrf" in title(facts | {"ahead": "liquid", "ahead_m": metres})
     picture = np.full((120, 320, 3), 90, np.uint8)
     drawn = titled(picture, facts)
     assert drawn.shape == picture.shape
@@ -227,8 +240,33 @@ def test_a_blend_of_two_lights_says_its_own_time_and_sun() -> None:
     assert found["n"] == 2.0
 
 
+def test_a_short_path_is_lit_once_and_a_long_one_again_and_again() -> None:
+    from openswim.films.making import Shot, _Lights
+    from openswim.films.weather import Weather
+
+    for seconds, count in ((120, 1), (240, 2), (1500, 6)):
+        times = NOON + np.timedelta64(1000, "ms") * np.arange(0, seconds + 1, 10)
+        lights = _Lights(Weather.of_scenes([CLEAR]), Solver("swim"), [550.0], [Shot(t, CAMERA) for t in times], 300.0)
+        assert len(lights._nodes) == count
+        assert lights._nodes[0] - NOON == times[-1] - lights._nodes[-1]
+        shares = lights.at(times[len(times) // 3])
+        assert sum(share for share, _ in shares) == pytest.approx(1.0)
+        assert len(shares) == min(count, 2)
+
+
 def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     times = NOON + np.timedelta64(1000, "ms") * np.arange(2)
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
     with pytest.raises(UserError, match="times of its own"):
         film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)
+
+
+@pytest.mark.parametrize(("altitude", "ahead"), [(-30.0, "land"), (30.0, None)])
+def test_a_camera_that_looks_one_way_knows_what_is_ahead(tmp_path: Path, altitude: float, ahead: str | None) -> None:
+    from openswim.films.making import Shot, _frame
+    from openswim.lighting import light
+
+    camera = Camera.perspective(47.0, 11.0, height_m=500.0, altitude_deg=altitude, size=16)
+    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0).facts
+    assert facts.get("ahead") == ahead
+    assert ahead is None or facts["ahead_m"] == pytest.approx(1000.0, rel=1e-3)

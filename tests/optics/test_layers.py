@@ -10,7 +10,7 @@ from openswim.ground.surface import settled
 from openswim.optics import aerosol_optics, aerosol_profile, background, scene_optics
 from openswim.optics.aerosol import aerosol_type, spectral_albedo
 from openswim.optics.aerosol_depth import aerosol_depth
-from openswim.optics.chosen import with_aerosol
+from openswim.optics.chosen import with_aerosol, with_stratosphere
 from openswim.optics.climatology import climatological_depth, depth_of_turbidity, water_column_cm
 from openswim.optics.layers import share_within
 from openswim.optics.matter import matter_of
@@ -130,6 +130,36 @@ def test_an_aerosol_of_ones_own(plume: Scene) -> None:
         with_aerosol(plume, "fog")
     with pytest.raises(UserError, match="day of the year"):
         with_aerosol(plume, "climatology")
+
+
+def test_a_stratosphere_beside_what_the_scene_has(plume: Scene) -> None:
+    high = with_stratosphere(plume, "pinatubo")
+    assert [each.name for each in high.atmosphere.layers] == ["dust", "stratosphere"]
+    layer = high.atmosphere.layers[1]
+    assert layer.depth_above(14e3) == pytest.approx(0.15, rel=1e-3)
+    assert layer.depth_above(30e3) == pytest.approx(0.0, abs=1e-9)
+    assert layer.phase is not None
+    assert [each.optical_depth for each in with_stratosphere(high, "smoke", 0.03).atmosphere.layers[1:]] == [0.03]
+    assert with_stratosphere(high, "none").atmosphere.layers == plume.atmosphere.layers
+    with pytest.raises(UserError, match="choose one of background, pinatubo, smoke"):
+        with_stratosphere(plume, "ash")
+
+
+def test_purple_light_while_the_sun_reaches_a_layer_high_up() -> None:
+    """The Earth's shadow, seen 20 degrees up toward the sun, stands below a layer at 20 km while the sun is less than
+    some 5 degrees down, and far above it when it is 9 down. In between it is lit by a sun that the air has reddened."""
+    clear = Scene.clear(40.0, 0.0)
+    camera = openswim.Camera.perspective(40.0, 0.0, azimuth_deg=250.0, altitude_deg=20.0, fov_deg=2.0, size=(2, 2))
+    more = {}
+    for sun in (-4.0, -9.0):
+        with_layer, without = (
+            openswim.render(scene, camera, sun=(250.0, sun), wavelengths_nm=[615.0, 450.0]).radiance.values.mean((0, 1))
+            for scene in (with_stratosphere(clear, "pinatubo"), clear)
+        )
+        more[sun] = with_layer / without
+    assert more[-4.0][0] > 2.7
+    assert more[-4.0][1] < 0.65
+    assert more[-9.0][0] < 0.7 * more[-4.0][0]  # then only what the far, lit part of the layer sends
 
 
 def test_turbidity_of_a_known_sky() -> None:

@@ -122,7 +122,8 @@ def write_wrf(path: Path, spec: WRFSpec) -> Path:
         "V10": (ground, np.full(lat.shape, 4.0), "m s-1"),
     } | spec.extra
     with netCDF4.Dataset(path, "w", format=spec.format) as file:
-        sizes = dict(west_east=spec.nx, south_north=spec.ny, bottom_top=spec.nz, bottom_top_stag=spec.nz + 1)
+        sizes = dict(west_east=spec.nx, south_north=spec.ny, bottom_top=spec.nz, bottom_top_stag=spec.nz + 1,
+                     west_east_stag=spec.nx + 1, south_north_stag=spec.ny + 1)  # fmt: skip
         file.createDimension("Time", None)
         file.createDimension("DateStrLen", 19)
         for name, size in sizes.items():

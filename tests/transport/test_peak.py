@@ -9,7 +9,8 @@ from openswim.transport.march.forward_peak import peak_table, peak_tables
 
 M = 5
 G = 0.85
-ANGLE = np.pi * (np.arange(721) / 720) ** 2
+U = np.arange(3601) / 3600
+ANGLE = np.pi * U**2 * (25 / 24) / (U + 1 / 24)
 
 
 def depth_of(column: int) -> float:
@@ -48,7 +49,7 @@ def test_peaks_narrower_than_their_moments_draw_no_rings(column: int) -> None:
     g, phi = 0.998, depth_of(column)
     ell = np.arange(9000)
     p = np.where(ell < M, 1.0, g ** np.maximum(ell - M, 0.0))
-    wide = slice(90, 400, 7)  # 2.8 to 55 degrees
+    wide = slice(132, 1200, 21)  # 2.8 to 55 degrees
     # less what is delta-like at any depth, whose sum is known: p exp(-phi), a Henyey-Greenstein peak
     series = (2 * ell + 1) * ((np.exp(-phi * (1 - p)) - np.exp(-phi)) / phi - p * np.exp(-phi))
     single = broadened(HenyeyGreenstein(g))[wide, 0].astype(float)
@@ -98,6 +99,6 @@ def test_what_is_not_a_forward_peak_is_left_whole(forward_fraction: float) -> No
 def test_tables_are_stacked_by_scatterer_and_wavelength() -> None:
     a, b = HenyeyGreenstein(0.7), Mixture((0.5, 0.5), (HenyeyGreenstein(0.9), HenyeyGreenstein(0.1)))
     tables = peak_tables([[a, b], [b, a]], M)
-    assert tables.shape == (2, 721, 32, 2)
+    assert tables.shape == (2, 3601, 32, 2)
     np.testing.assert_array_equal(tables[0, ..., 1], tables[1, ..., 0])
     np.testing.assert_array_equal(tables[0, ..., 0], peak_table(a, M))

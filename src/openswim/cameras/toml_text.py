@@ -14,18 +14,18 @@ from openswim.errors import UserError
 _LARGEST_BYTES = 1_000_000
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a file; raises UserError with the line where it is not TOML."""
+def read_toml(path: Path, what: str = "a camera's TOML file") -> dict[str, Any]:
+    """The tables of a file; raises UserError with the line where it is not TOML. what: it is called in messages."""
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            raise UserError(f"{path}: is no file: give a camera's TOML file")
+            raise UserError(f"{path}: is no file: give {what}")
         if status.st_size > _LARGEST_BYTES:
-            raise UserError(f"{path}: is larger than a camera's TOML file can be ({_LARGEST_BYTES // 1000} kB)")
+            raise UserError(f"{path}: is larger than {what} can be ({_LARGEST_BYTES // 1000} kB)")
         return tomllib.loads(path.read_text("utf-8"))
     except (OSError, ValueError, RecursionError) as error:  # ValueError: not UTF-8, not TOML, numbers without end
         why = getattr(error, "strerror", None) or " ".join(str(error).split())[:120]
-        raise UserError(f"{path}: cannot be read as a camera's TOML file ({why})") from None
+        raise UserError(f"{path}: cannot be read as {what} ({why})") from None
 
 
 def toml_text(tables: dict[str, Any]) -> str:

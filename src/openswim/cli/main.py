@@ -17,7 +17,7 @@ from openswim import __version__
 from openswim.cli.camera_commands import calibrate, compare, correct_clouds
 from openswim.cli.light_commands import aerosol, irradiance, satellite, validate
 from openswim.cli.options import debug
-from openswim.cli.sky_commands import demo, film, info, render
+from openswim.cli.sky_commands import batch, demo, film, info, render
 from openswim.errors import UserError
 from openswim.progress import spoken
 from openswim.system.interrupts import INTERRUPTED, watched
@@ -36,7 +36,7 @@ def cli() -> None:
 
 
 for _command in (
-    demo, info, render, film, calibrate, compare, correct_clouds, irradiance, satellite, validate, aerosol,
+    demo, info, render, film, batch, calibrate, compare, correct_clouds, irradiance, satellite, validate, aerosol,
 ):  # fmt: skip
     cli.add_command(_command)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
+LAYERED = (".nc", ".zarr", ".exr")  # files that hold what is seen and how far away it is
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,12 @@ class RenderRequest:
     height_maps: tuple[Path, ...] = ()
     aerosol: str | None = None
     aod: float | None = None
+    stratosphere: str | None = None
+    droplet_variance: float | None = None
+    pristine_ice: float | None = None
+    level_ice: float | None = None
     wavelengths: str | None = None
+    layers: bool = False
 
 
 def run(request: RenderRequest) -> None:
@@ -72,6 +79,7 @@ def run(request: RenderRequest) -> None:
     from openswim.colour import check_writable
     from openswim.colour.picture import check_bits
     from openswim.ground.earth import preload
+    from openswim.images import check_layers
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 
@@ -83,6 +91,9 @@ def run(request: RenderRequest) -> None:
     for output in request.outputs:
         check_writable(output, inputs)
         check_bits(output, int(request.bits))
+    if request.layers and not any(output.suffix.lower() in LAYERED for output in request.outputs):
+        raise UserError(f"--layers are written to {', '.join(LAYERED)}: give such a file with -o as well")
+    check_layers(request.layers, request.solver)
     look = look_of(request)
     camera = camera_of(request)
     sun = sun_of(request.sun)
@@ -93,6 +104,7 @@ def run(request: RenderRequest) -> None:
     import openswim
     from openswim.cli.estimate import announce
     from openswim.optics.choosing import only
+    from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
@@ -104,6 +116,7 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
+    scene = with_shapes(scene, request.droplet_variance, request.pristine_ice, request.level_ice)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
@@ -115,7 +128,7 @@ def run(request: RenderRequest) -> None:
         scene = scene.alone()
     chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
+    image = openswim.render(scene, camera, solver=solver, layers=request.layers, **sun | chosen)
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
@@ -163,12 +176,25 @@ def wavelengths_of(text: str | None) -> tuple[float, ...]:
 
 def with_aerosol_of(request: RenderRequest, scene: "Scene", time: Any = None) -> "Scene":
     """The scene with the aerosol that the options choose, if they choose one."""
-    if request.aerosol is None and request.aod is None:
-        return scene
-    from openswim.optics.chosen import with_aerosol
+    if request.aerosol is not None or request.aod is not None:
+        from openswim.optics.chosen import with_aerosol
 
-    place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
-    return with_aerosol(scene, request.aerosol, request.aod, time, place)
+        place = None if request.lat is None or request.lon is None else (request.lat, request.lon)
+        scene = with_aerosol(scene, request.aerosol, request.aod, time, place)
+    if request.stratosphere is not None:
+        from openswim.optics.chosen import with_stratosphere
+
+        scene = with_stratosphere(scene, *_stratosphere(request.stratosphere))
+    return scene
+
+
+def _stratosphere(text: str) -> tuple[str, float | None]:
+    """NAME or NAME:DEPTH."""
+    name, colon, depth = text.partition(":")
+    try:
+        return name, float(depth) if colon else None
+    except ValueError:
+        raise UserError(f"--stratosphere {shown(text)}: give NAME or NAME:DEPTH, such as pinatubo:0.1") from None
 
 
 def sun_of(text: str | None) -> dict[str, Any]:

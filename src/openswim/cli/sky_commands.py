@@ -1,4 +1,4 @@
-"""Commands that make skies: demo, info, render, film. Each imports what it needs when it is called."""
+"""Commands that make skies: demo, info, render, film, batch. Each imports what it needs when it is called."""
 
 from pathlib import Path
 from typing import Any
@@ -76,7 +76,27 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
 )
+@click.option(
+    "--stratosphere",
+    help="Aerosol in the stratosphere besides: background, pinatubo, smoke, with an optical depth of your own as in "
+    "pinatubo:0.1.  [default: none]",
+)
+@click.option(
+    "--droplet-variance", type=float,
+    help="How much cloud droplets differ in size, as effective variance: .1, usual, to .01, where they show corona and "
+    "glory.  [default: the file's, else 0.1]",
+)
+@click.option(
+    "--pristine-ice", type=float,
+    help="Share of cloud ice by smooth crystals, which show halos.  [default: the file's, else 0.05]",
+)
+@click.option(
+    "--level-ice", type=float,
+    help="Share of cloud ice by plates that float level, which show sundogs.  [default: the file's, else 0]",
+)
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
+@click.option("--layers", is_flag=True,
+              help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
 @click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
@@ -149,3 +169,27 @@ def film(
         picture, output, every=every, path=path, start=start, end=end, frames_per_second=frames_per_second,
         speed=speed, keogram=keogram, title=title,
     ))  # fmt: skip
+
+
+@click.command()
+@click.argument("plan", type=PATH)
+@click.argument("files", type=PATH, nargs=-1)
+@click.option("-o", "--output", type=PATH, help="Folder for the pictures.  [default: the plan's]")
+@click.option("--jobs", type=int, help="Processes side by side.  [default: one a core and so many threads]")
+@click.option("--threads", type=int, default=1, show_default=True, help="Of each process.")
+@click.option("--scheduler", help="Address of a Dask scheduler whose workers do it, such as tcp://10.0.0.5:8786.")
+@click.option("--part", help="Of several machines: WHICH/HOW_MANY, such as 3/16.")
+@click.option("--dry-run", is_flag=True, help="Only say what there is to do, and what it will take.")
+@click.option("--watch", type=PATH, help="Render what arrives in this folder, until Ctrl-C, and keep a page of it.")
+@click.option("--keep", type=int, help="Of --watch: the newest times that are kept.  [default: 288]")
+@allow_references
+@debug
+def batch(plan: Path, files: tuple[Path, ...], **options: Any) -> None:
+    """Make all pictures that PLAN asks for: of many files, times, members and cameras.
+
+    FILES, or patterns in quotes, stand in place of those that the plan names. What stands already, made alike, is not
+    made again: stopped by Ctrl-C or worse, the same command goes on where it was, and what failed is tried again.
+    """
+    from openswim.cli.batch import BatchRequest, run
+
+    run(BatchRequest(plan, files, **options))

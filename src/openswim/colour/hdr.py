@@ -142,7 +142,7 @@ def exr_library() -> Any:
 
 def _write_exr(image: xr.Dataset, path: Path) -> None:
     """Channels R, G, B in single precision, and spectral radiance (W m-2 sr-1 nm-1) as half floats, one channel a
-    wavelength."""
+    wavelength; Z is the distance of what is seen (m), where the image has it, infinite where that is the sky."""
     library = exr_library()
     rgb = radiance_rgb(image)
     channels = {name: np.ascontiguousarray(rgb[..., n]) for n, name in enumerate("RGB")}
@@ -151,6 +151,9 @@ def _write_exr(image: xr.Dataset, path: Path) -> None:
         for n, wavelength in enumerate(image["wavelength"].values):
             values = np.nan_to_num(np.clip(radiance[..., n], 0, _MOST_HALF))
             channels[f"radiance.{wavelength:g}nm"] = np.ascontiguousarray(values, np.float16)
+    if "distance" in image:
+        metres = image["distance"].transpose("y", "x").values.astype(np.float32)
+        channels["Z"] = np.ascontiguousarray(np.where(np.isnan(metres), np.float32(np.inf), metres))
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage, "comments": _about(image).strip()}
     with library.File(header, channels) as file:
         file.write(str(path))

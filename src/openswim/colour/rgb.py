@@ -12,6 +12,7 @@ from openswim.colour.exposure import auto_of, check_exposure, check_gamma, expos
 from openswim.colour.glare import glare_of_sun
 from openswim.colour.spectrum import Extension
 from openswim.errors import UserError
+from openswim.srgb import to_srgb
 
 SAMPLED = 100_000  # pixels that auto exposure looks at, evenly spread
 LAST_SEEN_NM = 780.0  # by the standard observer
@@ -194,9 +195,7 @@ def _of_three(choose: np.ufunc, colour: np.ndarray) -> np.ndarray:
 def encode(linear: np.ndarray, gamma: float | Literal["srgb"] = "srgb") -> np.ndarray:
     """Linear light 0..1 to display values 0..1 by the sRGB curve or a power law."""
     if gamma == "srgb":
-        return np.where(
-            linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-        )
+        return to_srgb(linear)
     check_gamma(gamma)
     return linear ** (1 / gamma)
 

@@ -83,12 +83,9 @@ def crossings(scene: Scene, camera: Camera, direction: F64, levels: slice) -> Cr
             up + np.sqrt(up**2 + 2 * rise / start + (rise / start) ** 2)
         )  # fmt: skip
         lat, lon, _ = frame.latlon(origin + along[:, None] * rays)
-        if grid.curved:
-            ix, iy = grid.index(lon, lat)
-        else:
-            ix, iy = (lon - grid.x[0]) / grid.step[0], (lat - grid.y[0]) / grid.step[1]
-            if grid.periodic:
-                ix, iy = ix % (nx - 1e-6), iy % (ny - 1e-6)
+        ix, iy = grid.place(lon, lat)
+        if grid.periodic:
+            ix, iy = ix % (nx - 1e-6), iy % (ny - 1e-6)
         inside = (ix >= 0) & (ix <= nx - 1) & (iy >= 0) & (iy <= ny - 1)
         iz = _level(grid.height_m, height, iy[inside], ix[inside])
         index[inside, step] = np.stack([iz, iy[inside], ix[inside]], axis=-1)

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.srgb import from_srgb, to_srgb
+
 F64 = NDArray[np.float64]
 
 
@@ -12,7 +14,7 @@ def decoded(share: ArrayLike, encoding: str | float) -> F64:
     if encoding == "linear":
         return value
     if encoding == "srgb":
-        return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
+        return from_srgb(value)
     return np.maximum(value, 0.0) ** float(encoding)
 
 
@@ -22,5 +24,5 @@ def encoded(light: ArrayLike, encoding: str | float) -> F64:
     if encoding == "linear":
         return value
     if encoding == "srgb":
-        return np.where(value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055)
+        return np.asarray(to_srgb(value))
     return np.maximum(value, 0.0) ** (1 / float(encoding))

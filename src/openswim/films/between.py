@@ -51,6 +51,20 @@ class Motion:
         return cls(x, y, "the clouds' own drift")
 
 
+    def of_clouds(self, before: Scene, after: Scene) -> NDArray[np.float64]:
+        """Mean speed (2,) of the clouds of two scenes to the east and north, m/s; 0 where there are none."""
+        grid = _one_grid(before, after)
+        if not any(_is_cloud(str(name)) for name in before.data.data_vars):
+            return np.zeros(2)
+        cloud = _cloud(before) + _cloud(after)
+        if not cloud.any():
+            return np.zeros(2)
+        dx, dy, angle = _axes(grid)
+        along, across = self.x * dx, self.y * dy
+        parts = along * np.cos(angle) - across * np.sin(angle), across * np.cos(angle) + along * np.sin(angle)
+        return np.array([np.average(np.broadcast_to(part, cloud.shape), weights=cloud) for part in parts])
+
+
 def between(before: Scene, after: Scene, time: Time, motion: Motion | None = None) -> Scene:
     """The scene at a time between those of two scenes of the same grid and model.
 
@@ -169,12 +183,15 @@ class _Carrier:
         return np.clip(smooth, low, high).astype(np.float32)
 
 
+def _is_cloud(name: str) -> bool:
+    return name.endswith("_content") or name.startswith("extinction_")
+
+
 def _cloud(scene: Scene) -> F32:
     """All that drifts and is seen, (nz, ny, nx), on a scale of its own."""
     total = None
     for name in scene.data.data_vars:
-        text = str(name)
-        if text.endswith("_content") or text.startswith("extinction_"):
+        if _is_cloud(str(name)):
             values = np.asarray(scene.data[name].values, np.float32)
             values = values / max(float(values.max()), 1e-30)
             total = values if total is None else total + values

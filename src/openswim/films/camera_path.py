@@ -104,13 +104,17 @@ class CameraPath:
         return out
 
     def _headings(self, times: NDArray[np.datetime64]) -> F64:
-        """Azimuths (n,) of the way itself, degrees; NaN where it stands still."""
+        """Azimuths (n,) of the way itself, degrees; where it stands still, that of before; NaN where it never moves."""
         step = np.timedelta64(500, "ms")
         (before, _), (after, _) = self.at(times - step), self.at(times + step)
         north = after[:, 0] - before[:, 0]
         east = ((after[:, 1] - before[:, 1] + 180.0) % 360.0 - 180.0) * np.cos(np.radians(before[:, 0]))
         still = np.hypot(north, east) < 1e-9
-        return np.where(still, np.nan, np.degrees(np.arctan2(east, north)) % 360.0)
+        heading = np.degrees(np.arctan2(east, north)) % 360.0
+        if still.all():
+            return np.full(heading.shape, np.nan)
+        last = np.maximum.accumulate(np.where(still, -1, np.arange(still.size)))
+        return np.asarray(heading[np.where(last < 0, int(np.argmin(still)), last)])
 
 
 def _looking(own: F64, looking_deg: F64, asked: F64) -> F64:

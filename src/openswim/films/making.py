@@ -31,10 +31,11 @@ from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
+from openswim.viewpoint import LitScene, Viewpoint
 
 MOST_FRAMES = 100_000
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
+_ONE_LIGHT = 0.5  # of that time, up to which one light in the middle will do
 _MOST_HALF = 65000.0  # that half floats hold
 _LOWEST_M = 1.5  # above the ground, of a camera on a path
 
@@ -185,6 +186,7 @@ class _Lights:
     ) -> None:
         self._sky, self._solver, self._wavelengths = sky, solver, wavelengths_nm
         self._held: dict[np.datetime64, LitScene] = {}
+        self._drifting = every_s is not None  # frames follow each other closely
         self._nodes = self._times(shots, every_s)
 
     @staticmethod
@@ -193,6 +195,8 @@ class _Lights:
         if every_s is None or times.size < 2:
             return times
         span_s = float((times[-1] - times[0]) / np.timedelta64(1, "ms")) / 1e3
+        if span_s <= _ONE_LIGHT * every_s:
+            return np.array([times[0] + np.timedelta64(round(500 * span_s), "ms")])
         steps = int(np.ceil(span_s / every_s))
         nodes = times[0] + np.round(np.linspace(0, span_s, steps + 1) * 1e3).astype("timedelta64[ms]")
         return nodes if nodes.size < times.size else times
@@ -200,6 +204,8 @@ class _Lights:
     def at(self, time: np.datetime64) -> list[tuple[float, LitScene]]:
         """Shares and lights."""
         nodes = self._nodes
+        if len(nodes) == 1:
+            return [(1.0, self._light(nodes[0]))]
         later = int(np.clip(np.searchsorted(nodes, time), 0, len(nodes) - 1))
         if later == 0 or nodes[later] == time:
             return [(1.0, self._light(nodes[later]))]
@@ -210,7 +216,7 @@ class _Lights:
         if time not in self._held:
             while len(self._held) > 1:
                 self._held.pop(next(iter(self._held)))
-            scene = self._sky.at(time)
+            scene = self._sky.at(time, self._drifting)
             when = None if np.isnat(time) else time
             self._held[time] = light(scene, self._solver, self._wavelengths, when)
         return self._held[time]
@@ -222,7 +228,8 @@ def _frame(
     from openswim.colour.rgb import display_light, exposure_for
 
     camera = _above_ground(lights[0][1], shot.camera)
-    images = [(share, lit.viewpoint(camera).view()) for share, lit in lights if share > 0]
+    eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
+    images = [(share, eye.view()) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
@@ -231,7 +238,8 @@ def _frame(
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
-    return KeptFrame(shown, _facts(image, wanted), data)
+    facts = _facts(image, wanted) | _height(shot.camera, eyes[0][1]) | _ahead(eyes[0][1])
+    return KeptFrame(shown, facts, data)
 
 
 def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.datetime64) -> dict[str, Any]:
@@ -245,6 +253,24 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
             turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
             found[name] = (1 - share) * a + share * (b + turn)
     return found
+
+
+def _height(asked: Camera, eye: Viewpoint) -> dict[str, Any]:
+    """Height as the path counts it, from sea level, also where the camera was lifted."""
+    if asked.above != "sea level":
+        return {}
+    return {"height_m": float(eye.camera.height_above_sea_m(eye.ground_m)), "height_above": asked.above}
+
+
+def _ahead(eye: Viewpoint) -> dict[str, Any]:
+    """What a camera that looks in one direction has in the middle of its picture, unless that is the sky."""
+    camera = eye.camera
+    if camera.view != "perspective":
+        return {}
+    sight = eye.sight(camera.azimuth_deg, camera.altitude_deg)
+    if not np.isfinite(sight.distance_m[0]):
+        return {}
+    return {"ahead": sight.names[sight.kind[0]], "ahead_m": float(sight.distance_m[0])}
 
 
 def _above_ground(lit: LitScene, camera: Camera) -> Camera:

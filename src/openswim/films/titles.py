@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NARROWEST = 200  # pixels: under it nobody could read a title
+_SAME = np.timedelta64(300, "s")  # light is placed anew so often
 _SHADE = 0.45  # of the picture's light that is left behind the title
 
 
@@ -33,18 +34,33 @@ def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint
 
 
 def title(facts: dict[str, Any]) -> str:
-    """Valid time, where the light is of another time that too, place, model."""
+    """Valid time, where the light is of another time that too, place, what is ahead, model."""
     parts = []
     weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
     if weather:
         parts.append(f"{weather} UTC")
-    if light and light != weather:
+    if light and not _together(weather, light):
         parts.append(f"light of {light} UTC")
     if facts.get("latitude") is not None:
         lat, lon = float(facts["latitude"]), (float(facts["longitude"]) + 180) % 360 - 180
         parts.append(f"{abs(lat):.2f} {'N' if lat >= 0 else 'S'} {abs(lon):.2f} {'E' if lon >= 0 else 'W'}")
     if facts.get("height_m") is not None:
-        parts.append(f"{float(facts['height_m']):,.0f} m")
+        above = " above sea level" if facts.get("height_above") == "sea level" else ""
+        parts.append(f"{float(facts['height_m']):,.0f} m{above}")
+    if facts.get("ahead"):
+        parts.append(f"{facts['ahead']} {_length(float(facts['ahead_m']))} ahead")
     source = str(facts.get("source", "")).split(":")[0]
     parts += [Path(source).name] if source else []
     return "   ".join(parts)
+
+
+def _together(weather: str, light: str) -> bool:
+    """Whether two times are as good as the same for the sun."""
+    return bool(weather and abs(np.datetime64(light) - np.datetime64(weather)) <= _SAME)
+
+
+def _length(metres: float) -> str:
+    """In m or km, to two digits."""
+    if metres < 1000:
+        return f"{float(f'{metres:.2g}'):.0f} m"
+    return f"{metres / 1000:.1f} km" if metres < 10_000 else f"{metres / 1000:.0f} km"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ class Weather:
         self._open, self.identity = open_at, list(identity)
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
+        self._speeds: dict[tuple[np.datetime64, np.datetime64], NDArray[np.float64]] = {}
 
     @classmethod
     def of_scenes(cls, scenes: Sequence[Scene]) -> Weather:
@@ -43,7 +46,7 @@ class Weather:
 
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
-        """Of a model's files; ``options`` go to `openswim.open_scene`."""
+        """Of a model's files; ``options`` go to `openswim.open_scene`. Winds are read where there are several times."""
         from openswim.readers import describe, files_of, open_scene
 
         info = describe(path, allow_references=options.get("allow_references", False))
@@ -54,6 +57,8 @@ class Weather:
         if not times:
             scene = open_scene(path, **options)
             return cls.of_scenes([scene])
+        if len(times) > 1:  # clouds travel from one time to the next
+            options = {"winds": True} | options
         return cls(times, lambda time: open_scene(path, time=time, **options), identity)
 
     @property
@@ -61,8 +66,31 @@ class Weather:
         """The scene of the first time."""
         return self._scene(self.times[0])
 
-    def at(self, time: np.datetime64) -> Scene:
-        """The scene of a time; before the first model time the first, after the last the last."""
+    def at(self, time: np.datetime64, drifting: bool = False) -> Scene:
+        """The scene of a time; before the first model time the first, after the last the last. ``drifting``: invented
+        detail has come with the clouds since the first time, at their mean speed."""
+        scene = self._at(time)
+        drift = self._drift(time) if drifting else np.zeros(2)
+        return _with_drift(scene, (float(drift[0]), float(drift[1]))) if drift.any() else scene
+
+    def _drift(self, time: np.datetime64) -> NDArray[np.float64]:
+        """How far clouds have come (2,) to the east and north since the first time, m."""
+        total = np.zeros(2)
+        for before, after in pairwise(self.times):
+            if time <= before:
+                break
+            if (before, after) not in self._speeds:
+                one, other = self._scene(before), self._scene(after)
+                self._speeds[before, after] = self._motion_between(before, after).of_clouds(one, other)
+            total += self._speeds[before, after] * float((min(time, after) - before) / np.timedelta64(1, "s"))
+        return total
+
+    def _motion_between(self, before: np.datetime64, after: np.datetime64) -> Motion:
+        if self._motion is None or self._motion[0] != (before, after):
+            self._motion = (before, after), Motion.between(self._scene(before), self._scene(after))
+        return self._motion[1]
+
+    def _at(self, time: np.datetime64) -> Scene:
         if self.times.size == 1 or time <= self.times[0]:
             return self._scene(self.times[0])
         if time >= self.times[-1]:
@@ -72,9 +100,7 @@ class Weather:
             return self._scene(self.times[later])
         pair = self.times[later - 1], self.times[later]
         before, after = self._scene(pair[0]), self._scene(pair[1])
-        if self._motion is None or self._motion[0] != pair:
-            self._motion = pair, Motion.between(before, after)
-        return between(before, after, time, self._motion[1])
+        return between(before, after, time, self._motion_between(*pair))
 
     def _scene(self, time: np.datetime64) -> Scene:
         if time not in self._held:
@@ -82,3 +108,11 @@ class Weather:
                 self._held.pop(next(iter(self._held)))
             self._held[time] = self._open(time)
         return self._held[time]
+
+
+def _with_drift(scene: Scene, drift_m: tuple[float, float]) -> Scene:
+    """The scene, and the wider ones around it, with detail that has drifted."""
+    out = copy(scene)
+    out.drift_m = drift_m
+    out.wider = None if scene.wider is None else _with_drift(scene.wider, drift_m)
+    return out

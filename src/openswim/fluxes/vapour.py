@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.scene.interpolation import corners
+
 if TYPE_CHECKING:
     from openswim.scene.scene import Scene
 
@@ -25,19 +27,12 @@ def scene_vapour_cm(scene: Scene, x: float, y: float) -> float | None:
             return float(values) / KG_M2_PER_CM
         grid = level.grid
         assert grid is not None
-        if grid.curved:
-            ix, iy = (float(v) for v in grid.index(x, y))
-        else:
-            ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
+        ix, iy = grid.place(x, y)
         ny, nx = values.shape
         if not (-0.5 <= ix <= nx - 0.5 and -0.5 <= iy <= ny - 0.5) and level.wider is not None:
             continue
-        ix, iy = min(max(ix, 0.0), nx - 1.0), min(max(iy, 0.0), ny - 1.0)
-        left, low = min(int(ix), max(nx - 2, 0)), min(int(iy), max(ny - 2, 0))
-        corner = values[low : low + 2, left : left + 2]
-        across = np.array([1 - (ix - left), ix - left])[: corner.shape[1]]
-        along = np.array([1 - (iy - low), iy - low])[: corner.shape[0]]
-        return float(along @ corner @ across) / KG_M2_PER_CM
+        row, column, weight = corners(ix, iy, (ny, nx))
+        return float((weight * values[row, column]).sum()) / KG_M2_PER_CM
     return None
 
 

@@ -139,7 +139,7 @@ class _Places:
 def _plain(data: xr.Dataset, grid: Grid | None, y: FloatArray, x: FloatArray, wavelengths: FloatArray) -> SurfaceSample:
     if grid is None:
         return _plain_at(data, x, y, wavelengths, y.size)
-    ix, iy = (x - grid.x[0]) / grid.step[0], (y - grid.y[0]) / grid.step[1]
+    ix, iy = grid.place(x, y)
     if grid.periodic:
         ix, iy = ix % grid.x.size, iy % grid.y.size
     return _plain_at(data, ix, iy, wavelengths, y.size, periodic=grid.periodic)

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.ground.spectra import from_bands, generic_land
 from openswim.scene.interpolation import corners
+from openswim.srgb import from_srgb
 
 FloatArray = NDArray[np.float64]
 
@@ -253,8 +254,7 @@ def from_blue_marble(rgb: FloatArray) -> FloatArray:
 
 def linear_light(code: ArrayLike) -> FloatArray:
     """sRGB code values 0..255 to linear light 0..1 (IEC 61966-2-1); any shape."""
-    share = np.asarray(code, float) / 255.0
-    return np.where(share <= 0.04045, share / 12.92, ((np.maximum(share, 0.0) + 0.055) / 1.055) ** 2.4)
+    return from_srgb(np.asarray(code, float) / 255.0)
 
 
 @cache

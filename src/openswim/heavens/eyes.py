@@ -11,6 +11,7 @@ from openswim.scene.rays import Rays
 from openswim.transport import Field
 from openswim.transport.field import Viewpoint
 from openswim.transport.view.seen import View
+from openswim.transport.view.sight import Sight
 
 F64 = NDArray[np.float64]
 
@@ -41,6 +42,10 @@ class Eyes:
         views = [eye.view(rays) for eye in self.every]
         radiance = sum(view.radiance * strength for view, strength in zip(views, self.strength, strict=True))
         return replace(views[0], radiance=np.asarray(radiance, np.float32), samples=sum(view.samples for view in views))
+
+    def sight(self, rays: Rays) -> Sight:
+        """What rays look at, whatever the light."""
+        return self.every[0].sight(rays)
 
     def of_others(self, rays: Rays) -> Eyes:
         """That of other rays from the same eye."""

@@ -19,6 +19,7 @@ from openswim.lights.spectrum import solar_irradiance
 from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
+from openswim.srgb import from_srgb
 
 F64 = NDArray[np.float64]
 
@@ -35,8 +36,7 @@ def _albedo_map() -> F64:
 
     with resources.files("openswim.lights").joinpath("data/moon.jpg").open("rb") as stream:
         grey = np.asarray(Image.open(stream).convert("L"), float) / 255
-    linear = np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
-    return np.asarray(np.maximum(linear, 1e-3) ** _PALER)
+    return np.asarray(np.maximum(from_srgb(grey), 1e-3) ** _PALER)
 
 
 def albedo(lon_deg: F64, lat_deg: F64) -> F64:

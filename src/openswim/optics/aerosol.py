@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.optics import Optics
@@ -101,6 +102,27 @@ def aerosol_profile(
         single_scattering_albedo=kind.single_scattering_albedo,
         phase=kind.phase,
     )
+
+
+# Type, optical depth at 550 nm, and relative extinction by height above sea level in km. Background: years without
+# eruptions (Thomason et al. 2018); pinatubo: early 1992 (Sato et al. 1993; McCormick & Veiga 1992); smoke: a plume of
+# the Australian fires, January 2020 (Ohneiser et al. 2020).
+STRATOSPHERES: dict[str, tuple[str, float, dict[float, float]]] = {
+    "background": ("stratospheric", 0.005, {12: 0, 15: 0.7, 18: 1, 21: 0.8, 25: 0.3, 32: 0}),
+    "pinatubo": ("volcanic", 0.15, {14: 0, 17: 0.3, 20: 0.9, 22.5: 1, 25: 0.7, 30: 0}),
+    "smoke": ("smoke", 0.1, {12: 0, 15: 0.5, 19: 1, 22: 0.8, 25: 0}),
+}
+
+
+def stratospheric_layer(name: str, optical_depth: float | None = None) -> AerosolProfile:
+    """A layer of aerosol in the stratosphere, one of `STRATOSPHERES`, with its own optical depth at 550 nm or another;
+    the layer is called "stratosphere"."""
+    if name not in STRATOSPHERES:
+        raise UserError(f"stratosphere {shown(name)}: choose one of {', '.join(STRATOSPHERES)}")
+    kind, usual, shape = STRATOSPHERES[name]
+    table = {1e3 * km: value for km, value in shape.items()}
+    layer = aerosol_profile(kind, usual if optical_depth is None else optical_depth, profile=table)
+    return replace(layer, name="stratosphere")
 
 
 def described_profile(saved: Mapping[str, Any]) -> AerosolProfile:

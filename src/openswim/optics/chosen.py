@@ -8,7 +8,7 @@ from typing import Any
 
 from openswim.arguments import shown
 from openswim.errors import UserError
-from openswim.optics.aerosol import NAMES, aerosol_profile
+from openswim.optics.aerosol import NAMES, aerosol_profile, stratospheric_layer
 from openswim.optics.climatology import climatological_depth
 from openswim.optics.layers import ground_of_place_m
 from openswim.scene.aerosol import DEFAULT_DEPTH, AerosolProfile
@@ -53,6 +53,22 @@ def with_aerosol(
     layer = aerosol_profile(named, DEFAULT_DEPTH if optical_depth is None else float(optical_depth))
     said = f"{named}, optical depth {layer.optical_depth:.3g}{source} at 550 nm above the ground"
     return _replaced(scene, layer, f"background aerosol as chosen: {said}")
+
+
+def with_stratosphere(scene: Scene, name: str, optical_depth: float | None = None) -> Scene:
+    """The scene with aerosol in its stratosphere besides what it has: see `stratospheric_layer`. "none" takes away what
+    was chosen before."""
+    if scene.atmosphere is None:
+        raise UserError("the scene has no air, and so no stratosphere: leave out --stratosphere")
+    layer = None if name == NONE else stratospheric_layer(name, optical_depth)
+    out = copy(scene)
+    kept = [each for each in scene.atmosphere.layers if each.name != "stratosphere"]
+    out.atmosphere = replace(scene.atmosphere, aerosol=kept if layer is None else [*kept, layer])
+    if layer is not None:
+        said = f"aerosol in the stratosphere as chosen: {name}, optical depth {layer.optical_depth:.3g} at 550 nm"
+        out.notes = [*scene.notes, said]
+    out.wider = None if scene.wider is None else with_stratosphere(scene.wider, name, optical_depth)
+    return out
 
 
 def _replaced(scene: Scene, layer: AerosolProfile | None, note: str) -> Scene:

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
 from openswim.optics import ice, mie
+from openswim.optics.displays import crystals, droplets
+from openswim.optics.displays.shapes import Shapes
 from openswim.scene.phase import HenyeyGreenstein, Mixture, PhaseFunction
 
 FloatArray = NDArray[Any]
@@ -44,6 +46,8 @@ HYDROMETEORS = {
 _SNOW_RADIUS_TIMES_DENSITY_KG_M2 = 0.066
 
 DEFAULT_ICE_RADIUS_M = 34e-6
+PLAIN = Shapes(pristine=0.0)
+_MOST_BALANCED = 0.8  # share of pristine ice up to which the rough rest keeps the mean cosine as it was
 _LEAST_NUMBER_PER_M3 = 1e-6  # less is numerical noise
 
 
@@ -143,20 +147,27 @@ def extinction_factor(kind: str, wavelength_nm: float, radius_m: ArrayLike) -> F
     return np.ones_like(np.asarray(radius_m))
 
 
-def phase_function(kind: str, wavelength_nm: float, radius_m: float | None = None) -> PhaseFunction:
+def phase_function(
+    kind: str, wavelength_nm: float, radius_m: float | None = None, shapes: Shapes = PLAIN
+) -> PhaseFunction:
     """Single-scattering phase function of a kind of particle, of effective radius `radius_m` where it matters.
 
-    Liquid and rain: Mie theory (`openswim.optics.mie`). Ice, snow, graupel: Henyey-Greenstein lobes, half of
-    the light in the diffraction peak. Ice (default 34 um) has the g of the severely roughened habit mixture of Baum et
-    al. (2014), in the visible .77 at 5 um to .81 at 60 um and more where ice absorbs, no halo, and the lidar ratio of
-    cirrus (33 sr, Josset et al. 2012) by a narrow lobe backward. Snow is Albers et al. 2020, Eq. B3 (corrected) for
+    Liquid and rain: Mie theory (`openswim.optics.mie`; of droplets more alike than usual `displays.droplets`). Ice,
+    snow, graupel: Henyey-Greenstein lobes, half of the light in the diffraction peak. Ice (default 34 um) has the g of
+    the severely roughened habit mixture of Baum et al. (2014), in the visible .77 at 5 um to .81 at 60 um and more
+    where ice absorbs, no halo, and the lidar ratio of cirrus (33 sr, Josset et al. 2012) by a narrow lobe backward; ice
+    that is pristine in part has the same g, and halos by that part. Snow is Albers et al. 2020, Eq. B3 (corrected) for
     thin clouds, g = .87; graupel g = .57.
     """
     match kind:
+        case "liquid" if shapes.droplet_variance < droplets.USUAL_VARIANCE:
+            radius_m = mie.DEFAULT_RADIUS_M[kind] if radius_m is None else radius_m
+            return droplets.phase_function(wavelength_nm, radius_m, shapes.droplet_variance)
         case "liquid" | "rain":
             return mie.phase_function(kind, wavelength_nm, radius_m)
         case "ice":
-            return _ice(DEFAULT_ICE_RADIUS_M if radius_m is None else radius_m, wavelength_nm)
+            pristine = shapes.pristine / max(1 - shapes.oriented, 1e-9)  # of what is not level
+            return _ice(DEFAULT_ICE_RADIUS_M if radius_m is None else radius_m, wavelength_nm, min(pristine, 1.0))
         case "snow":
             return _lobes((0.50, 0.998), (0.45, 0.86), (0.03, 0.0), (0.02, -0.6))
         case "graupel":
@@ -176,9 +187,20 @@ def single_scattering_albedo(kind: str, wavelengths_nm: ArrayLike, radius_m: flo
     return 1 - ice.coalbedo(wavelengths, radius_m * constants.density_kg_m3 / ice.ICE_KG_M3)
 
 
-def _ice(radius_m: float, wavelength_nm: float) -> PhaseFunction:
+def _ice(radius_m: float, wavelength_nm: float, pristine: float) -> PhaseFunction:
     asymmetry = 0.744 + 0.0167 * np.log(np.clip(radius_m, 5e-6, 60e-6) * 1e6)
     asymmetry += ice.more_asymmetry(wavelength_nm, radius_m)
+    if pristine == 0:
+        return _rough(asymmetry)
+    smooth = crystals.phase_function(wavelength_nm)
+    if pristine > _MOST_BALANCED:
+        return Mixture((1 - pristine, pristine), (_rough(asymmetry), smooth))
+    return Mixture(
+        (1 - pristine, pristine), (_rough((asymmetry - pristine * smooth.asymmetry) / (1 - pristine)), smooth)
+    )
+
+
+def _rough(asymmetry: float) -> PhaseFunction:
     peak, side, back, glint = (0.50, 0.998), (0.07, 0.0), (0.02, -0.5), (0.0002, -0.95)
     broad = 1 - sum(weight for weight, _ in (peak, side, back, glint))
     rest = asymmetry - sum(weight * g for weight, g in (peak, side, back, glint))

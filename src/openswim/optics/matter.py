@@ -49,7 +49,7 @@ class Matter:
     domains whatever makes them anew, one after the other.
     cover (nz, ny, nx): share of each cell that is cloud; None where cloud fills its cells. air: None for none.
     highest_m: level above all that is on levels. cut: whether the grid is a part of a domain that goes on.
-    wider: what lies on a wider, coarser grid around this one.
+    wider: what lies on a wider, coarser grid around this one. drift_m: see `Scene`.
     """
 
     frame: Frame
@@ -61,6 +61,7 @@ class Matter:
     highest_m: float
     cut: bool = False
     wider: Matter | None = None
+    drift_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def wavelengths_nm(self) -> F64:
@@ -128,6 +129,7 @@ def matter_of(
         air = None if level.atmosphere is None else Air(with_own_vapour(level).above_ground(ground_m), terms)
         out = Matter(
             frame, level.grid, terms, list(species) if keep else species, cover, air, _highest_m(level), level.cut, out,
+            level.drift_m,
         )  # fmt: skip
     assert out is not None
     return out

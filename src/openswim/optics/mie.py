@@ -1,8 +1,8 @@
-"""Scattering by water drops: Mie theory, tabulated once by tools/make_mie_tables.py."""
+"""Scattering by water drops: Mie theory, tabulated once by tools/make_mie_tables.py and tools/make_rain_bows.py."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,8 +23,8 @@ def phase_function(kind: str, wavelength_nm: float, effective_radius_m: float | 
     """Phase function of a size distribution of spheres; the table's radii, the nearest end beyond.
 
     "liquid": 400-1700 nm, effective radius 2.5-40 um (default 10), gamma distribution of variance .1. "rain": 400-700
-    nm, 60-1200 um (750), exponential, averaged over the solar disc. The logarithm is linear in wavelength
-    and in ln radius.
+    nm, 125-750 um (750), exponential, averaged over the solar disc, every .05 degrees where the bows are. The logarithm
+    is linear in wavelength and in ln radius.
     """
     log_value = _tables()[f"{_checked(kind)}_log_value"]
     wavelength, known_nm = np.array([wavelength_nm]), _tables()[f"{kind}_wavelength_nm"]
@@ -79,5 +79,15 @@ def _checked(kind: str) -> str:
     return kind
 
 
+@cache
 def _tables() -> dict[str, FloatArray]:
-    return named_arrays("optics", "mie_water")
+    """Those of all angles, with the finer ones of the rainbows put into those of rain."""
+    tables, bows = named_arrays("optics", "mie_water"), named_arrays("optics", "rain_bows")
+    angle, fine = tables["rain_angle_deg"], bows["angle_deg"]
+    below, above = angle < fine[0], angle > fine[-1]
+    known = tables["rain_log_value"]
+    parts = known[..., below], bows["log_value"].astype(known.dtype), known[..., above]
+    return tables | {
+        "rain_angle_deg": np.concatenate([angle[below], fine, angle[above]]),
+        "rain_log_value": np.concatenate(parts, axis=-1),
+    }

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.optics import aerosol, hydrometeors
 from openswim.optics.cover import CLOUD, cloud_cover
+from openswim.optics.displays import crystals
+from openswim.optics.displays.shapes import Shapes
 from openswim.optics.gas_bands import Terms
 from openswim.optics.layers import beside_background, layers_optics
 from openswim.optics.ozone import ozone_cross_section_m2
@@ -36,7 +38,8 @@ class OpticalSpecies:
 
     extinction_per_m: (nz, ny, nx) float32 at the reference (550 nm for aerosol); relative_extinction,
     single_scattering_albedo: (nwl,); phase: one per wavelength; fine: whether it is known to have lumps finer than
-    the grid, as a model's own liquid cloud has (what is given as extinction is given as it is).
+    the grid, as a model's own liquid cloud has (what is given as extinction is given as it is); level: whether they are
+    plates of ice that float level, whose ``phase`` is that of all orientations (`displays.plates`).
     """
 
     name: str
@@ -46,6 +49,7 @@ class OpticalSpecies:
     single_scattering_albedo: FloatArray
     phase: list[PhaseFunction]
     fine: bool = False
+    level: bool = False
 
     @property
     def backscatter_fraction(self) -> float:
@@ -146,11 +150,16 @@ def _hydrometeor(
     split_spread = SPLIT_SPREAD if informed else np.inf
     if names is not None:
         split_spread = 0.0 if f"{kind}, small" in names else np.inf
-    found = []
+    found, shapes = [], Shapes.of(scene)
+    plates = shapes.oriented if kind == "ice" else 0.0
     for name, mean_m, weight in size_bins(kind, radius, extinction, split_spread):
         on_grid = np.zeros(content.shape, np.float32)
         on_grid[present] = extinction * weight
-        found.append(_of_size(name, kind, on_grid, mean_m, wavelengths))
+        found.append(_of_size(name, kind, on_grid * np.float32(1 - plates), mean_m, wavelengths, shapes))
+        if plates:
+            phase = [crystals.phase_function(float(wl), ("plate",)) for wl in wavelengths]
+            level = replace(found[-1], name=f"{name}, level", phase=phase, level=True)
+            found.append(replace(level, extinction_per_m=on_grid * np.float32(plates)))
     return found
 
 
@@ -174,7 +183,7 @@ def size_bins(
 
 
 def _of_size(
-    name: str, kind: str, extinction: NDArray[np.float32], radius_m: float, wavelengths: FloatArray
+    name: str, kind: str, extinction: NDArray[np.float32], radius_m: float, wavelengths: FloatArray, shapes: Shapes
 ) -> OpticalSpecies:
     reference = hydrometeors.extinction_factor(kind, REFERENCE_NM, radius_m)
     relative = [hydrometeors.extinction_factor(kind, float(wl), radius_m) / reference for wl in wavelengths]
@@ -184,7 +193,7 @@ def _of_size(
         extinction_per_m=extinction,
         relative_extinction=np.array(relative, float),
         single_scattering_albedo=hydrometeors.single_scattering_albedo(kind, wavelengths, radius_m),
-        phase=[hydrometeors.phase_function(kind, float(wl), radius_m) for wl in wavelengths],
+        phase=[hydrometeors.phase_function(kind, float(wl), radius_m, shapes) for wl in wavelengths],
         fine=kind == "liquid",
     )
 

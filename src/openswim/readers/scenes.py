@@ -14,6 +14,7 @@ import numpy as np
 from openswim import arguments
 from openswim.arguments import check_kind, number, numbers, shown, whole
 from openswim.errors import UserError
+from openswim.readers.common.asked import winds_asked
 from openswim.readers.common.base import SceneInfo, Time
 from openswim.readers.common.bounds import references_allowed
 from openswim.readers.common.members import OneMember
@@ -34,6 +35,7 @@ def open_scene(
     ground: Ground | None = None,
     allow_references: bool = False,
     member: int | None = None,
+    winds: bool = False,
 ) -> Scene:
     """Open a model's file or files, or a scene saved in the layout of docs/scene-format.md (netCDF or Zarr).
 
@@ -46,6 +48,7 @@ def open_scene(
         followed on up to a hemisphere (radius_km=10000). Domains without a place on Earth are laid around it.
     member : which member of an ensemble, by the file's own number (default: the first, and a note says which).
     ground : your own maps of albedo and height, `openswim.Ground(albedo="tile.tif", height="dem.tif")`.
+    winds : also the wind on levels, `wind_east` and `wind_north`, by which clouds travel from one time to another.
     allow_references : follow what the files say lies in others, wherever that is, in the network too. By default
         references of kerchunk are followed below the folder of their JSON only, and no other file points anywhere.
     """
@@ -57,7 +60,7 @@ def open_scene(
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)
     # what comes of absurd numbers is checked in the end
-    with references_allowed(allow_references), np.errstate(all="ignore"):
+    with references_allowed(allow_references), winds_asked(winds), np.errstate(all="ignore"):
         groups: dict[Any, list[Path]] = dict(by_reader(paths))
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
@@ -75,6 +78,22 @@ def describe(path: Paths, allow_references: bool = False) -> SceneInfo:
     with references_allowed(allow_references), np.errstate(all="ignore"):
         first, *others = [each for group in by_reader(files_of(path)).items() for each in _described(*group)]
     return replace(first, others=others)
+
+
+def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.datetime64 | None, list[Path]]]:
+    """The times (datetime64[ms], ascending) that files hold, each with those of the files that are to be opened for it;
+    (None, files) where they tell no time."""
+    paths = files_of(path)
+    with references_allowed(allow_references), np.errstate(all="ignore"):
+        groups = by_reader(paths)
+        reader = next(iter(groups))
+        if len(paths) > 1 and len(groups) == 1 and not hasattr(reader, "read_parts"):
+            from openswim.readers.series import files_by_time
+
+            return list(files_by_time(reader, paths).items())
+        infos = [each for group in groups.items() for each in _described(*group)]
+    times = np.unique([np.datetime64(time, "ms") for each in infos for time in each.times])
+    return [(time, paths) for time in times] if times.size else [(None, paths)]
 
 
 def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:

@@ -39,6 +39,17 @@ def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhoo
     return holding, near
 
 
+def files_by_time(reader: Any, paths: Sequence[Path]) -> dict[np.datetime64, list[Path]]:
+    """Every time of a series, ascending, and the files that hold it."""
+    found: dict[np.datetime64, list[Path]] = {}
+    for path in paths:
+        for time in np.unique(np.asarray(_times(reader, path), "datetime64[ms]")):
+            found.setdefault(time, []).append(path)
+    if not found:
+        raise UserError(f"{paths[0]}: several files without times: open them one by one")
+    return dict(sorted(found.items()))
+
+
 def describe_series(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
     """The first file's description for every grid, with the times of all files on it."""
     series: dict[tuple[str, ...], list[SceneInfo]] = {}

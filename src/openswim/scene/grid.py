@@ -120,6 +120,14 @@ class Grid:
         dx, dy = self.step
         return (x - self.x[0]) / dx, (y - self.y[0]) / dy
 
+    def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Fractional node indices (ix, iy) of longitude and latitude [degrees], or of metres in a flat grid, periodic
+        or not."""
+        if self.curved:
+            return self.index(x, y)
+        dx, dy = self.step
+        return (np.asarray(x, float) - self.x[0]) / dx, (np.asarray(y, float) - self.y[0]) / dy
+
     @property
     def centre_index(self) -> tuple[float, float]:
         """Fractional node index of the middle of the domain."""

@@ -45,6 +45,8 @@ class Scene:
     ground : the user's own maps of albedo and height, which come before the scene's fields.
     wider : a scene on a wider, coarser grid, seen where this one's ends (not by solver "reference"; not saved with it).
     cut : whether the grid is a part of a domain that goes on.
+    drift_m : how far its clouds have travelled to the east and north; detail below the grid, which is invented, has
+        come with them (`openswim.films.Weather` sets it; not saved with the scene).
     """
 
     grid: Grid | None
@@ -57,6 +59,7 @@ class Scene:
     ground: Ground | None = None
     wider: Scene | None = None
     cut: bool = False
+    drift_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         kinds: dict[str, tuple[Any, str]] = {

@@ -85,6 +85,11 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         "1", "fraction of a cell that its cloud covers", 0.0, 1.0, "cloud_area_fraction_in_atmosphere_layer", clip=True,
         hint="is it in percent?",
     ),
+    "liquid_effective_variance": Variable(
+        "1", "effective variance of the sizes of cloud droplets", 0.01, 0.1, dims=()
+    ),
+    "ice_pristine_fraction": Variable("1", "share of the ice's extinction by smooth prisms", 0.0, 1.0, dims=()),
+    "ice_oriented_fraction": Variable("1", "share of the ice's extinction by level plates", 0.0, 1.0, dims=()),
     "air_pressure": Variable("Pa", "air pressure", 1e-3, 1.2e5, "air_pressure", hint="is it a fill value?"),
     "air_temperature": Variable(
         "K", "air temperature", 90.0, 1200.0, "air_temperature", hint="is it in degrees Celsius?"

@@ -18,6 +18,7 @@ from openswim.transport.medium.medium import Medium
 from openswim.transport.plan import Plan
 from openswim.transport.tiled import LargeViewer, LitDomain
 from openswim.transport.view.seen import View
+from openswim.transport.view.sight import AT_NM, Sight, sight_of
 from openswim.transport.view.viewer import Viewer
 
 F64 = NDArray[np.float64]
@@ -39,6 +40,12 @@ class Viewpoint:
             transmittance=self.terms.mean(np.concatenate([v.transmittance for v in views], axis=1)),
             samples=sum(v.samples for v in views),
         )
+
+    def sight(self, rays: Rays) -> Sight:
+        """What rays from the eye look at, and how far away it is."""
+        off_nm = [float(np.abs(pack.lit.wavelengths_nm[: pack.lit.count] - AT_NM).min()) for pack in self.packs]
+        pack = self.packs[int(np.argmin(off_nm))]
+        return pack.sight(rays) if isinstance(pack, LargeViewer) else sight_of(pack, rays)
 
     def of_others(self, rays: Rays) -> Viewpoint:
         """That of other rays from the same eye, for which little is made again: see `Viewer.of_others`."""

@@ -39,6 +39,7 @@ from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
 from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
 from openswim.transport.view.seen import View
+from openswim.transport.view.sight import Sight, sight_of, species_of
 from openswim.transport.view.viewer import Viewer, skies_for
 
 F32 = NDArray[np.float32]
@@ -149,6 +150,13 @@ class LargeViewer:
                 for name in ("radiance", "transmittance", "hit", "position", "distance_m", "species_depth"):
                     getattr(out, name)[which] = getattr(seen, name)
                 meter.advance(len(which))
+        return out
+
+    def sight(self, rays: Rays) -> Sight:
+        """See `sight_of`. The parts are lit once more for it."""
+        skies, out = skies_for(self.lit, rays), Sight.nothing(len(rays), species_of(self.lit))
+        for window, which in self._parts(rays):
+            out.put(which, sight_of(Viewer.of(self.domain.part(window), rays[which], None, skies), rays[which]))
         return out
 
     @property

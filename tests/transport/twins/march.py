@@ -20,7 +20,9 @@ class Ray:
     def __init__(self, cosine, table, shells, volume):
         x = np.clip((cosine - volume.peak_outer) / (volume.peak_inner - volume.peak_outer), 0, 1)
         self.cosine, self.share = cosine, x * x * (3 - 2 * x)
-        self.peaks = np.array([between(t, np.sqrt(np.arccos(cosine) / np.pi) * (len(t) - 1)) for t in table])
+        turn = np.arccos(cosine) / np.pi  # (1 + c) u^2/(u + c) of a row's share u of all rows, c = 1/24
+        row = np.roots([25 / 24, -turn, -turn / 24]).real.max() * (table.shape[1] - 1)
+        self.peaks = np.array([between(t, row) for t in table])
         weights = np.polynomial.legendre.legvander([cosine], shells.phase.shape[1] - 1)[0]
         weights *= 2 * np.arange(len(weights)) + 1
         self.molecules = weights @ shells.phase[0]

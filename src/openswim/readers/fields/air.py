@@ -94,11 +94,12 @@ def standard_air(height_m: NDArray[Any]) -> tuple[F32, F32]:
     return pressure.astype(np.float32), temperature.astype(np.float32)
 
 
-def wind_along_axes(u: F32, v: F32, angle: NDArray[Any]) -> dict[str, F32]:
+def wind_along_axes(u: F32, v: F32, angle: NDArray[Any], where: str = "_10m") -> dict[str, F32]:
     """Wind along axes turned by an angle (radians, counter-clockwise) from the east, as the scene's toward east and
-    north."""
-    east, north = u * np.cos(angle) - v * np.sin(angle), v * np.cos(angle) + u * np.sin(angle)
-    return {"wind_east_10m": east.astype(np.float32), "wind_north_10m": north.astype(np.float32)}
+    north: 10 m above the ground, or, with ``where`` = "", on levels."""
+    cos, sin = np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32)
+    return {f"wind_east{where}": (u * cos - v * sin).astype(np.float32),
+            f"wind_north{where}": (v * cos + u * sin).astype(np.float32)}  # fmt: skip
 
 
 def without_gaps(values: F32) -> int:
@@ -121,6 +122,12 @@ def filled_from_above(values: F32) -> F32:
             filled = filled.copy() if filled is values else filled
             filled[level] = np.where(gap, filled[level + 1], filled[level])
     return filled
+
+
+def filled_wind(values: F32) -> F32:
+    """Levels (nz, ny, nx) of wind upward without gaps: as the level above has it, else the one below, else calm."""
+    upward = filled_from_above(values)
+    return np.nan_to_num(filled_from_above(upward[::-1])[::-1])
 
 
 _MOST_COLUMNS = 2000  # of which a mean is made

@@ -133,6 +133,8 @@ _ECMWF: dict[int, Meaning] = {
     76: Meaning("snow_content", "moist"),
     129: Meaning("geopotential"),
     130: Meaning("temperature"),
+    131: Meaning("wind_u"),
+    132: Meaning("wind_v"),
     133: Meaning("specific_humidity"),
     134: Meaning("pressure"),
     141: Meaning("snow_water", factor=1000.0),  # metres of water

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2
-from openswim.readers.fields.air import wind_along_axes, without_gaps
+from openswim.readers.fields.air import filled_wind, wind_along_axes, without_gaps
 from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_humidity
 from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
@@ -181,11 +181,26 @@ def _wind(columns: Columns) -> dict[str, F32]:
     if np.isnan(u).any() or np.isnan(v).any():
         columns.notes.append("10-m wind is missing in places: calm there")
         u, v = np.nan_to_num(u), np.nan_to_num(v)
+    return wind_along_axes(u, v, _axis_angle(columns))
+
+
+def wind(columns: Columns, air: Air) -> dict[str, F32]:
+    """Wind on levels, toward east and north."""
+    u, v = (columns.levels_of(name) for name in ("wind_u", "wind_v"))
+    lacking = [level for level in air.levels if level not in u or level not in v]
+    if 2 * len(lacking) > len(air.levels):
+        columns.notes.append("no wind on most levels of the file: none is used")
+        return {}
+    east, north = (filled_wind(columns.stack(fields, air.levels)) for fields in (u, v))
+    return wind_along_axes(east, north, _axis_angle(columns), "")
+
+
+def _axis_angle(columns: Columns) -> NDArray[np.float64]:
+    """By how much winds are to be turned, radians; 0 where the file has them toward east and north."""
     if columns.layout.wind_along_grid and not columns.layout.kind.startswith(("regular", "reduced")):
         own = columns.layout.mesh.grid()
         lon, lat = columns.selection.grid(np.array([0.0, 1.0])).lonlat(
             *np.meshgrid(np.arange(columns.selection.x.size), np.arange(columns.selection.y.size))
         )
-        angle = own.axis_angle(*own.index(lon, lat))
-        return wind_along_axes(u, v, angle)
-    return {"wind_east_10m": np.asarray(u, np.float32), "wind_north_10m": np.asarray(v, np.float32)}
+        return own.axis_angle(*own.index(lon, lat))
+    return np.zeros((1, 1))

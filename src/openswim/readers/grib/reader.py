@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.asked import winds_wanted
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
@@ -37,6 +38,7 @@ from openswim.readers.grib.fields import (
     cover_is_guessed,
     ground,
     of_both_phases,
+    wind,
 )
 from openswim.readers.grib.file import Field, GRIBFile
 from openswim.readers.grib.grid import NAMES, grid_of
@@ -85,6 +87,7 @@ class GRIBReader:
             fields: dict[str, Any]
             if air is not None:
                 fields = _on_levels(columns, air)
+                fields |= wind(columns, air) if winds_wanted() else {}
                 height, terrain = air.height_m, air.terrain_m
             else:
                 fields, (height, terrain) = {}, _flat_levels(columns)

@@ -83,6 +83,11 @@ RADII: dict[str, Quantity] = {
     "graupel": _q("m", "graupel_effective_radius"),
 }
 
+# along the grid's axes where the standard name says so
+WIND = _and_own({
+    "wind_east": _q("m s-1", "u U ua uinterp", "eastward_wind x_wind grid_eastward_wind"),
+    "wind_north": _q("m s-1", "v V va vinterp", "northward_wind y_wind grid_northward_wind"),
+})  # fmt: skip
 SURFACE: dict[str, Quantity] = _and_own({
     "surface_altitude": _q("m", "orog orography surface_altitude zs topo hgt HGT terrain", "surface_altitude"),
     "surface_geopotential": _q("m2 s-2", "PHIS z zs", "surface_geopotential geopotential"),

@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.asked import winds_wanted
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
@@ -44,7 +45,7 @@ from openswim.readers.fields.cover import WIDE_CELL_M, XU_RANDALL, cover_from_hu
 from openswim.readers.fields.particles import known_sizes
 from openswim.readers.fields.vapour import RELATIVE
 from openswim.readers.gridded.columns import PER_VOLUME, Columns
-from openswim.readers.gridded.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, matches
+from openswim.readers.gridded.names import CONTENTS, FRACTIONS, NUMBERS, RADII, STATE, SURFACE, WIND, matches
 from openswim.readers.gridded.vertical import Levels, levels_of
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -156,6 +157,7 @@ def _read(
         fields |= _hydrometeors(columns, levels, grid, terrain)
         haze = _aerosol(columns, levels, terrain)
         fields |= haze.fields
+        fields |= _wind(columns, grid) if winds_wanted() else {}
         columns.gaps.check(files.path, levels.height_m, terrain, notes)
         notes += files.lost(columns.read_names)
         _turn_wind(surface, columns, grid)
@@ -339,11 +341,31 @@ def _over_gaps(columns: Columns, what: str, field: F32) -> F32:
 def _turn_wind(surface: dict[str, F32], columns: Columns, grid: Grid) -> None:
     """Wind along the grid's axes (standard_name x_wind) to east and north."""
     east = columns.find(SURFACE["wind_east_10m"], on_levels=False)
-    along = ("x_wind", "grid_eastward_wind")
-    if "wind_east_10m" not in surface or east is None or east.attrs.get("standard_name") not in along:
+    if "wind_east_10m" not in surface or east is None or not _along_axes(east):
         return
-    angle = grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
-    surface |= air.wind_along_axes(surface["wind_east_10m"], surface["wind_north_10m"], angle)
+    surface |= air.wind_along_axes(surface["wind_east_10m"], surface["wind_north_10m"], _axis_angle(grid))
+
+
+def _wind(columns: Columns, grid: Grid) -> dict[str, F32]:
+    """Wind on levels, toward east and north."""
+    east, north = (columns.find(quantity) for quantity in WIND.values())
+    if east is None or north is None:
+        columns.notes.append("no wind on the levels of temperature and cloud in the file")
+        return {}
+    u, v = (air.filled_wind(columns.read("wind", each, "m s-1")) for each in (east, north))
+    if not _along_axes(east):
+        return {"wind_east": u, "wind_north": v}
+    return air.wind_along_axes(u, v, _axis_angle(grid), "")
+
+
+def _along_axes(wind: xr.DataArray) -> bool:
+    """Whether a wind counts along the grid's axes."""
+    return wind.attrs.get("standard_name") in ("x_wind", "grid_eastward_wind")
+
+
+def _axis_angle(grid: Grid) -> NDArray[np.float64]:
+    """Of the grid's axes to the east, radians (ny, nx)."""
+    return grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
 
 
 def _say_absent(columns: Columns, surface: dict[str, F32], fields: dict[str, F32], grid: Grid) -> None:

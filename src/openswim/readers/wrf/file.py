@@ -18,6 +18,8 @@ from openswim.readers.common.fileset import dates_of
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
 FULL_LEVELS = ("bottom_top_stag", "south_north", "west_east")
+STAGGERED_X = ("bottom_top", "south_north", "west_east_stag")
+STAGGERED_Y = ("bottom_top", "south_north_stag", "west_east")
 SURFACE = ("south_north", "west_east")
 # WRF spells its units in several ways ("kg kg-1", "kg/kg", "  kg(-1)", "# kg-1")
 _UNIT_SPELLING = {

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.asked import winds_wanted
 from openswim.readers.common.base import (
     SceneInfo,
     Time,
@@ -23,7 +24,7 @@ from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground
 from openswim.readers.fields.aerosol_beyond import background_note
 from openswim.readers.fields.air import precipitable_water_kg_m2, relative_humidity, wind_along_axes, with_vapour
 from openswim.readers.fields.vapour import checked_humidity
-from openswim.readers.wrf.file import MASS_LEVELS, SURFACE, WRFFile
+from openswim.readers.wrf.file import MASS_LEVELS, STAGGERED_X, STAGGERED_Y, SURFACE, WRFFile
 from openswim.readers.wrf.grid import PROJECTIONS, lowest_height_m, projection_kind, wrf_grid
 from openswim.readers.wrf.particles import (
     AEROSOL,
@@ -87,6 +88,8 @@ class WRFReader:
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
             levels |= haze.fields
+            if winds_wanted():
+                levels |= _wind(file, grid, notes)
             surface = _surface(file, grid, notes)
             notes += _absences(file)
             notes += low_top(grid.height_m)
@@ -231,6 +234,16 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
         u, v = file.field("U10", SURFACE, "m s-1"), file.field("V10", SURFACE, "m s-1")
         fields |= wind_along_axes(u, v, grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None]))
     return fields
+
+
+def _wind(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[np.float32]]:
+    """Wind on mass levels: the mean of both sides of a cell, turned from the grid's axes."""
+    if "U" not in file or "V" not in file:
+        notes.append("no U, V in the file: no wind on levels")
+        return {}
+    u, v = file.field("U", STAGGERED_X, "m s-1"), file.field("V", STAGGERED_Y, "m s-1")
+    u, v = np.float32(0.5) * (u[..., 1:] + u[..., :-1]), np.float32(0.5) * (v[:, 1:] + v[:, :-1])
+    return wind_along_axes(u, v, grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None]), "")
 
 
 def _absences(file: WRFFile) -> list[str]:

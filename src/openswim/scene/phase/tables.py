@@ -15,7 +15,7 @@ from openswim.tables import named_arrays
 FloatArray = NDArray[np.float64]
 
 # Made from size distribution and refractive index by tools/make_aerosol_tables.py, which names the sources.
-TABULATED = ("dust", "smoke", "sea_salt", "sulphate", "pollution")
+TABULATED = ("dust", "smoke", "sea_salt", "sulphate", "pollution", "stratospheric", "volcanic")
 
 
 class TablePhase(PhaseFunction):

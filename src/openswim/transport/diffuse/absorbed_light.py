@@ -12,7 +12,7 @@ from numba import njit
 
 from openswim.transport.diffuse.ground_nodes import all_of_ground
 from openswim.transport.diffuse.ordinate_transform import BLOCK
-from openswim.transport.diffuse.step import ALONG_Z, between_corners, upstream
+from openswim.transport.diffuse.step import ALONG_Z, Row, between_corners, upstream
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, write
 from openswim.transport.engine.types import FLOAT
 
@@ -24,19 +24,22 @@ _FIRST = FLOAT(0.5 / math.sqrt(math.pi))  # the first harmonic
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _amend_row(
-    intensity, source, extinction, amended, out, out_e, at, at_e, step, own_share, up_share, cloudy, packs, nx, entry,
-    work, room, buried, ground, first,
-):  # fmt: skip
-    """What the steps of a row that has been carried take of the light, over what the nodes at their ends would have
-    them take: less one, as a share of these nodes' light, added to ``amended``, an array like ``intensity``.
+def _amend_row(row, scratch, step, shares, buried, first, grid, buffers):
+    """What the steps of a `Row` that has been carried take of the light, over what the nodes at their ends would have
+    them take: less one, as a share of these nodes' light, added to ``buffers.amended``.
 
-    A step loses exactly what goes in, and what the nodes emit along it, less what comes out. own_share, up_share: what
-    the step is of all that is around its node, and of what is around the upstream ones. buried: steps to nodes whose
-    ``ground``, from flat element ``first`` on, is that level or above do not count; or -1. The rest: see `carry_row`.
+    A step loses exactly what goes in, and what the nodes emit along it, less what comes out. shares: what the step is
+    of all that is around its node, and of what is around the upstream ones. buried: steps to nodes whose ground, from
+    flat element ``first`` on, is that level or above do not count; or -1.
     """
-    wa, wb, wc, wd = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3)
-    half = _HALF * flat(step, 4)
+    intensity, source, extinction = buffers.light, buffers.emitted, buffers.extinction
+    amended, work, cloudy, ground = buffers.amended, buffers.work, grid.cloudy, grid.ground_node
+    own_share, up_share = shares
+    out, out_e, packs, nx, entry = row
+    room = scratch
+    weights, at, at_e = step
+    wa, wb, wc, wd = flat(weights, 0), flat(weights, 1), flat(weights, 2), flat(weights, 3)
+    half = _HALF * flat(weights, 4)
     a, b, c, d = flat(at, 0), flat(at, 1), flat(at, 2), flat(at, 3)
     e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)
     for i in range(0, nx, LANES):
@@ -74,38 +77,32 @@ def _amend_row(
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def amend_plane(
-    k, before, after, level_e, before_e, rows, now, last, axis, q, sx, sy, top, side, grid, step, at, at_e, light,
-    emitted, amended, extinction, work, scratch, buried,
-):  # fmt: skip
-    """`_amend_row` of the steps of `sweep._sweep_plane`; ``before``, ``after``: the planes upstream and downstream."""
+def amend_plane(plane, after, buried, step, grid, buffers):
+    """`_amend_row` of the steps of `sweep._sweep_plane`; ``after``: the plane downstream."""
     _, ny, packs = grid.cloudy.shape
     nx = grid.ground_node.shape[1]
-    stride = extinction.shape[2]
-    begin, end = rows
-    now_e, last_e = (level_e * (ny + 2) + begin) * stride, (before_e * (ny + 2) + begin) * stride
-    entry = (nx - 1 if sx > 0 else 0) if grid.ends and q[0] != 0.0 and nx > 1 else -1
-    skipped = 1 if grid.ends and side and q[1] != 0.0 else 0
-    near, near_e = (last, last_e) if axis == ALONG_Z else (now, now_e)
+    stride = buffers.extinction.shape[2]
+    k, before, begin, end, sx, sy = plane.k, plane.before, plane.begin, plane.end, plane.sx, plane.sy
+    now_e, last_e = (plane.level_e * (ny + 2) + begin) * stride, (plane.before_e * (ny + 2) + begin) * stride
+    entry = (nx - 1 if sx > 0 else 0) if grid.ends and plane.to_x != 0.0 and nx > 1 else -1
+    skipped = 1 if grid.ends and plane.side and plane.to_y != 0.0 else 0
     own_share, up_share = FLOAT(0.5), FLOAT(0.5)
-    if axis == ALONG_Z:
-        if top:
+    if plane.axis == ALONG_Z:
+        if plane.top:
             return
         z = grid.levels_m
-        here = abs(z[k] - z[before])
-        first = 2 * before - k
-        beyond = abs(z[before] - z[first]) if 0 <= first < z.shape[0] else 0.0
-        own_share = FLOAT(here / (here + abs(z[after] - z[k])))
-        up_share = FLOAT(here / (here + beyond))
+        thick = abs(z[k] - z[before])
+        further = 2 * before - k
+        beyond = abs(z[before] - z[further]) if 0 <= further < z.shape[0] else 0.0
+        own_share = FLOAT(thick / (thick + abs(z[after] - z[k])))
+        up_share = FLOAT(thick / (thick + beyond))
     for m in range(skipped, end - begin):
         j = end - begin - m if sy > 0 else 1 + m
         row, aside = j * stride + 1, (j + sy) * stride + 1
-        upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
-        _amend_row(
-            light, emitted, extinction, amended, now + row, now_e + row, at, at_e, step, own_share, up_share,
-            grid.cloudy, (k * ny + begin + j - 1) * packs, nx, entry, work, scratch, buried, grid.ground_node,
-            (begin + j - 1) * nx,
-        )  # fmt: skip
+        upstream(plane, row, aside, now_e, last_e, step)
+        here = Row(plane.now + row, now_e + row, (k * ny + begin + j - 1) * packs, nx, entry)
+        first = (begin + j - 1) * nx
+        _amend_row(here, plane.scratch, step, (own_share, up_share), buried, first, grid, buffers)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 from numba import njit
 
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
@@ -13,6 +16,46 @@ _TWO, _TWELVE = FLOAT(2.0), FLOAT(12.0)
 _SIXTEENTH, _SIXTH = FLOAT(0.0625), FLOAT(1 / 6)
 _SHORT = FLOAT(0.1)
 ALONG_X, ALONG_Y, ALONG_Z = 0, 1, 2  # the axis whose cells an ordinate crosses fastest
+
+
+class Step(NamedTuple):
+    """Scratch: how an ordinate steps to a plane, and to a row of it."""
+
+    weights: np.ndarray  # (8,) of the upstream corners, length, and (trans, near, far) in clear air
+    at: np.ndarray  # (4,) the first upstream node of each corner, in the buffers
+    at_e: np.ndarray  # (4,) the same in the extinction
+
+
+class Plane(NamedTuple):
+    """Rows of a plane of an ordinate: the strip that the buffers hold."""
+
+    k: int
+    before: int  # the plane before, or k itself
+    level_e: int  # this plane in the extinction
+    before_e: int  # and the one before
+    begin: int  # the strip's first row,
+    end: int  # and the one after its last
+    now: int  # this strip's first flat element in the buffers
+    last: int  # and that of the plane before
+    axis: int  # see `ALONG_X`
+    to_x: float  # the ordinate: to the light's origin
+    to_y: float
+    sx: int  # to which side the upstream point lies
+    sy: int
+    top: bool  # light enters the plane from outside
+    side: bool  # light enters the strip's first row from outside
+    inflow: float  # radiance of that light
+    scratch: int  # flat element of ``Room.work`` on which two rows of this thread begin
+
+
+class Row(NamedTuple):
+    """A row of a plane."""
+
+    out: int  # flat element of its first node in the buffers
+    out_e: int  # in the extinction
+    packs: int  # in the grid's ``cloudy``: the packs of nodes whose steps differ
+    nx: int
+    entry: int  # the node where light enters the row from beside, there is no medium upstream of it; or -1
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -42,9 +85,12 @@ def step_weights(extinction, extinction_up, ds):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e):
-    """The first upstream corners of a row, in the order of `carry_row`'s weights: `ALONG_Z` has all on the plane
-    before, the others two on each."""
+def upstream(plane, row, aside, now_e, last_e, step):
+    """The first upstream corners of a row, in the order of the step's weights: `ALONG_Z` has all on the plane before,
+    the others two on each. row, aside: this row's first node from the plane's first on, and that of the row upstream;
+    now_e, last_e: the planes' first elements in the extinction."""
+    axis, sx, last, at, at_e = plane.axis, plane.sx, plane.last, step.at, step.at_e
+    near, near_e = (last, last_e) if axis == ALONG_Z else (plane.now, now_e)
     first = aside if axis == ALONG_Y else row
     second = row if axis == ALONG_Z else aside
     third = row if axis == ALONG_X else aside
@@ -64,21 +110,21 @@ def between_corners(array, a, b, c, d, wa, wb, wc, wd):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def carry_row(
-    intensity, source, extinction, out, out_e, at, at_e, recurrent, step, cloudy, packs, nx, shift, entry, inflow, work,
-    room,
-):  # fmt: skip
-    """One row of an ordinate, whose first node is flat element ``out`` of the buffers, ``out_e`` of ``extinction``.
+def carry_row(row, plane, step, cloudy, buffers):
+    """Light carried to a `Row` of a `Plane` by its `Step`, in the buffers ``light``, ``emitted``, ``extinction`` and
+    ``work`` of a sweep's room.
 
-    at, at_e (4,): the first upstream node of each corner. recurrent: corner a is the neighbour in this very row; all
-    but its radiance is known beforehand, so that only a multiply-add is sequential. ``step``: see `sweep._plan_step`;
-    ``cloudy``, from flat element ``packs`` on: the packs of nodes whose steps differ. entry: the node where ``inflow``
-    enters the row from beside, there is no medium upstream of it; or -1. ``work``: scratch of two rows, from flat
-    element ``room`` on.
+    Along x, corner a is the neighbour in this very row; all but its radiance is known beforehand, so that only a
+    multiply-add is sequential.
     """
+    intensity, source, extinction, work = buffers.light, buffers.emitted, buffers.extinction, buffers.work
+    out, out_e, packs, nx, entry = row
+    room, shift, inflow = plane.scratch, plane.sx, plane.inflow
+    recurrent = plane.axis == ALONG_X
     share = room + intensity.shape[3]
-    wa, wb, wc, wd, ds = flat(step, 0), flat(step, 1), flat(step, 2), flat(step, 3), flat(step, 4)
-    trans, near, far = flat(step, 5), flat(step, 6), flat(step, 7)
+    weights, at, at_e = step
+    wa, wb, wc, wd, ds = flat(weights, 0), flat(weights, 1), flat(weights, 2), flat(weights, 3), flat(weights, 4)
+    trans, near, far = flat(weights, 5), flat(weights, 6), flat(weights, 7)
     known = _ZERO if recurrent else wa
     a, b, c, d = flat(at, 0), flat(at, 1), flat(at, 2), flat(at, 3)
     e_a, e_b, e_c, e_d = flat(at_e, 0), flat(at_e, 1), flat(at_e, 2), flat(at_e, 3)

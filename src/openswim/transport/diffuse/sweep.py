@@ -29,7 +29,17 @@ from openswim.transport.diffuse.ground_nodes import share_ground, share_of_groun
 from openswim.transport.diffuse.moments import Coarser
 from openswim.transport.diffuse.optical_grid import OpticalGrid
 from openswim.transport.diffuse.ordinate_transform import BLOCK, Groups
-from openswim.transport.diffuse.step import ALONG_X, ALONG_Y, ALONG_Z, carry_row, step_weights, upstream
+from openswim.transport.diffuse.step import (
+    ALONG_X,
+    ALONG_Y,
+    ALONG_Z,
+    Plane,
+    Row,
+    Step,
+    carry_row,
+    step_weights,
+    upstream,
+)
 from openswim.transport.engine.pack import flat, put, read_quadruple, write
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -68,13 +78,34 @@ class Room(NamedTuple):
     terms: np.ndarray  # (threads, M*M, BLOCK)
 
 
+class Hemisphere(NamedTuple):
+    """What the ordinates of one hemisphere are carried through."""
+
+    downward: bool  # their light comes from above (or level), else from below, starting at the ground's radiance
+    grid: OpticalGrid
+    half: Half
+    place: NDArray[np.int32]  # of the moments before
+    coarser: Coarser  # the field that lights what is not kept
+    ground_radiance: F32  # (ny, nx)
+    highest: int  # greatest of ``grid.ground_node``
+    room: Room
+
+
+class Strip(NamedTuple):
+    """Rows that are carried through all planes at once."""
+
+    rows: tuple[int, int]  # the first, and the one after the last
+    follows: bool  # there is a strip upstream
+    precedes: bool  # and one downstream
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
+def _plan_step(q, k, before, grid, step):
     """How an ordinate steps through one plane: short characteristics along the axis whose cells it crosses fastest.
 
-    Returns that axis. step (8,): weights of the four upstream corners, length, and (trans, near, far) in clear air.
-    before: the plane before, or k itself.
+    Returns that axis. step (8,): see `Step.weights`. before: the plane before, or k itself.
     """
+    levels_m, cell_m, air_extinction = grid.levels_m, grid.cell_m, grid.air_extinction
     dz = abs(levels_m[k] - levels_m[before]) if before != k else 1.0
     air, air_old = air_extinction[k], air_extinction[before]
     tx = cell_m[0] / max(abs(q[0]), 1e-12)
@@ -93,43 +124,35 @@ def _plan_step(q, k, before, levels_m, cell_m, air_extinction, step):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _sweep_plane(
-    k, level_e, before_e, rows, now, last, axis, q, sx, sy, top, side, inflow, grid, step, at, at_e, light, emitted,
-    extinction, work, scratch,
-):  # fmt: skip
-    """Rows (first, last) of one plane of an ordinate, the strip that the buffers hold.
-
-    level_e, before_e: this plane and the one before in ``extinction``; now, last: their first flat elements in both
-    buffers. sx, sy: to which side the upstream point lies. top, side: whether light enters the plane, or the strip,
-    from outside.
-    """
+def _sweep_plane(plane, step, grid, room):
+    """Light carried to a `Plane`, in the room's buffers."""
     _, ny, packs = grid.cloudy.shape
     nx = grid.ground_node.shape[1]
+    light, extinction = room.light, room.extinction
     stride = extinction.shape[2]
-    begin, end = rows
-    now_e, last_e = (level_e * (ny + 2) + begin) * stride, (before_e * (ny + 2) + begin) * stride
-    along_x = axis == ALONG_X
-    across_x = grid.ends and q[0] != 0.0 and nx > 1
-    across_y = grid.ends and side and q[1] != 0.0
+    k, begin, end, now, sx, sy, inflow = plane.k, plane.begin, plane.end, plane.now, plane.sx, plane.sy, plane.inflow
+    now_e, last_e = (plane.level_e * (ny + 2) + begin) * stride, (plane.before_e * (ny + 2) + begin) * stride
+    from_above = plane.axis == ALONG_Z and plane.top
+    across_x = grid.ends and plane.to_x != 0.0 and nx > 1
+    across_y = grid.ends and plane.side and plane.to_y != 0.0
     entry = (nx - 1 if sx > 0 else 0) if across_x else -1
-    near, near_e = (last, last_e) if axis == ALONG_Z else (now, now_e)
     for m in range(end - begin):
         j = end - begin - m if sy > 0 else 1 + m
         row, aside = j * stride + 1, (j + sy) * stride + 1
-        if (axis == ALONG_Z and top) or (m == 0 and across_y):
+        if from_above or (m == 0 and across_y):
             for i in range(-1, nx + 1):
                 put(light, now + row + i, inflow)
             continue
-        upstream(axis, row, aside, sx, near, near_e, last, last_e, at, at_e)
+        upstream(plane, row, aside, now_e, last_e, step)
         carry_row(
-            light, emitted, extinction, now + row, now_e + row, at, at_e, along_x, step, grid.cloudy,
-            (k * ny + begin + j - 1) * packs, nx, sx, entry, inflow, work, scratch,
-        )  # fmt: skip
+            Row(now + row, now_e + row, (k * ny + begin + j - 1) * packs, nx, entry), plane, step, grid.cloudy, room
+        )
         if across_x:
-            enter(light, now + row + entry, -sx, extinction, now_e + row + entry, grid.cell_m[0] / abs(q[0]), inflow)
-    if across_y and end - begin > 1 and not (axis == ALONG_Z and top):
+            length = grid.cell_m[0] / abs(plane.to_x)
+            enter(light, now + row + entry, -sx, extinction, now_e + row + entry, length, inflow)
+    if across_y and end - begin > 1 and not from_above:
         row = (end - begin if sy > 0 else 1) * stride + 1
-        length = grid.cell_m[1] / abs(q[1])
+        length = grid.cell_m[1] / abs(plane.to_y)
         for i in range(nx):
             enter(light, now + row + i, -sy * stride, extinction, now_e + row + i, length, inflow)
 
@@ -191,14 +214,10 @@ def _copy_row(row, out):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _carry_strip(
-    n, slot, t, rows, follows, precedes, downward, grid, half, place, coarser, ground_radiance, highest, room, step,
-    at, at_e,
-):  # fmt: skip
-    """Ordinate n, the ``slot``-th of its group, through rows (first, last) of all planes, in buffers of thread t.
-
-    follows, precedes: whether there is a strip upstream, and one downstream.
-    """
+def _carry_strip(n, slot, t, strip, hemisphere, step):
+    """Ordinate n, the ``slot``-th of its group, through a `Strip` of all planes, in buffers of thread t."""
+    rows, follows, precedes = strip
+    downward, grid, half, place, coarser, ground_radiance, highest, room = hemisphere
     nz = grid.cloudy.shape[0]
     nx = grid.ground_node.shape[1]
     stride = room.light.shape[3]
@@ -230,7 +249,11 @@ def _carry_strip(
         if follows:
             _copy_row(room.front[t, 0, k], plane[ahead])
             _copy_row(room.front[t, 1, k], emitted[ahead])
-        axis = _plan_step(q, k, before, grid.levels_m, grid.cell_m, grid.air_extinction, step)
+        axis = _plan_step(q, k, before, grid, step.weights)
+        swept = Plane(
+            k, before, level_e, before_e, rows[0], rows[1], now, last, axis, q[0], q[1], sx, sy, turn == 0,
+            not (follows or grid.periodic), inflow, 2 * t * stride,
+        )  # fmt: skip
         clear = room.near_cloud[k] != 1 and room.near_cloud[before] != 1 and min(k, before) >= highest
         if grid.periodic and clear and axis != ALONG_Z and turn > 0 and q[2] != 0.0:
             cross_clear(k, before, q, grid, plane, room.light[t, 1 - cur], emitted, room.emitted[t, 1 - cur])
@@ -241,11 +264,7 @@ def _carry_strip(
             for done in range(rounds):
                 if done > 0:
                     wrap_sides(plane, nx, half.edges[n, k])
-                _sweep_plane(
-                    k, level_e, before_e, rows, now, last, axis, q, sx, sy, turn == 0,
-                    not (follows or grid.periodic), inflow, grid, step, at, at_e, room.light, room.emitted,
-                    room.extinction, room.work, 2 * t * stride,
-                )  # fmt: skip
+                _sweep_plane(swept, step, grid, room)
         if k <= highest:
             _meet_ground(k, downward, rows, plane, share, grid.ground_node, ground_radiance, room.flux[t])
         if k == nz - 1 and not downward:
@@ -262,11 +281,7 @@ def _carry_strip(
             if room.near_cloud[k] == 1:
                 buried = (k + 1 if downward else k) if k <= highest else -1  # what rises begins at the ground
                 after = min(max(k - 1 if downward else k + 1, 0), nz - 1)
-                amend_plane(
-                    k, before, after, level_e, before_e, rows, now, last, axis, q, sx, sy, turn == 0,
-                    not (follows or grid.periodic), grid, step, at, at_e, room.light, room.emitted, room.amended,
-                    room.extinction, room.work, 2 * t * stride, buried,
-                )  # fmt: skip
+                amend_plane(swept, after, buried, step, grid, room)
         if turn > 0:
             leave_amended(before, t, 1 - cur, rows, grid, place, half.weight[n], q, downward, highest, room)
         if turn == nz - 1:
@@ -274,26 +289,26 @@ def _carry_strip(
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _carry(n, slot, t, downward, grid, half, place, coarser, ground_radiance, highest, room, step, at, at_e):
+def _carry(n, slot, t, hemisphere, step):
     """Ordinate n through the whole grid, strip after strip: a strip's planes fit in a core's cache."""
-    ny = grid.cloudy.shape[1]
-    height = room.light.shape[2] - 2
+    ny = hemisphere.grid.cloudy.shape[1]
+    height = hemisphere.room.light.shape[2] - 2
     strips = -(-ny // height)
     for s in range(strips):
-        where = strips - 1 - s if half.direction[n, 1] > 0 else s
+        where = strips - 1 - s if hemisphere.half.direction[n, 1] > 0 else s
         rows = (where * ny // strips, (where + 1) * ny // strips)
-        _carry_strip(
-            n, slot, t, rows, s > 0, s + 1 < strips, downward, grid, half, place, coarser, ground_radiance, highest,
-            room, step, at, at_e,
-        )  # fmt: skip
+        _carry_strip(n, slot, t, Strip(rows, s > 0, s + 1 < strips), hemisphere, step)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_values, room):
+def share_rows(t, threads, g, group, values, new_values, hemisphere):
     """Thread t's share of what stands between two groups: what group g - 1 has left, and what g will find.
 
-    begins: this half is the first, and there is nothing yet to add to.
+    The downward half is the first: there is nothing yet to add to.
     """
+    begins, grid, place, coarser, room = (
+        hemisphere.downward, hemisphere.grid, hemisphere.place, hemisphere.coarser, hemisphere.room,
+    )  # fmt: skip
     nz, ny, _ = grid.cloudy.shape
     groups = group.first.shape[0] - 1
     if g == 0:
@@ -323,34 +338,22 @@ def share_rows(t, threads, g, begins, grid, group, place, values, coarser, new_v
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def share_ordinates(t, threads, g, downward, grid, half, first, place, coarser, ground_radiance, highest, room):
-    """Thread t's share of the ordinates of group g, first[g] to first[g + 1], carried through the grid.
-
-    downward: ordinates whose light comes from above (or level), else from below, starting at the ground's radiance
-    (ny, nx). highest: greatest of ``grid.ground_node``.
-    """
-    step, at, at_e = np.empty(8, FLOAT), np.empty(4, np.int64), np.empty(4, np.int64)
+def share_ordinates(t, threads, g, first, hemisphere):
+    """Thread t's share of the ordinates of group g, first[g] to first[g + 1], carried through the grid."""
+    step = Step(np.empty(8, FLOAT), np.empty(4, np.int64), np.empty(4, np.int64))
     for n in range(first[g] + t, first[g + 1], threads):
-        _carry(
-            n, n - first[g], t, downward, grid, half, place, coarser, ground_radiance, highest, room, step, at, at_e
-        )
+        _carry(n, n - first[g], t, hemisphere, step)
 
 
-def half_sweep(
-    downward: bool, grid: OpticalGrid, half: Half, group: Groups, place: NDArray[np.int32], values: F32,
-    coarser: Coarser, ground_radiance: F32, new_values: F32, room: Room,
-) -> F32:  # fmt: skip
+def half_sweep(hemisphere: Hemisphere, group: Groups, values: F32, new_values: F32) -> F32:
     """Carry the light of one hemisphere through the grid and sum its moments into ``new_values``.
 
-    The downward half comes first and overwrites, the other adds. place, values: `Moments` before; new_values: after;
-    coarser: the field that lights what is not kept. Returns the flux (ny, nx) through the ground (downward) or the top.
+    The downward half comes first and overwrites, the other adds. values: the moments before; new_values: after.
+    Returns the flux (ny, nx) through the ground (downward) or the top.
     """
     groups = len(group.first) - 1
-    highest = int(grid.ground_node.max())
     for g in range(groups + 1):
-        in_threads(share_rows, g, downward, grid, group, place, values, coarser, new_values, room)
+        in_threads(share_rows, g, group, values, new_values, hemisphere)
         if g < groups:
-            in_threads(
-                share_ordinates, g, downward, grid, half, group.first, place, coarser, ground_radiance, highest, room
-            )
-    return np.asarray(room.flux.sum(axis=0))
+            in_threads(share_ordinates, g, group.first, hemisphere)
+    return np.asarray(hemisphere.room.flux.sum(axis=0))

@@ -32,7 +32,7 @@ from openswim.transport.diffuse.optical_grid import (
     with_ghosts,
 )
 from openswim.transport.diffuse.ordinate_transform import BLOCK, Groups, in_groups
-from openswim.transport.diffuse.sweep import Half, Room, half_sweep
+from openswim.transport.diffuse.sweep import Half, Hemisphere, Room, half_sweep
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.ordinates import LEVEL, Ordinates, double_gauss, lebedev
 from openswim.transport.engine.pack import LANES
@@ -217,15 +217,11 @@ class Sweeper:
         """Down, then up from the ground that the first half has lit."""
         radiance = np.zeros_like(self.ground_albedo)
         room = self.room(get_num_threads())
-        (down, down_groups), (up, up_groups) = self.halves
-        self.down_flux = half_sweep(
-            True, self.grid, down, down_groups, self.place, values, self.coarser, radiance, new, room
-        )
+        down, up = self.halves
+        self.down_flux = half_sweep(self.hemisphere(True, radiance, room), down[1], values, new)
         arriving = self.ground_albedo * (self.direct_flux + self.down_flux)
         radiance = np.asarray(arriving / FLOAT(self.unit_flux), FLOAT)
-        self.up_flux = half_sweep(
-            False, self.grid, up, up_groups, self.place, values, self.coarser, radiance, new, room
-        )
+        self.up_flux = half_sweep(self.hemisphere(False, radiance, room), up[1], values, new)
         if self.amends:
             first = new[:, 0]
             more = room.more.sum(axis=0)
@@ -233,6 +229,12 @@ class Sweeper:
             self.ratio = np.maximum(1 + part, _LEAST_RATIO)
         if self.ratio is not None:
             in_threads(scale, new, self.ratio)
+
+    def hemisphere(self, downward: bool, ground_radiance: F32, room: Room) -> Hemisphere:
+        """What its ordinates are carried through; ``ground_radiance`` (ny, nx) rises from below."""
+        half, _ = self.halves[0 if downward else 1]
+        highest = int(self.grid.ground_node.max())
+        return Hemisphere(downward, self.grid, half, self.place, self.coarser, ground_radiance, highest, room)
 
     @cached_property
     def _layout(self) -> tuple[NDArray[np.int64], int, NDArray[np.int64], NDArray[np.int64]]:

@@ -41,7 +41,7 @@ _KINDS: tuple[type, ...] = (
 _GIVEN: dict[type, set[str]] = {
     LitGrid: {"options", "surface", "air", "frame", "landscape", "wider", "once", "decide", "eclipse"},
     GridLight: {"medium"},
-    Medium: {"frame", "species", "grid", "air"},
+    Medium: {"frame", "species", "grid", "air", "drift_m"},
     Lighting: {"terrain"},
     Columns: {"medium", "coefficients"},
 }
@@ -152,7 +152,10 @@ def _lit(
     medium = None
     if tree.get("medium") is not None:
         air = air_of(matter.air, float(tree["medium"]["ground_m"]))
-        given[Medium] = {"frame": matter.frame, "grid": matter.grid, "species": list(matter.species), "air": air}
+        given[Medium] = {
+            "frame": matter.frame, "grid": matter.grid, "species": list(matter.species), "air": air,
+            "drift_m": matter.drift_m,
+        }  # fmt: skip
         medium = one(tree["medium"])
         _check_medium(medium)
     land = None if medium is None else Terrain(medium.terrain_m, medium.cell_m, medium.periodic)

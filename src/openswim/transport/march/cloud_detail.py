@@ -53,11 +53,12 @@ class Detail(NamedTuple):
     quantile: F32  # of the normal distribution, by share of the mean in `in_cloud`
     refined: F32  # (species,) 1 for those that are
     in_cloud: F32  # (nz, ny, nx) greatest extinction around each node, 1/m
+    drift_m: F64  # (2,) along x and y, that it has come with its clouds
 
 
 NO_DETAIL = Detail(
     np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), FLOAT), np.zeros(0),
-    np.zeros(0, FLOAT), np.zeros(2, FLOAT), np.zeros(1, FLOAT), np.zeros((1, 1, 1), FLOAT),
+    np.zeros(0, FLOAT), np.zeros(2, FLOAT), np.zeros(1, FLOAT), np.zeros((1, 1, 1), FLOAT), np.zeros(2),
 )  # fmt: skip
 
 
@@ -88,9 +89,11 @@ def first_wavelength_m(cell_m: float) -> float:
     return min(_PER_CELL * cell_m, _LONGEST_M)
 
 
-def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
+def detail_of(
+    extinction: F32, refined: F32, cell_m: float, sun: F64, drift_m: tuple[float, float] = (0.0, 0.0)
+) -> Detail:
     """Detail of a grid of cells ``cell_m`` wide: extinction (nz, ny, nx) of all species (ns,) that are ``refined``, and
-    the direction to the sun along the grid's axes."""
+    the direction to the sun along the grid's axes; ``drift_m``: how far clouds have brought it along x and y."""
     from scipy.ndimage import maximum_filter
     from scipy.special import ndtri
 
@@ -108,6 +111,7 @@ def detail_of(extinction: F32, refined: F32, cell_m: float, sun: F64) -> Detail:
         np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(FLOAT), wavelength,
         weight.astype(FLOAT), ndtri(np.clip(share, least, 1 - least)).astype(FLOAT), refined,
         np.asarray(FLOAT(most) * maximum_filter(extinction, 3, mode="nearest"), FLOAT),
+        np.array(drift_m, float),
     )  # fmt: skip
 
 

@@ -93,6 +93,7 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
     x, y, z = jx * cell_x, jy * cell_y, height_of_square_m(walk[SQUARE] + t * (2.0 * walk[RISE] + t), radius_m)
     dx, dy = ix * cell_x - x, iy * cell_y - y
     dz = height_of_square_m(walk[SQUARE] + s * (2.0 * walk[RISE] + s), radius_m) - z
+    x, y = x - flat(detail.drift_m, 0), y - flat(detail.drift_m, 1)
     dense = scalar_at(detail.in_cloud, jx, jy, flat(places, step.before + PLACE_LEVEL))
     dense_far = scalar_at(detail.in_cloud, ix, iy, flat(places, step.place + PLACE_LEVEL))
     first_m = flat(detail.wavelength_m, 0)

@@ -9,10 +9,12 @@ docs/decisions/0029-peaks-on-both-ways.md.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.scene.phase import PhaseFunction
@@ -20,7 +22,8 @@ from openswim.transport.engine.types import FLOAT
 
 Array = NDArray[np.float64]
 
-_ANGLES = 721
+_ANGLES = 3601
+_BEND = 1 / 24  # of the tables' angles: see `angles`
 _DEPTHS = 32
 _MOST_MOMENTS = 900
 _NO_PEAK = 1e-6
@@ -42,18 +45,37 @@ def forward_share(moments: Array, degree: int) -> Array:
     return np.maximum(moments[..., degree], 0.0)
 
 
+def angles() -> Array:
+    """The tables' scattering angles (n,), pi (1 + c) u^2/(u + c) of an even u from 0 to 1: .0003 degrees apart in the
+    peak, .05 where bows, halos and the glory are. `peak_row` is the inverse."""
+    u = np.arange(_ANGLES) / (_ANGLES - 1)
+    return np.pi * (1 + _BEND) * u**2 / (u + _BEND)
+
+
+@njit(cache=True, error_model="numpy")
+def peak_row(angle, count):
+    """Fractional row of the forward peaks' tables, of ``count`` rows, at an angle: see `angles`."""
+    half = angle / (2.0 * math.pi * (1.0 + _BEND))
+    return (half + math.sqrt(half * (half + 2.0 * _BEND))) * (count - 1)
+
+
+@lru_cache(maxsize=1)
+def _basis() -> tuple[Array, Array]:
+    """cos(angle) (n,) and Legendre polynomials (l, n) of the tables' angles."""
+    x = np.cos(angles())
+    return x, _legendre(x, _MOST_MOMENTS)
+
+
 @lru_cache(maxsize=64)
 def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
-    """R (angle, depth): 721 angles at pi (i/720)^2, 32 depths at phi/(1 + phi) = j/31.
+    """R (angle, depth): at `angles`, 32 depths at phi/(1 + phi) = j/31.
 
     Column 0 (phi = 0) is the exact phase function less its truncated part: the TMS correction (Nakajima & Tanaka
     1988). Without a forward peak it is what all the beam is scattered by.
     """
     moments = phase.moments(_MOST_MOMENTS)
     f = forward_share(moments, degree)
-    angle = np.pi * (np.arange(_ANGLES) / (_ANGLES - 1)) ** 2
-    x = np.cos(angle)
-    legendre = _legendre(x, _MOST_MOMENTS)
+    x, legendre = _basis()
     weight = 2 * np.arange(_MOST_MOMENTS) + 1.0
     low = weight[:degree] * (moments[:degree] - f)
     table = np.repeat((phase.value(x) - low @ legendre[:degree])[:, None], _DEPTHS, axis=1)
@@ -75,7 +97,7 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
 
 def blunted(tables: NDArray[np.float32], angle_deg: float) -> NDArray[np.float32]:
     """`peak_tables` no higher within an angle of the sun than at it."""
-    first = round((tables.shape[1] - 1) * np.sqrt(angle_deg / 180.0))
+    first = round(peak_row(np.radians(angle_deg), tables.shape[1]))
     out = tables.copy()
     out[:, :first] = out[:, first : first + 1]
     return out

@@ -20,6 +20,7 @@ from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import FRESH, NO_DETAIL, Detail
 from openswim.transport.march.detail_step import FAINT, WIDEST, Step, detailed_step
+from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce, add_level_ice
 from openswim.transport.march.sample import prepare_ray, sample_air, sample_grid, turn_ray
 from openswim.transport.march.state import (
     AHEAD,
@@ -196,9 +197,12 @@ def _send(n, lane, rays, world, species_depth):
     own[WHICH] = n
     dx, dy, dz = rays.direction[n, 0], rays.direction[n, 1], rays.direction[n, 2]
     angle = dx * sun[0] + dy * sun[1] + dz * sun[2]
-    if angle != own[ANGLE]:  # parallel rays are alike
+    plates = world.level_ice.table.shape[0] > 0
+    if angle != own[ANGLE] or plates:  # parallel rays are alike
         own[ANGLE] = angle
         own[SHARE] = prepare_ray(angle, world.table, world.shells.phase, world.volume, lane.constants, lane.peak)
+    if plates:
+        add_level_ice(dx, dy, dz, world.level_ice, lane.constants)
     turn_ray(dx, dy, dz, world.volume, lane.constants)
     end_m = rays.ends_m[n] if rays.ends_m.size > 0 else -FAR_M
     start_walk(lane.walk, rays.origin_m[n], rays.direction[n], end_m, world.shells, world.volume)
@@ -250,12 +254,14 @@ def _march_share(t, threads, rays, world, lanes, out):
 def march_rays(
     origin: F64, direction: F64, sun: F64, table: F32, shells: Shells, volume: Volume, scale: float,
     ends: F64 | None = None, cone: F64 | None = None, detail: Detail = NO_DETAIL,
+    level_ice: LevelIce = NO_LEVEL_ICE,
 ) -> Marched:  # fmt: skip
     """March every ray: origin and direction (n, 3) or (3,), forward peaks ``table`` (species and aerosol, angle, depth,
     PACK), steps ``scale`` times the usual. ``ends`` (n,): distances to the ground in place of the grid's and the
     shells' own, FAR_M where there is none; what lies under the grid's terrain is as the air on it. Negative ones stop
     rays there that have not met the grid's ground or the shells' before. ``cone`` (n, 2): what rays are wide at their
-    origins (m), and what they widen per metre; clouds have ``detail`` where rays that widen are narrow enough."""
+    origins (m), and what they widen per metre; clouds have ``detail`` where rays that widen are narrow enough.
+    ``level_ice``: plates among the species."""
     if shells.phase.shape[1] != DEGREE:
         raise ValueError("the shells were built for another truncation order")
     rays = eye_rays(origin, direction, ends, cone)
@@ -266,10 +272,8 @@ def march_rays(
     )  # fmt: skip
     parts = parts_of(n)
     peaks = np.array(table, FLOAT, order="C")
-    in_threads(
-        _march_share, rays, world_of(sun, peaks, shells, volume, scale, detail), Lanes.of(parts, volume, peaks), out,
-        parts=parts,
-    )  # fmt: skip
+    world = world_of(sun, peaks, shells, volume, scale, detail, level_ice)
+    in_threads(_march_share, rays, world, Lanes.of(parts, volume, peaks), out, parts=parts)
     return out
 
 
@@ -282,10 +286,13 @@ def eye_rays(origin: F64, direction: F64, ends: F64 | None, cone: F64 | None) ->
     return EyeRays(order, o, d, own, np.zeros((n, 2)) if cone is None else np.array(cone, float, order="C"))
 
 
-def world_of(sun: F64, table: F32, shells: Shells, volume: Volume, scale: float, detail: Detail) -> World:
+def world_of(
+    sun: F64, table: F32, shells: Shells, volume: Volume, scale: float, detail: Detail,
+    level_ice: LevelIce = NO_LEVEL_ICE,
+) -> World:  # fmt: skip
     """The same for what they go through."""
     highest_m = max(shells.ground_m, float(volume.terrain_m.max()))
-    return World(tidy(shells), tidy(volume), detail, np.array(sun, float), table, highest_m, float(scale))
+    return World(tidy(shells), tidy(volume), detail, np.array(sun, float), table, highest_m, float(scale), level_ice)
 
 
 def parts_of(n: int) -> int:

@@ -27,6 +27,7 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.scalar import harmonics, shadow_fraction, smoothstep, table_index, transmission
 from openswim.transport.engine.types import FLOAT
+from openswim.transport.march.forward_peak import peak_row
 from openswim.transport.march.state import AEROSOL, MOLECULES, SPECIES, Sample
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
@@ -74,9 +75,8 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
             p0, p1 = p1, ((2 * ell + 3) * cos_angle * p1 - (ell + 1) * p0) / (ell + 2)
         write(constants, kind * PACK, total)
     angle = math.acos(min(1.0, max(-1.0, cos_angle)))
-    n = table.shape[1] - 1
-    t = math.sqrt(angle / math.pi) * n
-    i = min(int(t), n - 1)
+    t = peak_row(angle, table.shape[1])
+    i = min(int(t), table.shape[1] - 2)
     a = FLOAT(t - i)
     depths = table.shape[2] if share > _ZERO else 1
     stride = table.shape[2] * PACK

@@ -50,6 +50,7 @@ class World(NamedTuple):
     table: F32  # (species and aerosol, angle, depth, PACK) forward peaks, see `forward_peak.py`
     highest_m: float  # of the ground
     scale: float  # steps over the usual ones
+    level_ice: Any  # `LevelIce`
 
 
 class EyeRays(NamedTuple):

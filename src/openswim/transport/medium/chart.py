@@ -28,6 +28,22 @@ def fixed_to_earth(frame: Frame, place: F64) -> F64:
     return Frame(frame.radius_m, 0.0, 0.0).position(lat, lon, 0.0) + np.array([0.0, 0.0, frame.radius_m])
 
 
+def before_drift(frame: Frame, place: F64, drift_m: tuple[float, float]) -> F64:
+    """Places as `fixed_to_earth` has them from which clouds have drifted so far to the east and north, without being
+    drawn out: turned about the Earth's centre as the middle of the frame is."""
+    if not any(drift_m):
+        return place
+    if not frame.curved:
+        return place - np.array([*drift_m, 0.0])
+    from scipy.spatial.transform import Rotation
+
+    east, north, up = Frame(frame.radius_m, 0.0, 0.0).enu(frame.lat, frame.lon)
+    way = drift_m[0] * east + drift_m[1] * north
+    return np.asarray(Rotation.from_rotvec(-np.cross(up, way) / frame.radius_m).apply(place.reshape(-1, 3))).reshape(
+        place.shape
+    )
+
+
 def columns_on(grid: Grid, frame: Frame, some: Any) -> tuple[F32, F64]:
     """Axes and sea-level points of some of the nodes (ny, nx) of a grid on the Earth."""
     _, ny, nx = grid.shape

@@ -16,7 +16,7 @@ from openswim.scene.levels import on_levels
 from openswim.transport.air.shells import shell_levels
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
-from openswim.transport.medium.chart import chart_of, finer_columns, fixed_to_earth
+from openswim.transport.medium.chart import before_drift, chart_of, finer_columns, fixed_to_earth
 from openswim.transport.medium.cloud_cover import cloud_under_cover
 from openswim.transport.medium.levels import LAYERS_DEGREE
 from openswim.transport.medium.plan import MediumPlan
@@ -58,6 +58,7 @@ class Medium:
     degree: int = DEGREE  # truncation order of the diffuse field
     first: tuple[int, int] = (0, 0)  # column and row of ``grid`` that are its first
     halvings: int = 0  # of the cells that are drawn, which counts in ``fineness``, too
+    drift_m: tuple[float, float] = (0.0, 0.0)  # to the east and north, that clouds have brought their detail
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -109,6 +110,18 @@ class Medium:
         return min(self.cell_m) * 2**self.halvings
 
     @property
+    def drift_along_axes_m(self) -> tuple[float, float]:
+        """`drift_m` along x and y of the grid at its middle."""
+        if not any(self.drift_m):
+            return 0.0, 0.0
+        _, ny, nx = self.shape
+        axes, place = self.axes[ny // 2, nx // 2].astype(float), self.place[ny // 2, nx // 2]
+        lat, lon, _ = self.frame.latlon(place)
+        east, north, _ = self.frame.enu(float(lat), float(lon))
+        way = self.drift_m[0] * east + self.drift_m[1] * north
+        return float(way @ axes[0]), float(way @ axes[1])
+
+    @property
     def scene_cell_m(self) -> float:
         """Width of the cells of ``grid``."""
         return min(self.cell_m) * self.fineness
@@ -154,7 +167,7 @@ def build_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> Medium:
     fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
     fields = [on_levels(field[:, :rows, :columns], heights, levels, frame.curved) for field in fields]
     if cover is not None:
-        fixed = fixed_to_earth(frame, place)
+        fixed = before_drift(frame, fixed_to_earth(frame, place), matter.drift_m)
         extinction = cloud_under_cover(fields[:-1], species, fields[-1], levels, fixed, cell_m, fineness)
     else:
         extinction = np.zeros((len(species), len(levels), *place.shape[:2]), FLOAT)
@@ -173,6 +186,7 @@ def build_medium(plan: MediumPlan, matter: Matter, surface: Surface) -> Medium:
         frame, grid, matter.wavelengths_nm, species, extinction, levels,
         (plan.cell_m[0] * widening, plan.cell_m[1] * widening), terrain, axes, place, grid.periodic, origin, per_m,
         chart * fineness, ground_m, air_of(matter.air, ground_m), fineness, LAYERS_DEGREE if plan.layered else DEGREE,
+        drift_m=matter.drift_m,
     )  # fmt: skip
     for layers_too in plan.halvings:
         medium = halved_medium(medium, layers_too)

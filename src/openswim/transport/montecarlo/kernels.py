@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.montecarlo.path import STACK, black, trace
+from openswim.transport.montecarlo.path import Drawing, Sight, black, trace, work_space
 from openswim.transport.montecarlo.phase import start_stream, turned, uniform, unit_circle
 from openswim.transport.montecarlo.place import (
     FAR,
@@ -194,8 +194,7 @@ def path_kernel(
     spread = False
     for k in range(3):
         spread = spread or across[k] != 0.0 or along[k] != 0.0
-    scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-    stack, out = np.zeros((STACK + 1, 7 + max(nw, ns))), np.zeros(nw)
+    work, out = work_space(nw, ns), np.zeros(nw)
     wanted, boost, species_depth = np.zeros(layers), np.zeros(layers), np.zeros(ns)
     rng = np.zeros(1, np.uint64)
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
@@ -207,8 +206,8 @@ def path_kernel(
                 margin, ahead_m = pixel_width(d[0], d[1], d[2], across, along, world)
             if world.airy or margin >= 0:
                 cloud_m, ground_m = scout(
-                    o[0], o[1], o[2], d[0], d[1], d[2], -1 if world.airy else margin, world, scratch[0], species_depth,
-                    scratch[1], nodes, wanted, boost,
+                    o[0], o[1], o[2], d[0], d[1], d[2], -1 if world.airy else margin, world, work.scratch[0],
+                    species_depth, work.scratch[1], work.nodes, wanted, boost,
                 )  # fmt: skip
                 if not world.airy:  # straight to the first cloud
                     if cloud_m < 0.0 and (ground_m < 0.0 or black(0.0, 0.0, True, ray, seen, world, out)):
@@ -226,9 +225,10 @@ def path_kernel(
                 if start_m >= FAR:
                     continue
                 out[:] = 0.0
+                place = (x + start_m * d[0], y + start_m * d[1], z + start_m * d[2])
                 trace(
-                    x + start_m * d[0], y + start_m * d[1], z + start_m * d[2], d[0], d[1], d[2], ray, True, seen,
-                    world.airy, boost, aiming, world, phases, scratch, shares, nodes, stack, rng, out,
+                    place, (d[0], d[1], d[2]), Sight(True, ray, seen), Drawing(world.airy, boost, aiming), world,
+                    phases, work, rng, out,
                 )  # fmt: skip
                 for w in range(nw):
                     sums[ray, w] += out[w]
@@ -241,9 +241,8 @@ def flux_kernel(t, threads, place_m, up, seed, first, count, seen, aiming, world
     about ``up`` (n, 3) and the unscattered sun's, over E_TOA."""
     n, nw = sums.shape[:2]
     ns, layers = world.extinction.shape[3], world.layer_majorant.shape[0]
-    scratch, shares, nodes = np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns)
-    stack, out, beam = np.zeros((STACK + 1, 7 + max(nw, ns))), np.zeros(nw), np.zeros(nw)
-    boost = np.ones(layers)
+    work, out, beam = work_space(nw, ns), np.zeros(nw), np.zeros(nw)
+    sight, drawing = Sight(False, 0, seen), Drawing(False, np.ones(layers), aiming)
     rng = np.zeros(1, np.uint64)
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for k in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
@@ -253,17 +252,14 @@ def flux_kernel(t, threads, place_m, up, seed, first, count, seen, aiming, world
                 start_stream(rng, seed, k, path)
                 c, e = unit_circle(rng)
                 q = 1.0 - math.sqrt(uniform(rng))
-                dx, dy, dz = turned(v[0], v[1], v[2], q, c, e)
                 out[:] = 0.0
-                trace(
-                    p[0], p[1], p[2], dx, dy, dz, 0, False, seen, False, boost, aiming, world, phases, scratch,
-                    shares, nodes, stack, rng, out,
-                )  # fmt: skip
+                direction = turned(v[0], v[1], v[2], q, c, e)
+                trace((p[0], p[1], p[2]), direction, sight, drawing, world, phases, work, rng, out)
                 beam[:] = 0.0
                 if mu > 0.0:
                     square, rise, _, _, _ = ray_constants(p[0], p[1], p[2], v[0], v[1], v[2], world)
                     h, _, _ = on_ray(0.0, square, rise, world)
-                    if not sunlight(p[0], p[1], p[2], h, world, beam, nodes, rng):
+                    if not sunlight(p[0], p[1], p[2], h, world, beam, work.nodes, rng):
                         beam[:] = 0.0
                 for w in range(nw):
                     sums[k, w, 0] += 0.25 * out[w]

@@ -9,9 +9,12 @@ by the balance heuristic (detection-directional importance sampling of Buras & M
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
+from openswim.transport.march.level_ice import map_place
 from openswim.transport.montecarlo.ground import (
     mirrored,
     mirrored_density,
@@ -30,6 +33,37 @@ LEAST_GROUND = 0.4  # likewise, where it leaves the ground,
 LEAST_RETURN = 0.1  # which is never rarer than this
 _CLEAR = 0.98  # of the sun's light: from ground that has as much, the sun is not aimed at
 LEAST_SOURCE = 0.1  # of a local estimate, likewise
+
+
+class Sight(NamedTuple):
+    """What a path begins with."""
+
+    eye: bool  # the ground that it meets first is seen as ``seen`` says, else as by scattered light
+    ray: int  # its number in ``seen``
+    seen: NamedTuple
+
+
+class Drawing(NamedTuple):
+    """How a path's chances are shifted, which its weights undo."""
+
+    boosted: bool  # by ``boost``, until it first meets something
+    boost: np.ndarray  # (layers,) how much more often
+    aiming: float  # chance to split toward the sun at a scattering
+
+
+class Work(NamedTuple):
+    """Work space of a thread."""
+
+    scratch: np.ndarray  # (6, wavelengths)
+    shares: np.ndarray  # (species + 2, wavelengths)
+    nodes: np.ndarray  # (species,)
+    stack: np.ndarray  # (STACK + 1, 7 + wavelengths): split paths that wait, and one that is kept
+
+
+@njit(cache=True)
+def work_space(nw, ns):
+    """`Work` for so many wavelengths and species."""
+    return Work(np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns), np.zeros((STACK + 1, 7 + max(nw, ns))))
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -115,20 +149,17 @@ def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes,
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def trace(
-    ox, oy, oz, dx, dy, dz, ray, eye, seen, boosted, boost, aiming, world, phases, scratch, shares, nodes, stack, rng,
-    out,
-):  # fmt: skip
-    """Add one path's radiance to ``out`` (nw,). ``aiming``: chance to split a path toward the sun at a scattering.
-
-    ``eye``: the ground that the path meets first is seen as ``seen`` says, else as by scattered light.
-    ``scratch`` (6, nw), ``shares`` (ns + 2, nw), ``nodes`` (ns,), ``stack`` (STACK + 1, 7 + nw): work space.
-    """
+def trace(place, direction, sight, drawing, world, phases, work, rng, out):
+    """Add one path's radiance to ``out`` (nw,); it begins at a place (x, y, z) in a direction (x, y, z)."""
     nw = out.shape[0]
+    x, y, z = place
+    dx, dy, dz = direction
+    eye, ray, seen = sight
+    boosted, boost, aiming = drawing
+    scratch, shares, nodes, stack = work
     weight, scattered, taken, beam, factor, before = (
         scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5],
     )  # fmt: skip
-    x, y, z = ox, oy, oz
     straight = eye
     whole = 0.0
     for w in range(nw):
@@ -170,6 +201,13 @@ def trace(
                 q = off_sun(dx, dy, dz, world)
                 for w in range(nw):
                     factor[w] = mixed_phase(q, w, first, last, nw, shares, phases)
+                if event == CLOUD and world.plates >= 0:
+                    i, j, f, g = map_place(dx, dy, dz, world.plate_axes, world.plate_map.shape)
+                    for w in range(nw):
+                        more = (1.0 - f) * (1.0 - g) * world.plate_map[i, j, w]
+                        more += (1.0 - f) * g * world.plate_map[i, j + 1, w]
+                        more += f * (1.0 - g) * world.plate_map[i + 1, j, w] + f * g * world.plate_map[i + 1, j + 1, w]
+                        factor[w] = max(factor[w] + shares[world.plates, w] * more, 0.0)
             lit = _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out)
             if event == GROUND:
                 chance = min(max(bright / (LEAST_GROUND * whole), LEAST_RETURN), 1.0)

@@ -10,11 +10,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.optics.displays.plates import beyond_mean
 from openswim.optics.matter import Matter
 from openswim.optics.species import background
 from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
+from openswim.transport.march.level_ice import axes_at
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
@@ -75,6 +77,9 @@ class World(NamedTuple):
     layer_majorant: F64  # (layers,)
     sun: F64  # (3,) unit vector
     sun_depth: F32  # (heights, cosines, nw) logarithm of the air's slant optical depth to the sun
+    plates: int  # which species is ice that floats level, or -1; with axes and map as `march.level_ice` has them, but
+    plate_axes: F64  # upright as at the origin of the frame,
+    plate_map: F64  # and of P alone, (altitude, azimuth, nw)
 
 
 def build_world(
@@ -107,10 +112,22 @@ def build_world(
         "radius_m": frame.radius_m, "ground_m": ground_m, "airy": airy, "curved": frame.curved, "air": air,
         "layer_edge_m": edges, "layer_of": layer_of, "layer_majorant": layer_majorant, "sun": np.array(sun, float),
         "sun_depth": sun_depth, "mean_albedo": np.array(lighting.mean_albedo, float),
+        **_level_plates(medium, frame.radius_m, np.array(sun, float), matter.wavelengths_nm),
     }  # fmt: skip
     if medium is None:
         return World(**common, **_no_grid(ground_m, nw)), phases, None, lighting
     return World(**common, **_grid(medium, lighting, airy)), phases, medium, lighting
+
+
+def _level_plates(medium: Medium | None, radius_m: float, sun: F64, wavelengths_nm: F64) -> dict:
+    axes = axes_at(np.zeros(3), sun, radius_m)
+    species = [] if medium is None else medium.species
+    which = next((n for n, one in enumerate(species) if one.level), -1)
+    table = np.zeros((2, 2, len(wavelengths_nm)))
+    if which >= 0:
+        altitude_deg = float(np.degrees(np.arcsin(np.clip(sun @ axes[2], -1, 1))))
+        table = np.stack([beyond_mean(float(w), altitude_deg) for w in wavelengths_nm], axis=-1)
+    return {"plates": which, "plate_axes": axes, "plate_map": table}
 
 
 def _no_grid(ground_m: float, nw: int) -> dict:

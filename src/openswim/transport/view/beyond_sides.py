@@ -298,10 +298,10 @@ def _carried_down(sweeper: Sweeper, moments: F32) -> tuple[F32, NDArray[np.int64
     nz, (ny, nx) = len(grid.levels_m), grid.ground_node.shape
     whole = replace(sweeper, place=places(np.ones(sweeper.place.shape, bool)), amends=False)
     room, (half, group) = whole.room(get_num_threads()), whole.halves[0]
-    blank, highest = np.zeros((ny, nx), FLOAT), int(grid.ground_node.max())
+    hemisphere = whole.hemisphere(True, np.zeros((ny, nx), FLOAT), room)
     # a sweep but for its moments, which nobody needs
-    in_threads(share_rows, 0, True, grid, group, whole.place, moments, whole.coarser, moments, room)
-    in_threads(share_ordinates, 0, True, grid, half, group.first, whole.place, whole.coarser, blank, highest, room)
+    in_threads(share_rows, 0, group, moments, moments, hemisphere)
+    in_threads(share_ordinates, 0, group.first, hemisphere)
     down = whole.ordinates.direction[: len(half.direction)]
     order = np.array([np.abs(half.direction - q).sum(axis=-1).argmin() for q in down])
     return room.emission.reshape(nz, ny, len(down), -1)[..., :nx], order

@@ -24,12 +24,14 @@ from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted
+from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
 from openswim.transport.view.around_shadow import light_around
+from openswim.transport.view.level_ice import level_ice
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
@@ -46,7 +48,8 @@ _SAME_EYE_M, _SAME_WAY = 1e-3, 1e-6
 @dataclass(frozen=True, eq=False)
 class AimedGrid:
     """The light of a grid with its sources toward an eye, and of those around it; ``sky``: the shells that the eye's
-    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself."""
+    rays go through; ``table``: forward peaks, which are cut where the beam glitters by itself; ``plates``: those
+    of ice that float level."""
 
     lit: LitGrid
     volume: Volume
@@ -54,6 +57,7 @@ class AimedGrid:
     table: F32
     detail: Detail
     relief: Relief | None
+    plates: LevelIce = NO_LEVEL_ICE
     mirrored: Mirrored | None = None
     wider: AimedGrid | None = None
     eye: F64 | None = None  # None where rays are parallel
@@ -63,7 +67,9 @@ class AimedGrid:
         """Turned toward an eye (3,), or, where rays are ``parallel``, along their direction; a sky for each grid."""
         wider = None if lit.wider is None else cls.at(lit.wider, eye, parallel, relief, skies[1:])
         place = None if parallel else eye
-        return cls(lit, aimed(lit, eye, parallel), skies[0], lit.table, NO_DETAIL, relief, wider=wider, eye=place)
+        plates = level_ice(lit, place)
+        grid = aimed(lit, eye, parallel)
+        return cls(lit, grid, skies[0], lit.table, NO_DETAIL, relief, plates, wider=wider, eye=place)
 
     @property
     def levels(self) -> list[AimedGrid]:
@@ -103,7 +109,7 @@ class AimedGrid:
         step = lit.options.step * (CLEAR_STEP if lit.medium is None else 1.0)
         seen = march_rays(
             origin, direction, lit.sun, self.table, self.sky, self.volume, step, ends=ends, cone=cone,
-            detail=self.detail,
+            detail=self.detail, level_ice=self.plates,
         )  # fmt: skip
         radiance = np.maximum(seen.radiance, 0)  # the truncated source may dip below zero where next to nothing is
         return Seen(
@@ -287,7 +293,7 @@ def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
         _, ny, nx = m.shape
         return detail_of(
             m.extinction[refined].sum(axis=0), np.array(refined, FLOAT), m.drawn_cell_m,
-            light.local_sun[ny // 2, nx // 2],
+            light.local_sun[ny // 2, nx // 2], m.drift_along_axes_m,
         )  # fmt: skip
 
     return lit.once("detail", make)

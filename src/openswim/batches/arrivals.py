@@ -1,0 +1,51 @@
+"""Files that arrive in a folder: those that have stopped growing."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from pathlib import Path
+
+from openswim.batches.names import Names
+from openswim.errors import UserError
+
+SETTLED_S = 20.0  # without a change of size or time, after which a file is taken to be whole
+
+
+class Arrivals:
+    """A folder that is looked at now and then."""
+
+    def __init__(self, folder: Path, patterns: Sequence[str], anywhere: bool = False, settled_s: float = SETTLED_S
+                 ) -> None:  # fmt: skip
+        self.names, self.patterns, self.settled_s = Names(folder, anywhere), patterns, settled_s
+        self._seen: dict[Path, tuple[int, int, float]] = {}  # size, time of change, and since when both are so
+
+    def whole(self) -> list[Path]:
+        """The files that match and have stopped growing; hidden and empty ones are left out."""
+        now, seen, found = clock.monotonic(), {}, []
+        for path in self._there():
+            try:
+                about = path.stat()
+            except OSError:  # gone meanwhile
+                continue
+            if about.st_size == 0 or path.name.startswith("."):
+                continue
+            size, changed, since = self._seen.get(path, (-1, -1, now))
+            if (size, changed) != (about.st_size, about.st_mtime_ns):
+                old = not self._seen and clock.time() - about.st_mtime > self.settled_s  # when we came it was there
+                since = now - self.settled_s if old else now
+            seen[path] = about.st_size, about.st_mtime_ns, since
+            if now - since >= self.settled_s:
+                found.append(path)
+        self._seen = seen or self._seen
+        return found
+
+    def _there(self) -> list[Path]:
+        found: list[Path] = []
+        for pattern in self.patterns:
+            try:
+                found += self.names.files([pattern], "--watch")
+            except UserError as error:
+                if "no file matches" not in str(error):
+                    raise
+        return list(dict.fromkeys(found))

@@ -1,0 +1,72 @@
+"""What files a plan may name: those below its own folder, unless it is trusted."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from openswim.arguments import shown
+from openswim.errors import UserError
+
+MOST_FILES = 100_000
+_TRUST = "give --allow-references, if you trust the plan"
+
+
+@dataclass(frozen=True)
+class Names:
+    """A plan's folder, from which the names in it count."""
+
+    folder: Path
+    anywhere: bool = False
+
+    def beside(self, name: str, what: str) -> Path:
+        """A file or folder, there or not yet."""
+        path = self.folder / name
+        self._check(path, name, what)
+        return path
+
+    def files(self, names: Sequence[str], what: str) -> tuple[Path, ...]:
+        """The files that names and patterns with * ? [ ] stand for, each once, in order."""
+        found: list[Path] = []
+        for name in names:
+            path = self.folder / name
+            if os.path.lexists(path) or not any(mark in name for mark in "*?["):
+                self._check(path, name, what)
+                found.append(path)
+                continue
+            parts = Path(name).parts
+            if not self.anywhere and (Path(name).is_absolute() or ".." in parts):
+                raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
+            if "**" in parts:
+                raise UserError(f"{what} {shown(name)}: ** would look into every folder: name the folders")
+            start = Path(path.anchor or ".")
+            hits = sorted(islice(start.glob(str(path.relative_to(path.anchor) if path.anchor else path)),
+                                 MOST_FILES + 1))  # fmt: skip
+            if not hits:
+                raise UserError(f"{what} {shown(name)}: no file matches this pattern")
+            for hit in hits:
+                self._check(hit, str(hit), what)
+            found += hits
+        if len(found) > MOST_FILES:
+            raise UserError(f"{what}: more than {MOST_FILES} files: make several plans")
+        return tuple(dict.fromkeys(found))
+
+    def _check(self, path: Path, name: str, what: str) -> None:
+        try:
+            inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
+        except (OSError, ValueError):
+            raise UserError(f"{what} {shown(name)}: no file can have this name") from None
+        if not (inside or self.anywhere):
+            raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
+
+
+def stamp_of(time: np.datetime64 | None, member: int | None) -> str:
+    """ "20050828T180000", with "_m003" of a member; what files are called after, may be empty."""
+    text = "" if time is None else re.sub(r"[-:]", "", str(time.astype("datetime64[ms]"))).replace(".000", "")
+    return "_".join(part for part in (text.replace(".", ""), "" if member is None else f"m{member:03d}") if part)

@@ -1,0 +1,136 @@
+"""What of a batch is done: a small file for each task, written after its pictures, and the manifest of all."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import openswim
+from openswim.batches.plan_cameras import PlannedCamera
+from openswim.batches.tasks import Task
+from openswim.errors import UserError
+from openswim.scene.files import written_whole
+from openswim.system.workshops import sweep
+
+FOLDER = ".batch"
+MANIFEST = "manifest.jsonl"
+_OURS = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,63}/)?[A-Za-z0-9][A-Za-z0-9_.-]{0,120}")  # names that we give
+_LONGEST = 1 << 24  # bytes of a record, of a thousand cameras
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was made of one task: of each camera the files, from the batch's folder."""
+
+    path: Path
+    task: str
+    weather: str
+    time: str
+    files: dict[str, tuple[str, ...]]
+
+
+class Records:
+    """Which pictures of a batch stand whole in its folder, made as they would be made now."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def prepare(self, tasks: Iterable[Task]) -> None:
+        """Make the folders, and remove what dead processes have left in them."""
+        for weather in sorted({task.weather for task in tasks}):
+            for made in (self.folder / weather, self.folder / FOLDER / weather):
+                try:
+                    made.mkdir(parents=True, exist_ok=True)
+                except OSError as error:
+                    raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
+                sweep(made)
+
+    def missing(self, task: Task, cameras: Iterable[PlannedCamera]) -> list[PlannedCamera]:
+        """The cameras whose pictures are to be made."""
+        kept = self._read(task)
+        return [camera for camera in cameras if not self._stands(kept.get(camera.name), task, camera)]
+
+    def add(self, task: Task, camera: PlannedCamera, files: Iterable[str]) -> None:
+        """A camera's pictures are there."""
+        kept = self._read(task)
+        kept[camera.name] = {"mark": task.mark_of(camera),
+                             "files": {name: _size(self.folder / name) for name in sorted(files)}}  # fmt: skip
+        about = {"task": task.name, "weather": task.weather, "time": str(task.time), "member": task.member}
+        with written_whole(self._path(task)) as partial:
+            partial.write_text(json.dumps(about | {"cameras": kept}, sort_keys=True))
+
+    def standing(self) -> list[Record]:
+        """All that was ever recorded and not removed, by time and name; what is damaged is left out."""
+        found = []
+        for path in (self.folder / FOLDER).glob("**/*.json"):
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                if path.stat().st_size > _LONGEST:
+                    continue
+                kept = json.loads(path.read_text("utf-8"))
+                files = {str(name): tuple(filter(_is_ours, each["files"])) for name, each in kept["cameras"].items()}
+                found.append(Record(path, str(kept["task"]), str(kept["weather"]), str(kept["time"]), files))
+        return sorted(found, key=lambda record: (record.time, record.task))
+
+    def remove(self, record: Record) -> None:
+        """Remove the files of a record, and the record last."""
+        for name in (name for files in record.files.values() for name in files):
+            path = self.folder / name
+            with suppress(OSError):
+                if path.suffix == ".zarr" and path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                elif not path.is_dir():
+                    path.unlink()
+        with suppress(OSError):
+            record.path.unlink()
+
+    def write_manifest(self, tasks: Iterable[Task], cameras: Iterable[PlannedCamera]) -> None:
+        """One line for each task of which all pictures are there, after a line about the batch."""
+        cameras = list(cameras)
+        with written_whole(self.folder / MANIFEST) as partial, partial.open("w", encoding="utf-8") as out:
+            out.write(json.dumps({"kind": "openswim batch", "openswim": openswim.__version__}) + "\n")
+            for task in tasks:
+                kept = self._read(task)
+                if all(self._stands(kept.get(camera.name), task, camera) for camera in cameras):
+                    line = {"task": task.name, "time": None if task.time is None else str(task.time),
+                            "member": task.member, "weather": task.weather,
+                            "cameras": {camera.name: kept[camera.name] for camera in cameras}}  # fmt: skip
+                    out.write(json.dumps(line, sort_keys=True) + "\n")
+
+    def _stands(self, kept: Any, task: Task, camera: PlannedCamera) -> bool:
+        if not isinstance(kept, dict) or kept.get("mark") != task.mark_of(camera):
+            return False
+        files = kept.get("files")
+        if not isinstance(files, dict) or not set(task.targets(camera)) <= set(files):
+            return False
+        return all(_size(self.folder / name) == size for name, size in files.items())
+
+    def _path(self, task: Task) -> Path:
+        return self.folder / FOLDER / f"{task.name}.json"
+
+    def _read(self, task: Task) -> dict[str, Any]:
+        """By camera; what is damaged counts as not done."""
+        with suppress(OSError, ValueError, RecursionError):
+            path = self._path(task)
+            if path.stat().st_size <= _LONGEST:
+                kept = json.loads(path.read_text("utf-8"))["cameras"]
+                return dict(kept) if isinstance(kept, dict) else {}
+        return {}
+
+
+def _is_ours(name: object) -> bool:
+    return isinstance(name, str) and bool(_OURS.fullmatch(name)) and name != MANIFEST
+
+
+def _size(path: Path) -> int | None:
+    """Bytes of a file; of a folder that is there, -1; None of nothing."""
+    try:
+        return -1 if path.is_dir() else os.stat(path).st_size
+    except OSError:
+        return None

@@ -1,0 +1,163 @@
+"""The tasks of a plan: each is one time of one member of one run, with all its cameras."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import openswim
+from openswim.batches.names import stamp_of
+from openswim.batches.plan import Plan, Weather
+from openswim.batches.plan_cameras import PlannedCamera
+from openswim.errors import UserError
+from openswim.readers import states_of
+
+MOST_TASKS = 1_000_000
+MOST_IN_FOLDER = 100_000  # files of a Zarr store that are looked at
+
+
+@dataclass(frozen=True)
+class Task:
+    """One solve. mark: fingerprint of its files and of all that holds for every camera."""
+
+    weather: str
+    files: tuple[str, ...]
+    time: np.datetime64 | None
+    member: int | None
+    mark: str
+
+    @property
+    def stamp(self) -> str:
+        """What its files have in their names."""
+        return stamp_of(self.time, self.member)
+
+    @property
+    def name(self) -> str:
+        """Of the task, unique in its plan."""
+        return "/".join(part for part in (self.weather, self.stamp or "one") if part)
+
+    def targets(self, camera: PlannedCamera) -> list[str]:
+        """The files of a camera that are asked for, from the plan's folder."""
+        stem = "_".join(part for part in (camera.name, self.stamp) if part)
+        return ["/".join(part for part in (self.weather, f"{stem}{suffix}") if part) for suffix in camera.suffixes]
+
+    def mark_of(self, camera: PlannedCamera) -> str:
+        """Fingerprint of all that a camera's pictures depend on."""
+        return hashlib.sha256(f"{self.mark} {camera.fingerprint}".encode()).hexdigest()[:32]
+
+
+def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task]:
+    """All tasks of a plan, by weather, time and member; raises UserError.
+
+    unreadable: gets those of several files that cannot be read, with the reason; without it they are an error.
+    """
+    common = _common(plan)
+    tasks = []
+    for weather in plan.weathers:
+        marks: dict[str, str] = {}
+        for time, files in _states(plan, weather, unreadable):
+            for member in weather.members:
+                mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
+                tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
+        if len(tasks) > MOST_TASKS:
+            raise UserError(f"more than {MOST_TASKS} times and members: make several plans")
+    _check_targets(plan, tasks)
+    return tasks
+
+
+def part_of(tasks: Sequence[Task], part: tuple[int, int]) -> list[Task]:
+    """The share of one of several machines: part = (which, of how many), counted from 1."""
+    which, count = part
+    if not 1 <= which <= count:
+        raise UserError(f"--part {which}/{count}: write WHICH/HOW_MANY, such as 3/16")
+    return list(tasks[which - 1 :: count])
+
+
+def _readable(plan: Plan, files: Sequence[Path], unreadable: dict[Path, str]) -> list[Path]:
+    """Those of several files that can be read; the others are told."""
+    good = []
+    for path in files:
+        try:
+            states_of([path], plan.allow_references)
+            good.append(path)
+        except UserError as error:
+            unreadable[path] = str(error)
+    return good
+
+
+def _states(
+    plan: Plan, weather: Weather, unreadable: dict[Path, str] | None
+) -> list[tuple[np.datetime64 | None, list[Path]]]:
+    """The times that are wanted, with their files."""
+    try:
+        found = states_of(weather.files, plan.allow_references)
+    except UserError:
+        good = [] if unreadable is None else _readable(plan, weather.files, unreadable)
+        if not good or len(good) == len(weather.files):
+            raise
+        found = states_of(good, plan.allow_references)
+    if plan.times:
+        by_time = {time: files for time, files in found if time is not None}
+        near = {wanted: min(by_time, key=lambda time, to=wanted: abs(time - to), default=None)  # type: ignore[misc]
+                for wanted in plan.times}  # fmt: skip
+        for wanted, time in near.items():
+            if time is None or abs(time - wanted) > np.timedelta64(1, "s"):
+                held = ", ".join(map(str, list(by_time)[:4])) or "none"
+                raise UserError(f"{weather.files[0]}: no time {wanted} in it and the others; they have {held} ...")
+        return [(time, by_time[time]) for time in sorted({time for time in near.values() if time is not None})]
+    return [
+        (time, files) for time, files in found
+        if time is None or not ((plan.start is not None and time < plan.start)
+                                or (plan.end is not None and time > plan.end))
+    ]  # fmt: skip
+
+
+def _common(plan: Plan) -> str:
+    """What every picture depends on, but for its camera and its files."""
+    return _mark([
+        openswim.__version__, repr(plan.solver), repr(plan.wavelengths_nm), repr(plan.sun), repr(plan.only),
+        repr((plan.aerosol, plan.aod)), repr(plan.look), repr(plan.ensemble is not None),
+    ])  # fmt: skip
+
+
+def _file_mark(path: Path, known: dict[str, str]) -> str:
+    """Size and time of change of a file; of a folder, of all in it."""
+    key = str(path)
+    if key not in known:
+        about = path.stat()
+        size, changed = about.st_size, about.st_mtime_ns
+        if path.is_dir():
+            count = 0
+            for folder, _, files in os.walk(path):
+                for name in files:
+                    inner = os.stat(os.path.join(folder, name))
+                    size, changed, count = size + inner.st_size, max(changed, inner.st_mtime_ns), count + 1
+                if count > MOST_IN_FOLDER:
+                    break
+        known[key] = f"{path.name} {size} {changed}"
+    return known[key]
+
+
+def _mark(parts: Sequence[str]) -> str:
+    return hashlib.sha256(json.dumps(list(parts)).encode()).hexdigest()
+
+
+def _check_targets(plan: Plan, tasks: Sequence[Task]) -> None:
+    """No picture replaces a file that is read, or another picture."""
+    inputs = {os.path.realpath(file) for task in tasks for file in task.files}
+    folder, seen = os.path.realpath(plan.folder), set()
+    for task in tasks:
+        for camera in plan.cameras:
+            for target in task.targets(camera):
+                path = os.path.join(folder, target)
+                if path in inputs:
+                    raise UserError(f"output {path}: would replace a file that is read: choose another output")
+                if path in seen:
+                    raise UserError(f"output {path}: two pictures would have this name: choose other names")
+                seen.add(path)

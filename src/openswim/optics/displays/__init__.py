@@ -1,0 +1,1 @@
+"""What particles of one size or shape show: coronas and glories, halos."""

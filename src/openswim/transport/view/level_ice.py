@@ -1,0 +1,37 @@
+"""The level plates of ice in solved light, as an eye sees them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.optics.displays.plates import beyond_mean
+from openswim.transport.engine.types import FLOAT
+from openswim.transport.lit.lit_grid import LitGrid
+from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce, axes_at
+
+F64 = NDArray[np.float64]
+
+_SAME_DEG = 0.1  # of the sun's altitude, within which eyes share a map
+
+
+def level_ice(lit: LitGrid, eye: F64 | None) -> LevelIce:
+    """Those of a grid as seen from an eye (3,), at whose place all are taken to be upright; None: from far away."""
+    species = [] if lit.medium is None else lit.medium.species
+    which = next((n for n, one in enumerate(species) if one.level), None)
+    if which is None or lit.options.name == "swim":
+        return NO_LEVEL_ICE
+    axes = axes_at(np.zeros(3) if eye is None else eye, lit.sun, lit.frame.radius_m)
+    altitude = float(np.degrees(np.arcsin(np.clip(lit.sun @ axes[2], -1, 1))))
+    altitude = _SAME_DEG * round(altitude / _SAME_DEG)
+    plates = species[which]
+    scattering = plates.relative_extinction * plates.single_scattering_albedo
+
+    def table() -> NDArray[np.float32]:
+        maps: dict[float, F64] = {}
+        for wavelength in lit.wavelengths_nm.tolist():
+            if wavelength not in maps:  # those that only fill a pack repeat others
+                maps[wavelength] = beyond_mean(wavelength, altitude)
+        return (np.stack([maps[w] for w in lit.wavelengths_nm.tolist()], axis=-1) * scattering).astype(FLOAT)
+
+    return LevelIce(which, axes, lit.once(f"level ice, sun at {altitude:.1f}", table))

@@ -1,0 +1,198 @@
+"""Batches of small skies by the quickest solver."""
+
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import openswim
+from openswim import Camera, Scene, UserError
+from openswim.batches import Work, read_plan
+from openswim.batches.processes import fitting
+from openswim.batches.tasks import part_of, tasks_of
+from openswim.batches.working import Outcome, do
+from openswim.cli.main import run
+
+PLAN = """openswim_batch = 1
+files = "run_*.nc"
+output = "out"
+solver = "swim"
+sun = [200, 40]
+
+[[camera]]
+name = "roof"
+x_m = 1500
+y_m = 1500
+size = 12
+outputs = [".png", ".nc"]
+
+[[camera]]
+name = "around"
+view = "panorama"
+x_m = 1000
+y_m = 1500
+size = "24x8"
+"""
+
+
+@pytest.fixture(scope="module")
+def weather(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three hours of weather in three files."""
+    folder = tmp_path_factory.mktemp("weather")
+    axis, height = np.arange(4) * 1000.0, np.array([0.0, 1000.0, 2000.0])
+    for n in range(3):
+        cloud = np.zeros((3, 4, 4), np.float32)
+        cloud[1, n:] = 2e-3
+        scene = Scene.from_arrays(cloud, axis, axis, height, time=f"2026-07-10T1{n}:00")
+        scene.to_netcdf(folder / f"run_{n}.nc")
+    return folder
+
+
+@pytest.fixture
+def plan(weather: Path, tmp_path: Path) -> Path:
+    for file in weather.iterdir():
+        os.link(file, tmp_path / file.name)
+    (tmp_path / "plan.toml").write_text(PLAN)
+    return tmp_path / "plan.toml"
+
+
+def _in_here(work: Work) -> list[Outcome]:
+    """The work of a plan without other processes."""
+    from openswim.batches.records import Records
+
+    Records(work.plan.folder).prepare(work.mine)
+    return [do(work.plan, task) for task in work.waiting]
+
+
+def _files(folder: Path) -> dict[str, int]:
+    """Pictures and data with the time of their making."""
+    return {path.name: path.stat().st_mtime_ns for path in folder.iterdir() if path.suffix in (".png", ".nc")}
+
+
+def test_pictures_are_those_of_render_and_are_made_once(plan: Path) -> None:
+    work = Work.of(read_plan(plan))
+    assert [task.name for task in work.waiting] == [f"20260710T1{n}0000" for n in range(3)]
+    assert [Path(task.files[0]).name for task in work.tasks] == ["run_0.nc", "run_1.nc", "run_2.nc"]
+    first = _in_here(work)
+    assert [one.failure for one in first] == ["", "", ""]
+    made = _files(plan.parent / "out")
+    assert len(made) == 9
+    with xr.open_dataset(plan.parent / "out/roof_20260710T110000.nc") as found:
+        scene = openswim.open_scene(plan.parent / "run_1.nc")
+        truth = openswim.render(scene, Camera.allsky(x_m=1500, y_m=1500, size=12), "swim", sun=(200, 40))
+        np.testing.assert_array_equal(found["radiance"], truth["radiance"])
+    assert Work.of(read_plan(plan)).waiting == ()
+    # what is another one, gone or damaged is made again, and nothing else
+    out = plan.parent / "out"
+    (out / "around_20260710T100000.png").unlink()
+    (out / "roof_20260710T110000.nc").write_bytes(b"CDF")
+    os.utime(plan.parent / "run_2.nc")
+    again = Work.of(read_plan(plan))
+    assert [task.name[-6:] for task in again.waiting] == ["100000", "110000", "120000"]
+    assert [one.made for one in _in_here(again)] == [1, 1, 2]
+    kept = {name for name, when in _files(out).items() if made[name] == when}
+    assert kept == {"roof_20260710T100000.png", "roof_20260710T100000.nc", "around_20260710T110000.png"}
+
+
+def test_changes_of_a_plan_make_what_they_touch(plan: Path) -> None:
+    marks = [task.mark_of(camera) for task in tasks_of(read_plan(plan)) for camera in read_plan(plan).cameras]
+
+    def after(change: str, to: str) -> list[bool]:
+        plan.write_text(PLAN.replace(change, to))
+        changed = read_plan(plan)
+        return [task.mark_of(camera) not in marks for task in tasks_of(changed) for camera in changed.cameras]
+
+    assert after("size = 12", "size = 13") == [True, False] * 3
+    assert after('solver = "swim"', 'solver = "fast"') == [True] * 6
+    assert after('output = "out"', 'output = "elsewhere"') == [False] * 6
+    assert after('output = "out"', 'times = ["2026-07-10T12:00"]') == [False] * 2
+
+
+def test_parts_share_the_tasks(plan: Path) -> None:
+    tasks = tasks_of(read_plan(plan))
+    parts = [part_of(tasks, (which, 2)) for which in (1, 2)]
+    assert sorted(task.name for part in parts for task in part) == [task.name for task in tasks]
+    assert [len(part) for part in parts] == [2, 1]
+
+
+def test_times_that_no_file_has_are_told(plan: Path) -> None:
+    plan.write_text(PLAN.replace('output = "out"', 'times = ["2026-07-10T10:30"]'))
+    with pytest.raises(UserError, match="no time 2026-07-10T10:30"):
+        tasks_of(read_plan(plan))
+    plan.write_text(PLAN.replace('output = "out"', 'from = "2026-07-10T10:30"\nto = "2026-07-10T11:30"'))
+    assert [task.name for task in tasks_of(read_plan(plan))] == ["20260710T110000"]
+
+
+def test_no_picture_replaces_what_is_read(plan: Path) -> None:
+    demo = plan.parent / "run_0.nc"
+    demo.rename(plan.parent / "roof_20260710T100000.nc")
+    plan.write_text(PLAN.replace("run_*.nc", "*.nc").replace('output = "out"', 'output = "."'))
+    with pytest.raises(UserError, match="would replace"):
+        tasks_of(read_plan(plan))
+
+
+def test_no_more_workers_than_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim.batches import processes
+
+    monkeypatch.setattr(processes, "free_memory", lambda: 10e9)
+    assert fitting(8, 1, 1e9) == 8
+    assert fitting(8, 1, 2e9) == 5  # 8 GB may be used: four more
+    assert fitting(8, 1, 1e11) == 1
+
+
+def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
+    plan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first worker is killed as it is at its second task, which is done again; a file that is none fails alone."""
+    (plan.parent / "run_3.nc").write_bytes(b"CDF\x01 and nothing")
+    plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc", "run_3.nc"]'))
+    killed: list[int] = []
+
+    def kills(outcome: Outcome) -> None:
+        if not killed:
+            (worker,) = multiprocessing.active_children()
+            killed.append(worker.pid or 0)
+            threading.Timer(0.2, os.kill, (killed[0], signal.SIGKILL)).start()
+
+    report = openswim.batch(plan, jobs=1, tell=kills)
+    assert killed
+    assert (len(report.made), [one.task for one in report.failed]) == (2, ["run_3.nc"])
+    lines = [json.loads(line) for line in (plan.parent / "out/manifest.jsonl").read_text().splitlines()]
+    assert [line["task"] for line in lines[1:]] == ["20260710T100000", "20260710T110000"]
+    assert not [path for path in (plan.parent / "out").iterdir() if path.name.startswith(".openswim")]
+    assert len(_files(plan.parent / "out")) == 6
+    assert run(["batch", str(plan), "--jobs", "1"]) == 2
+    assert "0 made, 2 stood already, 1 failed" in capsys.readouterr().out
+    assert run(["batch", str(plan), str(plan.parent / "run_3.nc")]) == 2
+
+
+def test_failures_are_listed_and_tried_again(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from openswim.batches import processes
+
+    def in_here(plan: object, tasks: object, jobs: int, threads: int) -> object:
+        return (do(plan, task, threads) for task in tasks)  # type: ignore[attr-defined, arg-type]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processes, "outcomes", in_here)
+        with xr.open_dataset(plan.parent / "run_1.nc") as held:
+            bad = held.load().copy()
+        good = (plan.parent / "run_1.nc").read_bytes()
+        bad["extinction_cloud"] = bad["extinction_cloud"] * np.nan
+        (plan.parent / "run_1.nc").unlink()
+        bad.to_netcdf(plan.parent / "run_1.nc")
+        assert run(["batch", str(plan), "--dry-run"]) == 0
+        assert "3 times and members, 0 of them done; 9 files by" in capsys.readouterr().err
+        assert not (plan.parent / "out").exists()
+        assert run(["batch", str(plan)]) == 2
+        told = capsys.readouterr()
+        assert "2 made, 0 stood already, 1 failed" in told.out
+        assert "failed: 20260710T110000: " in told.err
+        (plan.parent / "run_1.nc").write_bytes(good)
+        assert run(["batch", str(plan)]) == 0
+        assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out

@@ -1,0 +1,109 @@
+"""Ensembles of slabs of cloud, of which each answer is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from PIL import Image
+
+from openswim import Scene, UserError
+from openswim.batches import Work, read_plan
+from openswim.batches.ensembles import CLEAR, CLOUDY, cloud_picture, outcomes, together
+from openswim.batches.records import Records
+from openswim.batches.working import do
+
+PEAK_PER_M = {"a": 2e-3, "b": 4e-3, "c": 1e-5, "d": 0.0}  # of slabs 2 km deep, that rise and fall with height evenly
+PLAN = """openswim_batch = 1
+solver = "swim"
+sun = [180, 60]
+
+[[camera]]
+name = "roof"
+x_m = 1500000
+y_m = 1500000
+size = 9
+outputs = ".png"
+
+[ensemble]
+cloud_depth = 0.03
+""" + "".join(f'\n[[weather]]\nname = "{name}"\nfiles = "{name}.nc"\n' for name in PEAK_PER_M)
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A plan whose members are done."""
+    folder = tmp_path_factory.mktemp("ensemble")
+    axis, height = np.arange(4) * 1e6, np.array([0.0, 1000.0, 2000.0])
+    for name, peak in PEAK_PER_M.items():
+        cloud = np.zeros((3, 4, 4), np.float32)
+        cloud[1] = peak
+        scene = Scene.from_arrays(cloud, axis, axis, height, time=np.datetime64("2026-07-10T12:00", "ms"),
+                                  atmosphere=None, surface_albedo=0.2)  # fmt: skip
+        scene.to_netcdf(folder / f"{name}.nc")
+    (folder / "plan.toml").write_text(PLAN)
+    work = Work.of(read_plan(folder / "plan.toml"))
+    Records(work.plan.folder).prepare(work.mine)
+    assert not list(outcomes(work.plan, work.tasks))  # no member stands
+    assert [do(work.plan, task).failure for task in work.waiting] == [""] * 4
+    return folder / "plan.toml"
+
+
+def test_probabilities_and_means_are_those_of_the_members(plan: Path) -> None:
+    work = Work.of(read_plan(plan))
+    (one,) = together(work.plan, work.tasks)
+    assert one.name == "ensemble/20260710T120000"
+    assert [(out.failure, out.made) for out in outcomes(work.plan, work.tasks)] == [("", 1)]
+    out = work.plan.folder
+    members = {}
+    for name in PEAK_PER_M:
+        with xr.open_dataset(out / name / "roof_20260710T120000.nc") as found:
+            members[name] = found.load()
+    with xr.open_dataset(out / "ensemble/roof_20260710T120000.nc") as found:
+        data = found.load()
+    up = members["a"]["altitude"].values > 20
+    slant = 1 / np.sin(np.radians(members["a"]["altitude"].values[up]))
+    for name, peak in PEAK_PER_M.items():  # the depth of a slab is half of peak times height
+        np.testing.assert_allclose(members[name]["cloud_optical_depth"].values[up], peak * 1000 * slant, rtol=1e-4)
+    # c has .01 upward, which reaches .03 below 19.5 degrees only
+    np.testing.assert_array_equal(data["cloud_probability"].values[up], 0.5)
+    # e^-2.3 of the beam is over 120 W m-2, e^-4.6 is not
+    assert float(data["sun_probability"]) == 0.75
+    beam = data["direct_normal_irradiance_w_m2"]
+    expected = float(beam[3]) * np.exp(-np.array([2, 4, 0.01, 0]) / np.sin(np.radians(60)))
+    np.testing.assert_allclose(beam, expected, atol=0.01)
+    mean = np.mean([one["radiance"].values for one in members.values()], axis=0)
+    np.testing.assert_allclose(data["radiance"], mean, rtol=1e-6)
+    assert [str(name) for name in data["member"].values] == [f"{name}/20260710T120000" for name in PEAK_PER_M]
+    assert data.attrs["source"].startswith("mean of 4 members")
+    with Image.open(out / "ensemble/roof_20260710T120000_mean.png") as picture:
+        assert picture.size == (9, 9)
+
+
+def test_it_is_made_once_and_anew_for_another_question(plan: Path) -> None:
+    work = Work.of(read_plan(plan))
+    list(outcomes(work.plan, work.tasks))
+    assert not list(outcomes(work.plan, work.tasks))
+    plan.write_text(PLAN.replace("0.03", "3"))
+    work = Work.of(read_plan(plan))
+    assert work.waiting == ()  # the members stay
+    assert [out.made for out in outcomes(work.plan, work.tasks)] == [1]
+    with xr.open_dataset(work.plan.folder / "ensemble/roof_20260710T120000.nc") as found:
+        middle = found["cloud_probability"].values[4, 4]
+    assert middle == 0.25  # b alone
+    plan.write_text(PLAN)
+
+
+def test_what_cannot_be_asked_is_said(plan: Path) -> None:
+    bad = plan.with_name("bad.toml")
+    for change, to, says in (('"swim"', '"reference"', "reference"), ('name = "a"', 'name = "ensemble"', "folder")):
+        bad.write_text(PLAN.replace(change, to))
+        with pytest.raises(UserError, match=says):
+            read_plan(bad)
+
+
+def test_cloud_is_white_and_clear_sky_blue() -> None:
+    picture = cloud_picture(np.array([[0.0, 1.0, np.nan, 0.5, 1.0]]), np.arange(5)[None] == 4)
+    np.testing.assert_array_equal(picture[0, :3], [CLEAR, CLOUDY, (0, 0, 0)])
+    assert (picture[0, 3] > np.array(CLEAR)).all()
+    assert (picture[0, 4] < np.array(CLOUDY)).all()  # ground

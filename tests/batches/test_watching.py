@@ -1,0 +1,155 @@
+"""A folder in which clear skies arrive, rendered in this process."""
+
+import os
+import re
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from openswim import Scene, UserError
+from openswim.batches import processes, read_plan
+from openswim.batches.arrivals import Arrivals
+from openswim.batches.index_page import page_of
+from openswim.batches.records import Record, Records
+from openswim.batches.watching import watch
+from openswim.batches.working import Outcome, do
+from openswim.cli.main import run
+
+PLAN = """openswim_batch = 1
+files = "sky_*.nc"
+output = "web"
+solver = "swim"
+sun = [200, 40]
+
+[[camera]]
+name = "roof"
+x_m = 1500
+y_m = 1500
+size = 4
+"""
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    def in_here(plan: object, tasks: object, jobs: int, threads: int) -> object:
+        return (do(plan, task, threads) for task in tasks)  # type: ignore[attr-defined, arg-type]
+
+    monkeypatch.setattr(processes, "outcomes", in_here)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "plan.toml").write_text(PLAN)
+    return tmp_path / "plan.toml"
+
+
+def _arrives(plan: Path, hour: int, name: str = "") -> Path:
+    axis, height = np.arange(4) * 1000.0, np.array([0.0, 1000.0, 2000.0])
+    scene = Scene.from_arrays(np.full((3, 4, 4), 1e-4), axis, axis, height,
+                              time=np.datetime64(f"2026-07-10T{hour:02d}:00", "ms"))  # fmt: skip
+    path = plan.parent / "in" / (name or f"sky_{hour:02d}.nc")
+    scene.to_netcdf(path)
+    return path
+
+
+def test_what_arrives_is_rendered_shown_and_pruned(plan: Path) -> None:
+    told: list[Outcome] = []
+    settled = Arrivals(plan.parent / "in", ["sky_*.nc"], settled_s=0.0)
+
+    def looks(keep: int) -> set[str]:
+        watch(read_plan(plan, watched=True), settled, keep=keep, every_s=0.0, looks=1, tell=told.append)
+        return {path.name for path in (plan.parent / "web").iterdir() if not path.name.startswith(".")}
+
+    rest = {"index.html", "style.css"}
+    assert looks(3) == rest
+    assert "No picture yet" in (plan.parent / "web/index.html").read_text()
+    first = _arrives(plan, 6)
+    _arrives(plan, 7)
+    (plan.parent / "in/sky_bad.nc").write_bytes(b"CDF\x01<script>")
+    pictures = {"roof_20260710T060000.png", "roof_20260710T070000.png"}
+    assert looks(3) == rest | pictures | {"manifest.jsonl"}
+    assert [(one.task[-6:], bool(one.failure)) for one in told] == [("060000", False), ("070000", False),
+                                                                    ("bad.nc", True)]
+    page = (plan.parent / "web/index.html").read_text()
+    assert page.count("<img") == 1  # the newest
+    assert 'src="roof_20260710T070000.png"' in page
+    assert 'href="roof_20260710T060000.png"' in page
+    assert "sky_bad.nc" in page
+    # what is gone from the folder stays until it is too old; what is older than that is not even made
+    first.unlink()
+    _arrives(plan, 5)
+    _arrives(plan, 8)
+    assert looks(3) - rest == pictures | {"roof_20260710T080000.png", "manifest.jsonl"}
+    assert [one.task[-6:] for one in told[3:]] == ["080000", "bad.nc"]  # a new watch tells it once
+    assert looks(1) - rest == {"roof_20260710T080000.png", "manifest.jsonl"}
+    assert len([one for one in told if not one.failure]) == 3
+
+
+def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim.batches import arrivals
+
+    now = [1000.0]
+    monkeypatch.setattr(arrivals.clock, "monotonic", lambda: now[0])
+    (tmp_path / "old.nc").write_text("long there")
+    os.utime(tmp_path / "old.nc", (1, 1))
+    seen = Arrivals(tmp_path, ["*.nc"], settled_s=20)
+    assert [path.name for path in seen.whole()] == ["old.nc"]
+    growing = tmp_path / "growing.nc"
+    for _ in range(4):
+        with growing.open("a") as file:
+            file.write("more")
+        assert [path.name for path in seen.whole()] == ["old.nc"]
+        now[0] += 15
+    assert [path.name for path in seen.whole()] == ["old.nc"]  # 15 s unchanged
+    now[0] += 6
+    assert [path.name for path in seen.whole()] == ["growing.nc", "old.nc"]
+    (tmp_path / "empty.nc").touch()
+    (tmp_path / ".hidden.nc").write_text("a download")
+    now[0] += 60
+    seen.whole()
+    now[0] += 60
+    assert [path.name for path in seen.whole()] == ["growing.nc", "old.nc"]
+
+
+def test_pages_escape_what_others_wrote() -> None:
+    nasty = '"><script>alert(1)</script>&'
+    record = Record(Path("x"), nasty, nasty, nasty, {nasty: (f"{nasty}.png",)})
+    page = page_of([record], {nasty: nasty}, datetime(2026, 7, 10, tzinfo=UTC))
+    assert "<script" not in page
+    assert not re.search(r"style=|<style|javascript:|\son\w+=", page)
+    assert set(re.findall(r'(?:src|href)="([^"]*)"', page)) == {
+        "style.css", "%22%3E%3Cscript%3Ealert%281%29%3C/script%3E%26.png"
+    }  # fmt: skip
+
+
+def test_records_that_name_others_files_remove_none(plan: Path) -> None:
+    folder = plan.parent / "web"
+    (folder / ".batch").mkdir(parents=True)
+    (folder / ".batch/evil.json").write_text(
+        '{"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": {"../plan.toml": 1, "/etc/none": 1, '
+        '"a/../../plan.toml": 1, "kept": 1}}}}'
+    )
+    shutil.copy(plan, folder / "other.toml")
+    (folder / "kept").symlink_to(folder / "other.toml")
+    records = Records(folder)
+    (record,) = records.standing()
+    assert record.files == {"a": ("kept",)}
+    records.remove(record)
+    assert plan.exists()
+    assert (folder / "other.toml").exists()
+    assert not (folder / "kept").is_symlink()
+
+
+def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (plan.parent / "web").mkdir()
+    (plan.parent / "web/index.html").write_text("<html>my own page")
+    for line, says in (
+        (["--watch", str(plan.parent / "none")], "no such folder"),
+        (["--watch", str(plan.parent / "in")], "no page of ours"),
+        (["--watch", str(plan.parent / "in"), "--part", "1/2"], "neither"),
+        (["--keep", "3"], "belongs to --watch"),
+    ):
+        assert run(["batch", str(plan), *line]) == 2
+        assert says in capsys.readouterr().err
+    with pytest.raises(UserError, match="1 time or more"):
+        watch(read_plan(plan, watched=True), Arrivals(plan.parent / "in", ["*"]), keep=0)

@@ -1,0 +1,54 @@
+"""Level plates in a thin veil without air: what single scattering says, by both solvers."""
+
+import numpy as np
+import pytest
+
+from openswim import Camera, Solver, render
+from openswim.optics import scene_optics
+from openswim.optics.displays import plates
+from openswim.optics.displays.shapes import with_shapes
+from openswim.scene import Scene
+
+SUN_DEG = 20.0
+
+
+def veil() -> Scene:
+    x, z = np.linspace(0, 8e3, 9), np.array([0.0, 4e3, 5e3, 6e3, 7e3])
+    ice = np.zeros((5, 9, 9))
+    ice[2] = 3e-7
+    scene = Scene.from_arrays(None, x, x, z, fields={"ice_content": ice}, periodic=True)
+    return with_shapes(scene, pristine=0.2, oriented=0.3)
+
+
+@pytest.mark.parametrize("solver", ["fast", Solver("reference", paths=20_000)])
+def test_brightness_of_a_sundog(solver) -> None:
+    """The standard error of the mean of all pixels is 1 %."""
+    scene, ratio = veil(), []
+    aside = 24.9  # degrees
+    camera = Camera.perspective(
+        x_m=4e3, y_m=4e3, azimuth_deg=180.0 + aside, altitude_deg=SUN_DEG, fov_deg=1.2, size=(3, 3)
+    )
+    image = render(scene, camera, solver=solver, wavelengths_nm=[546.0], sun=(180.0, SUN_DEG))
+    ice, level = scene_optics(scene, [546.0])
+    sun = np.radians(SUN_DEG)
+    for y in range(3):
+        for x in range(3):
+            here = image.isel(y=y, x=x, wavelength=0)
+            up, turn = np.radians(float(here.altitude)), np.radians(float(here.azimuth) - 180.0)
+            cosine = np.sin(up) * np.sin(sun) + np.cos(up) * np.cos(sun) * np.cos(turn)
+            row = (np.degrees(up) / 180 + 0.5) * plates.ALTITUDES - 0.5
+            column = abs(np.degrees(turn)) / 180 * plates.AZIMUTHS - 0.5
+            i, j, f, g = int(row), int(column), row % 1, column % 1
+            table = MAP[i : i + 2, j : j + 2]
+            aligned = np.array([1 - f, f]) @ table @ np.array([1 - g, g])
+            peak = level.phase[0].weights[0] * level.phase[0].phases[0].value(cosine)
+            # a layer of hat-like profile 1 km high, whose depth is that of its middle node; half of what it takes out
+            # of the beam and of the way to the eye stays within a fraction of a degree
+            depth = [1e3 * float(one.extinction_per_m[2, 0, 0]) for one in (ice, level)]
+            once = (depth[0] * ice.phase[0].value(cosine) + depth[1] * (aligned + peak)) / np.sin(up)
+            ratio.append(float(here.solar_relative_radiance) / (once * np.exp(-0.5 * sum(depth) / np.sin(up))))
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.03 if solver == "fast" else 0.12)
+
+
+MAP = plates.phase_map(546.0, SUN_DEG)
