@@ -42,11 +42,13 @@ class Solver(Options):
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
 
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew. shadow: the
-        moon's in an eclipse of the sun, which solver reference does not know.
+        moon's in an eclipse of the sun, which solver reference does not know. Solver linear takes neither.
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         if self.name == "linear":
+            if plan is not None or shadow is not None:
+                raise UserError("solver linear takes no plan and knows no eclipse of the sun: take fast")
             return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
         matter = self._matter(scene, wavelengths, plan)
         surface = surface_of(scene, matter.wavelengths_nm)

@@ -114,5 +114,7 @@ def test_what_the_core_does_not_follow_is_refused():
     periodic = _scene(crs=None, periodic=True, terrain_m=None, atmosphere=None)
     with pytest.raises(UserError, match="periods"):
         Solver("linear").linear_core(periodic, SUN, WAVELENGTHS_NM)
+    with pytest.raises(UserError, match="knows no eclipse"):
+        Solver("linear").solve(_scene(), SUN, shadow=object())
     with pytest.raises(UserError, match="follows no light from the night's sky"):
         Solver("linear").solve_starlit(_scene())
