@@ -42,6 +42,7 @@ ORDER = (
     "satellites",
     "observations",
     "comparison",
+    "assimilation",
     "stations",
     "batches",
     "validation",

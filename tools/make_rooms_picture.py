@@ -33,8 +33,9 @@ class Place(NamedTuple):
 
 
 HOUSE = {
-    "cli": Place(0, 4.4, 1.5, "the command line"),
+    "cli": Place(-0.75, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
+    "assimilation": Place(0.0, 3.5, 1.7, "clouds by what is seen"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
@@ -65,6 +66,7 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
+    ("cli", "validation"): 2.4,
     ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
@@ -103,7 +105,7 @@ TRANSPORT_WALLS = [
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison", "stations", "films", "batches", "satellites",
+USERS = {"cli", "observations", "comparison", "assimilation", "stations", "films", "batches", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
@@ -163,7 +165,7 @@ def drawn(
     if missing:
         raise SystemExit(f"tools/make_rooms_picture.py: give {sorted(missing)} a place")
     dx, dy = step
-    left, top = 18.0, 62.0
+    left, top = 18.0, 62.0 - dy * min(p.row for p in places.values())
     width = left * 2 + dx * max(p.column + p.width / 2 for p in places.values())
     height = top + dy * max(p.row for p in places.values()) + BOX + 20
     out = [
