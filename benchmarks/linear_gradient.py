@@ -70,7 +70,7 @@ def main(nodes: int) -> None:
     for kind, name in enumerate(core.names):
         for term in range(2):
             of_term = core.extinction[term].reshape(len(core.names), -1)
-            count = nodes if kind == 0 and term == 0 else max(nodes // 40, 4)
+            count = nodes if kind == 0 and term == 0 else max(nodes // 40, 12)
             level = np.arange(core.world.nodes) // columns
             own = np.flatnonzero(level >= np.tile(core.world.ground_node.ravel(), core.shape[0]))
             some = own if count >= own.size else np.sort(rng.choice(own, count, replace=False))

@@ -97,7 +97,7 @@ def test_fields_of_the_scene_are_drawn_linearly(linearised):
 def test_the_solver_lights_and_renders_alone(tmp_path):
     scene, camera = _scene(), Camera.allsky(40.002, 9.998, size=12)
     solvers = ("linear", Solver("fast", detail=False))
-    lit = [openswim.light(scene, solver, [550.0], sun=(45.0, 50.0)) for solver in solvers]
+    lit = [openswim.light(scene, solver, WAVELENGTHS_NM[:1], sun=(45.0, 50.0)) for solver in solvers]
     own, theirs = (one.viewpoint(camera).view() for one in lit)
     assert own.attrs["solver"] == "linear"
     seen = np.isfinite(theirs.radiance.values)

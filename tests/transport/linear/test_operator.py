@@ -159,6 +159,15 @@ def test_results_do_not_depend_on_threads():
     assert (found[0] == found[1]).all()
 
 
+def test_a_state_does_not_change_with_the_array_it_was_made_from():
+    core, extinction, albedo = lumpy(omega=(1.0,), tolerance=1e-3)
+    images, state = core.forward(extinction, albedo)
+    before = core.adjoint(state, images)[0]
+    extinction *= 2
+    albedo *= 0
+    assert (core.adjoint(state, images)[0] == before).all()
+
+
 def test_an_adjoint_solved_loosely_points_the_same_way(linearised):
     core, _, _, images, state = linearised
     exact, loose = (core.adjoint(state, images, tolerance)[0].ravel() for tolerance in (1e-12, 1e-3))

@@ -320,12 +320,12 @@ class LinearCore:
             raise UserError(
                 f"extinction of {np.shape(given)}: give one of {wanted} (wavelength, kind, level, row, column)"
             )
-        return np.ascontiguousarray(given, float).reshape(*wanted[:2], -1)
+        return np.array(given, float, order="C").reshape(*wanted[:2], -1)  # a copy: states keep it
 
     def _albedo(self, given: F64 | float) -> F64:
         wanted = (len(self.wavelengths_nm), *self.shape[1:])
         try:
-            return np.ascontiguousarray(np.broadcast_to(np.asarray(given, float), wanted)).reshape(wanted[0], -1)
+            return np.array(np.broadcast_to(np.asarray(given, float), wanted), order="C").reshape(wanted[0], -1)
         except ValueError:
             raise UserError(f"albedo of {np.shape(given)}: give one of {wanted} (wavelength, row, column)") from None
 
