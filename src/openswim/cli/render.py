@@ -126,9 +126,10 @@ def run(request: RenderRequest) -> None:
     announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
-    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
+    chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
+    chosen |= {"layers": True} if request.layers else {}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, layers=request.layers, **sun | chosen)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
