@@ -125,14 +125,14 @@ def alps() -> NDArray[np.uint8]:
         )
         scene = replace(relief.model(height), ground=ground)
         camera = openswim.Camera.perspective(
-            *relief.EYE, 60.0, azimuth_deg=297.0, altitude_deg=4.0, fov_deg=55.0, size=(300, 640)
+            *relief.EYE, 60.0, azimuth_deg=297.0, altitude_deg=4.0, fov_deg=55.0, size=(260, 424)
         )
-        for time in ("2024-11-05T05:36", "2024-11-05T06:04"):
+        for time in ("2024-11-05T05:50", "2024-11-05T06:04", "2024-11-05T06:18"):
             image = openswim.light(scene, time=time).viewpoint(camera).view()
             sun = float(image.attrs["sun_altitude_deg"])
             pictures.append(labelled(to_rgb(image), f"sun {sun:+.1f} degrees"))
             print(time, sun, image.attrs["illuminance_lx"], flush=True)
-    return tiled(pictures, 2)
+    return tiled(pictures, len(pictures))
 
 
 def city_sky(depth: float) -> openswim.Scene:
@@ -157,7 +157,7 @@ def city() -> NDArray[np.uint8]:
         exposure = camera_exposure(seconds=8, f_number=2.8, iso=1600)
         pictures.append(labelled(to_rgb(image, exposure), f"{name}  {lux(image)}"))
         print(name, image.attrs["illuminance_lx"], flush=True)
-    return tiled(pictures, 2)
+    return tiled(pictures, len(pictures))
 
 
 def labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
