@@ -116,7 +116,9 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
-    scene = with_shapes(scene, request.droplet_variance, request.pristine_ice, request.level_ice)
+    shapes = request.droplet_variance, request.pristine_ice, request.level_ice
+    if any(shape is not None for shape in shapes):
+        scene = with_shapes(scene, *shapes)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
