@@ -1,4 +1,4 @@
-"""Options that several commands share, and the check of one."""
+"""Options that several commands share, and what they ask for."""
 
 from collections.abc import Callable
 from pathlib import Path
