@@ -26,7 +26,7 @@ NODES, LEVELS = 160, 40
 ROW, THRESHOLD, LENGTH_M, WIDTH_M = 100, 100, 2000.0, 60.0  # the runway: row and column of its western end
 SECONDS, SPEED = 30.0, 4.0
 START_M, EYE_M, GLIDE = 2150.0, 4.0, 0.21  # above the ground; slope of the approach
-PIXEL_M = 4.0
+PIXEL_M = 1.0
 
 
 def main() -> None:
@@ -68,7 +68,7 @@ def write_runway(path: Path, crs: str, x_m: float, y_m: float) -> None:
     along, across = np.meshgrid(east, np.abs(north))
     grass, asphalt, paint = ((0.07, 0.11, 0.04), (0.06, 0.06, 0.06), (0.75, 0.75, 0.72))
     paved = (along > 0) & (along < LENGTH_M) & (across < 0.5 * WIDTH_M)
-    marked = paved & (across < 3.0) & (along % 120.0 < 60.0)  # the middle line
+    marked = paved & (across < 0.6) & (along % 60.0 < 30.0)  # the middle line
     bars = (np.minimum(along - 20.0, LENGTH_M - 20.0 - along) % 1e9 < 60.0) & (across > 4.0) & (across % 12.0 < 6.0)
     marked |= paved & bars & (across < 0.5 * WIDTH_M - 2)
     bands = [np.where(marked, p, np.where(paved, a, g)) for g, a, p in zip(grass, asphalt, paint, strict=True)]
@@ -87,14 +87,14 @@ def approach(scene: Scene) -> CameraPath:
     cell_m = float(grid.step[0])
     touchdown_m = 300.0  # from the threshold
     far_m = touchdown_m - (START_M - EYE_M) / GLIDE
-    along = np.array([far_m, touchdown_m - 600.0, touchdown_m, touchdown_m + 500.0])
+    along = np.array([far_m, touchdown_m - 600.0, touchdown_m, touchdown_m + 200.0])
     column = THRESHOLD + along / cell_m
     ground = np.interp(column, np.arange(NODES), terrain[ROW])
     threshold_m = ground[2]
     height = np.array([threshold_m + START_M, threshold_m + EYE_M + 60.0, ground[2] + EYE_M, ground[3] + EYE_M])
     lon, lat = grid.lonlat(column, np.full(column.size, float(ROW)))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(along), np.diff(height)))])
-    slower = np.array([0.0, *(np.cumsum(np.diff(way) / [1.0, 0.8, 0.6]))])
+    slower = np.array([0.0, *(np.cumsum(np.diff(way) / [1.0, 0.8, 0.4]))])
     seconds = SECONDS * SPEED * slower / slower[-1]
     assert scene.time is not None
     time = scene.time + np.round(1e3 * seconds).astype("timedelta64[ms]")

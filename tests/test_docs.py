@@ -27,7 +27,8 @@ _SUFFIXES = {"hdr", "exr", "rad", "cal",
              "svg", "npz"}  # fmt: skip
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world", "red"}
 # Variables of the pages, by their classes.
-_OURS = {"report": "Report", "field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint"}
+_OURS = {"report": "Report", "field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint",
+         "op": "Operator", "lin": "Linearization"}
 
 
 def _prose(page: Path) -> str:

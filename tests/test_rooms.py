@@ -42,6 +42,7 @@ ORDER = (
     "satellites",
     "observations",
     "comparison",
+    "assimilation",
     "stations",
     "batches",
     "validation",
@@ -51,7 +52,7 @@ ORDER = (
 MOST_MODULES = 20  # in a folder
 # And within transport, whose files beside these rooms conduct them all.
 TRANSPORT = ("engine", "march", "air", "medium", "ground_light", "beam", "diffuse", "columns", "lit", "swim", "view",
-             "montecarlo")  # fmt: skip
+             "montecarlo", "linear")  # fmt: skip
 GROUND_WITHOUT_MAPS = {"fields", "hills", "reflectance", "sample", "sky_view", "spectra", "water"}
 
 # =====================================================================================================================

@@ -99,7 +99,7 @@ def make(picture: Picture, folder: Path) -> None:
         camera = framed(camera, scene)
     image = render(scene, camera, time=picture.sun_time)
     path = TARGET / f"{picture.name}.jpg"
-    save(image, path)
+    save(image, path, caption="below")
     print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.process_time() - begin:.0f} s", flush=True)
 
 

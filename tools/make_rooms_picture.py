@@ -33,8 +33,9 @@ class Place(NamedTuple):
 
 
 HOUSE = {
-    "cli": Place(0, 4.4, 1.5, "the command line"),
+    "cli": Place(-0.75, 4.4, 1.5, "the command line"),
     "validation": Place(0.88, 1.55, 1.5, "how far off we are"),
+    "assimilation": Place(0.0, 3.5, 1.7, "clouds by what is seen"),
     "comparison": Place(0.88, 3.45, 1.6, "frames beside skies"),
     "stations": Place(1.75, 4.75, 1.3, "light through time"),
     "films": Place(0.88, 9.75, 1.2, "skies in motion"),
@@ -65,24 +66,26 @@ HOUSE = {
 }
 # Arrows that would run behind rooms go down between them, at this column.
 BETWEEN = {
+    ("cli", "validation"): 2.4,
     ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
     ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
 }  # fmt: skip
 TRANSPORT = {
-    CONDUCTORS: Place(0, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
-    "montecarlo": Place(1, 4.6, 1.9, "paths of photons: the reference"),
-    "view": Place(2, 3.0, 1.9, "from light to what an eye sees"),
-    "swim": Place(3, 3.0, 1.9, "the paper's own estimate"),
-    "lit": Place(4.6, 3.0, 1.9, "solved light, without an eye"),
-    "columns": Place(5.6, 1.6, 1.9, "each column by itself"),
-    "diffuse": Place(6.1, 4.4, 1.9, "sweeps: scattered many times"),
-    "beam": Place(6.6, 1.6, 1.9, "the sun's beam in the grid"),
-    "ground_light": Place(7.6, 1.6, 1.9, "light on the ground, its shape"),
-    "medium": Place(9.0, 3.0, 1.9, "the plan, and its grid"),
-    "air": Place(10.0, 3.0, 1.9, "the clear sky in shells"),
-    "march": Place(11.0, 3.0, 1.9, "along an eye ray"),
-    "engine": Place(12.0, 3.0, 1.9, "packs, threads, scratch"),
+    "linear": Place(0, 3.0, 1.9, "a linear twin of fast, its adjoint"),
+    CONDUCTORS: Place(1, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
+    "montecarlo": Place(2, 4.6, 1.9, "paths of photons: the reference"),
+    "view": Place(3, 3.0, 1.9, "from light to what an eye sees"),
+    "swim": Place(4, 3.0, 1.9, "the paper's own estimate"),
+    "lit": Place(5.6, 3.0, 1.9, "solved light, without an eye"),
+    "columns": Place(6.6, 1.6, 1.9, "each column by itself"),
+    "diffuse": Place(7.1, 4.4, 1.9, "sweeps: scattered many times"),
+    "beam": Place(7.6, 1.6, 1.9, "the sun's beam in the grid"),
+    "ground_light": Place(8.6, 1.6, 1.9, "light on the ground, its shape"),
+    "medium": Place(10, 3.0, 1.9, "the plan, and its grid"),
+    "air": Place(11, 3.0, 1.9, "the clear sky in shells"),
+    "march": Place(12, 3.0, 1.9, "along an eye ray"),
+    "engine": Place(13, 3.0, 1.9, "packs, threads, scratch"),
 }
 
 
@@ -97,12 +100,12 @@ class Wall(NamedTuple):
 
 HOUSE_WALLS = [Wall(7.12, 5.5, 9.4, "wall: optics | transport")]
 TRANSPORT_WALLS = [
-    Wall(3.82, 0.1, 5.5, "wall: lit grid | viewer"),
-    Wall(8.32, 0.1, 5.5, "wall: plan | values"),
+    Wall(4.82, 0.1, 5.5, "wall: lit grid | viewer"),
+    Wall(9.32, 0.1, 5.5, "wall: plan | values"),
 ]
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
-USERS = {"cli", "observations", "comparison", "stations", "films", "batches", "satellites",
+USERS = {"cli", "observations", "comparison", "assimilation", "stations", "films", "batches", "satellites",
          "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
          "images", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
@@ -162,7 +165,7 @@ def drawn(
     if missing:
         raise SystemExit(f"tools/make_rooms_picture.py: give {sorted(missing)} a place")
     dx, dy = step
-    left, top = 18.0, 62.0
+    left, top = 18.0, 62.0 - dy * min(p.row for p in places.values())
     width = left * 2 + dx * max(p.column + p.width / 2 for p in places.values())
     height = top + dy * max(p.row for p in places.values()) + BOX + 20
     out = [

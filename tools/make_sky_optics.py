@@ -44,7 +44,7 @@ def rainbow() -> tuple[Scene, Camera, tuple[float, float]]:
         None, x, y, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=0.1
     )
     camera = Camera.perspective(
-        x_m=2e3, y_m=8e3, height_m=20.0, azimuth_deg=90.0, altitude_deg=26.0, fov_deg=100.0, size=(320, 480)
+        x_m=2e3, y_m=8e3, height_m=20.0, azimuth_deg=90.0, altitude_deg=26.0, fov_deg=100.0, size=(400, 600)
     )
     return scene, camera, (270.0, 10.0)
 
@@ -61,7 +61,7 @@ def halo() -> tuple[Scene, Camera, tuple[float, float]]:
         periodic=True,
     )
     camera = Camera.perspective(
-        x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=33.0, fov_deg=86.0, size=(360, 480)
+        x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=33.0, fov_deg=86.0, size=(450, 600)
     )
     return with_shapes(scene, pristine=0.3, oriented=0.015), camera, (180.0, 20.0)
 
@@ -77,7 +77,7 @@ def glory() -> tuple[Scene, Camera, tuple[float, float]]:
         None, x, x, z, fields=fields, atmosphere=Atmosphere.us_standard(), surface_albedo=0.06, periodic=True
     )
     camera = Camera.perspective(
-        x_m=4.8e3, y_m=4.8e3, height_m=3000.0, azimuth_deg=0.0, altitude_deg=-36.0, fov_deg=34.0, size=(320, 400)
+        x_m=4.8e3, y_m=4.8e3, height_m=3000.0, azimuth_deg=0.0, altitude_deg=-37.0, fov_deg=24.0, size=(320, 400)
     )
     return with_shapes(scene, droplet_variance=0.02), camera, (180.0, 38.0)
 
@@ -106,7 +106,6 @@ def main() -> None:
         scene, camera, sun = SCENES[name]()
         start = time.perf_counter()
         image = render(scene, camera, Solver("fast", quality="preview"), wavelengths_nm=WAVELENGTHS_NM, sun=sun)
-        image.to_netcdf(Path("/tmp") / f"sky_optics_{name}.nc")
         save(image, TARGET / f"{name}.jpg", caption="none")
         print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
 

@@ -14,6 +14,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from openswim.assimilation import Background as Background
+    from openswim.assimilation import analyse as analyse
+    from openswim.assimilation import observe as observe
+    from openswim.assimilation import write_observations as write_observations
     from openswim.batches import batch as batch
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
@@ -33,28 +37,33 @@ if TYPE_CHECKING:
     from openswim.stations.through_time import irradiance as irradiance
 
 _HOME = {
+    "Background": "openswim.assimilation",
     "Camera": "openswim.cameras",
     "Ground": "openswim.ground",
     "Scene": "openswim.scene",
     "Solver": "openswim.solver",
     "UserError": "openswim.errors",
+    "analyse": "openswim.assimilation",
     "batch": "openswim.batches",
     "compare": "openswim.comparison",
     "correct_clouds": "openswim.comparison",
     "film": "openswim.films",
     "irradiance": "openswim.stations.through_time",
     "light": "openswim.lighting",
+    "observe": "openswim.assimilation",
     "load_camera": "openswim.cameras.files",
     "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
     "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
+    "write_observations": "openswim.assimilation",
 }
 
 __all__ = [
-    "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "batch", "compare", "correct_clouds", "film",
-    "irradiance", "light", "load_camera", "open_light", "open_scene", "render", "save_camera", "to_rgb",
+    "Background", "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "analyse", "batch", "compare",
+    "correct_clouds", "film", "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render",
+    "save_camera", "to_rgb", "write_observations",
 ]  # fmt: skip
 
 

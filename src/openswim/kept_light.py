@@ -40,6 +40,8 @@ def save_light(
     """Keep solved light as a Zarr folder, whole or not at all: see `LitScene.save`."""
     if not isinstance(field, Field):
         raise UserError(f"{path}: solver reference keeps no light, but follows paths for each view: use a checkpoint")
+    if field.solver.name == "linear":
+        raise UserError(f"{path}: solver linear keeps no light: save that of solver fast")
     if not all(isinstance(pack, LitGrid) for pack in field.packs):
         raise UserError(f"{path}: a domain of so many columns is lit anew for each view: save the light of a part")
     found = described(field.lit)

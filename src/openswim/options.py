@@ -11,7 +11,7 @@ import numpy as np
 from openswim.arguments import number, shown, whole
 from openswim.errors import UserError
 
-NAMES = ("swim", "fast", "reference")
+NAMES = ("swim", "fast", "linear", "reference")
 
 
 class Quality(NamedTuple):
@@ -39,7 +39,8 @@ SETTINGS = {
 class Options:
     """How light is solved for.
 
-    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020) or "reference" (Monte Carlo).
+    name: "fast" (sweeps, the default), "swim" (Albers et al. 2020), "linear" (fast's light as a linear
+    fixed point, which has derivatives; docs/linear.md) or "reference" (Monte Carlo).
     step: eye-ray step in cells.
     detail: whether near eyes see more than is known: with "fast" in clouds of a model's liquid water below its grid
     (docs/decisions/0017; what a scene has as extinction never is refined), with "fast" and "swim" on land below its

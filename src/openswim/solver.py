@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,12 @@ from openswim.lights.eclipses import MoonShadow
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
+from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport import Field, ReferenceField, solve
+from openswim.transport.linear.field import LinearField, fast_around, linear_field
+from openswim.transport.linear.of_matter import SceneCore, core_of
+from openswim.transport.linear.operator import TOLERANCE
 from openswim.transport.medium.plan import lit_in_parts
 from openswim.transport.plan import Plan
 
@@ -37,10 +42,14 @@ class Solver(Options):
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
 
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew. shadow: the
-        moon's in an eclipse of the sun, which solver reference does not know.
+        moon's in an eclipse of the sun, which solver reference does not know. Solver linear takes neither.
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
+        if self.name == "linear":
+            if plan is not None or shadow is not None:
+                raise UserError("solver linear takes no plan and knows no eclipse of the sun: take fast")
+            return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
         matter = self._matter(scene, wavelengths, plan)
         surface = surface_of(scene, matter.wavelengths_nm)
         return solve(self, matter, surface, np.asarray(sun_direction, float), plan, shadow)
@@ -52,14 +61,43 @@ class Solver(Options):
 
         lamps (nw,): L' of the ground where it shines with 1 nW cm-2 sr-1 (`ground.cities`); None: it is dark.
         """
-        if self.name == "reference":
-            raise UserError("solver reference follows no light from the night's sky: take fast")
+        if self.name in ("reference", "linear"):
+            raise UserError(f"solver {self.name} follows no light from the night's sky: take fast")
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = self._matter(scene, wavelengths, None).starlit()
         surface = surface_of(scene, matter.wavelengths_nm)
         each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
         return solve(self, matter, replace(surface, lamps=each), NADIR)
+
+    def linear_core(
+        self,
+        scene: Scene,
+        sun_direction: ArrayLike,
+        wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
+        views: Sequence[Rays] = (),
+        points: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> SceneCore:
+        """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
+        (docs/linear.md).
+
+        views: rays of an eye each, in the scene frame; points (n, 2): latitude and longitude of pyranometers, in flat
+        scenes y and x, m.
+        """
+        wavelengths = _checked(wavelengths_nm)
+        scene = settled(scene)
+        matter = matter_of(scene, wavelengths)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        return core_of(self, matter, surface, np.asarray(sun_direction, float), views, points, tolerance)
+
+    def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:
+        matter = matter_of(scene, wavelengths)
+        surface = surface_of(scene, matter.wavelengths_nm)
+        core = core_of(self, matter, surface, sun, tolerance=self.tolerance or TOLERANCE)
+        around = solve(fast_around(self), matter, surface, sun)
+        assert isinstance(around, Field)
+        return linear_field(self, around, core)
 
     def _matter(self, scene: Scene, wavelengths: F64, plan: Plan | None) -> Matter:
         large = self.name != "reference" and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)

@@ -114,6 +114,17 @@ def test_changes_of_a_plan_make_what_they_touch(plan: Path) -> None:
     assert after('output = "out"', 'times = ["2026-07-10T12:00"]') == [False] * 2
 
 
+def test_light_for_renderers_is_whole_with_its_companions(plan: Path) -> None:
+    """A .hdr of a panorama comes with two more files, without which it does not count as made."""
+    plan.write_text(PLAN.replace('"24x8"', '"24x8"\noutputs = ".hdr"').replace("run_*.nc", "run_0.nc"))
+    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [2]
+    stem = plan.parent / "out/around_20260710T100000"
+    assert all(stem.with_suffix(suffix).exists() for suffix in (".hdr", ".cal", ".rad"))
+    assert Work.of(read_plan(plan)).waiting == ()
+    stem.with_suffix(".rad").unlink()
+    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [1]
+
+
 def test_parts_share_the_tasks(plan: Path) -> None:
     tasks = tasks_of(read_plan(plan))
     parts = [part_of(tasks, (which, 2)) for which in (1, 2)]
@@ -196,3 +207,26 @@ def test_failures_are_listed_and_tried_again(plan: Path, capsys: pytest.CaptureF
         (plan.parent / "run_1.nc").write_bytes(good)
         assert run(["batch", str(plan)]) == 0
         assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
+
+
+def test_dask_workers_make_the_same_and_hand_back_lines(plan: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc"]'))
+    work = Work.of(read_plan(plan))
+    os.unlink(plan.parent / "run_1.nc")  # so that one fails
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        report = work.run(scheduler=cluster.scheduler_address)
+    assert [(one.task, one.made) for one in report.made] == [("20260710T100000", 2)]
+    assert [(one.task, one.fault) for one in report.failed] == [("20260710T110000", False)]
+    assert len(_files(plan.parent / "out")) == 3
+
+
+def test_a_scheduler_that_is_none_is_said(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    from openswim.batches import cluster
+
+    monkeypatch.setattr(cluster, "PATIENCE_S", 1)
+    with pytest.raises(UserError, match="no Dask scheduler answers there"):
+        Work.of(read_plan(plan)).run(scheduler="tcp://127.0.0.1:1")

@@ -107,3 +107,23 @@ def test_cloud_is_white_and_clear_sky_blue() -> None:
     np.testing.assert_array_equal(picture[0, :3], [CLEAR, CLOUDY, (0, 0, 0)])
     assert (picture[0, 3] > np.array(CLEAR)).all()
     assert (picture[0, 4] < np.array(CLOUDY)).all()  # ground
+
+
+def test_members_of_one_file_are_put_together(plan: Path, tmp_path: Path) -> None:
+    """Members 5, 7 and 9 of one file, of which the first alone has cloud."""
+    with xr.open_dataset(plan.with_name("a.nc")) as found:
+        one = found.load()
+    share = xr.DataArray([1.0, 0.0, 0.0], dims="number", coords={"number": [5, 7, 9]})
+    one["extinction_cloud"] = (one["extinction_cloud"] * share).assign_attrs(one["extinction_cloud"].attrs)
+    one.to_netcdf(tmp_path / "all.nc")
+    (tmp_path / "plan.toml").write_text(PLAN.partition("[[weather]]")[0].replace(
+        "openswim_batch = 1\n", 'openswim_batch = 1\nfiles = "all.nc"\nmembers = [5, 7, 9]\n'))  # fmt: skip
+    work = Work.of(read_plan(tmp_path / "plan.toml"))
+    assert [task.name for task in work.waiting] == [f"20260710T120000_m00{n}" for n in (5, 7, 9)]
+    Records(work.plan.folder).prepare(work.mine)
+    assert [do(work.plan, task).failure for task in work.waiting] == [""] * 3
+    assert [out.failure for out in outcomes(work.plan, work.tasks)] == [""]
+    with xr.open_dataset(work.plan.folder / "ensemble/roof_20260710T120000.nc") as found:
+        assert float(found["cloud_probability"][4, 4]) == pytest.approx(1 / 3)
+        assert float(found["sun_probability"]) == 1.0  # e^-2.3 of it is enough
+        assert found.sizes["member"] == 3

@@ -93,22 +93,22 @@ def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     (tmp_path / "old.nc").write_text("long there")
     os.utime(tmp_path / "old.nc", (1, 1))
     seen = Arrivals(tmp_path, ["*.nc"], settled_s=20)
-    assert [path.name for path in seen.whole()] == ["old.nc"]
+    assert [path.name for path, *_ in seen.whole()] == ["old.nc"]
     growing = tmp_path / "growing.nc"
     for _ in range(4):
         with growing.open("a") as file:
             file.write("more")
-        assert [path.name for path in seen.whole()] == ["old.nc"]
+        assert [path.name for path, *_ in seen.whole()] == ["old.nc"]
         now[0] += 15
-    assert [path.name for path in seen.whole()] == ["old.nc"]  # 15 s unchanged
+    assert [path.name for path, *_ in seen.whole()] == ["old.nc"]  # 15 s unchanged
     now[0] += 6
-    assert [path.name for path in seen.whole()] == ["growing.nc", "old.nc"]
+    assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
     (tmp_path / "empty.nc").touch()
     (tmp_path / ".hidden.nc").write_text("a download")
     now[0] += 60
     seen.whole()
     now[0] += 60
-    assert [path.name for path in seen.whole()] == ["growing.nc", "old.nc"]
+    assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
 
 
 def test_pages_escape_what_others_wrote() -> None:

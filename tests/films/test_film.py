@@ -166,6 +166,16 @@ def test_frames_of_another_film_are_not_taken(tmp_path: Path) -> None:
     assert not KeptFrames(tmp_path / "film.mp4", {"a": 2}).has(0)
 
 
+def test_two_films_into_one_output_do_not_mix_their_frames(tmp_path: Path) -> None:
+    one, other = (KeptFrames(tmp_path / "film.mp4", {"a": n}) for n in (1, 2))
+    for kept, light in ((one, 1.0), (other, 2.0)):
+        kept.folder.mkdir(exist_ok=True)
+        kept.put(0, KeptFrame(np.full((2, 3, 3), light, np.float16), {"exposure": 1.0}))
+    one.put(1, KeptFrame(np.ones((2, 3, 3), np.float16), {"exposure": 1.0}))
+    assert not other.has(1)
+    assert (one.get(0).light.max(), other.get(0).light.max()) == (1.0, 2.0)
+
+
 def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="suffix"):
         film(CLEAR, CAMERA, tmp_path / "film.avi")

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
 
+from openswim.optics import mie
+from openswim.optics.displays import crystals, droplets
 from openswim.scene.phase import DoubleHenyeyGreenstein, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh
-from openswim.transport.march.forward_peak import peak_table, peak_tables
+from openswim.transport.march.forward_peak import angles, peak_row, peak_table, peak_tables
 
 M = 5
 G = 0.85
@@ -94,6 +96,23 @@ def test_what_is_not_a_forward_peak_is_left_whole(forward_fraction: float) -> No
     assert np.abs(table).max() < 1.01 * np.abs(table[:, 0]).max()  # at any depth
     if forward_fraction <= 0.5:
         np.testing.assert_array_equal(table, table[:, :1] * np.ones(32))
+
+
+@pytest.mark.parametrize(("phase", "first", "last", "bound"), [
+    (mie.phase_function("rain", 546.0), 120.0, 145.0, 0.016),
+    (droplets.phase_function(546.0, 10e-6, 0.01), 0.5, 10.0, 0.018),
+    (droplets.phase_function(546.0, 10e-6, 0.01), 170.0, 180.0, 0.007),
+    (crystals.phase_function(546.0), 20.0, 50.0, 0.045),
+])  # fmt: skip
+def test_bows_coronas_glories_and_halos_are_seen(phase, first, last, bound) -> None:
+    """What an eye reads between the table's rows is the phase function, of single scattering."""
+    angle = np.radians(np.random.default_rng(1).uniform(first, last, 500))
+    chi = phase.moments(M + 1)
+    low = legval(np.cos(angle), [(2 * ell + 1) * (chi[ell] - chi[M]) for ell in range(M)])
+    rows = np.array([peak_row(a, 3601) for a in angle])
+    np.testing.assert_allclose(np.interp(rows, np.arange(3601), angles()), angle, atol=1e-6)
+    seen = low + np.interp(rows, np.arange(3601), peak_table(phase, M)[:, 0].astype(float))
+    np.testing.assert_allclose(seen, phase.value(np.cos(angle)), rtol=bound)
 
 
 def test_tables_are_stacked_by_scatterer_and_wavelength() -> None:

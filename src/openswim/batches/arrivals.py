@@ -20,9 +20,12 @@ class Arrivals:
         self.names, self.patterns, self.settled_s = Names(folder, anywhere), patterns, settled_s
         self._seen: dict[Path, tuple[int, int, float]] = {}  # size, time of change, and since when both are so
 
-    def whole(self) -> list[Path]:
-        """The files that match and have stopped growing; hidden and empty ones are left out."""
-        now, seen, found = clock.monotonic(), {}, []
+    def whole(self) -> list[tuple[Path, int, int]]:
+        """The files that match and have stopped growing, with size and time of change; hidden and empty ones are left
+        out."""
+        now = clock.monotonic()
+        seen: dict[Path, tuple[int, int, float]] = {}
+        found: list[tuple[Path, int, int]] = []
         for path in self._there():
             try:
                 about = path.stat()
@@ -36,7 +39,7 @@ class Arrivals:
                 since = now - self.settled_s if old else now
             seen[path] = about.st_size, about.st_mtime_ns, since
             if now - since >= self.settled_s:
-                found.append(path)
+                found.append((path, about.st_size, about.st_mtime_ns))
         self._seen = seen or self._seen
         return found
 

@@ -31,7 +31,7 @@ def outcomes(plan: Plan, tasks: Sequence[Task], scheduler: str, threads: int = 1
         order = client.scatter(plan, broadcast=True, hash=False)
         sent = {client.submit(do, order, task, threads, key=f"openswim-{n}-{task.mark[:12]}", pure=False): task
                 for n, task in enumerate(tasks)}  # fmt: skip
-        for future in library.as_completed(list(sent)):
+        for future in library.as_completed(list(sent), loop=client.loop):
             task = sent.pop(future)
             yield _outcome(future, task)
             future.release()

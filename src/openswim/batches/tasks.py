@@ -130,18 +130,25 @@ def _file_mark(path: Path, known: dict[str, str]) -> str:
     """Size and time of change of a file; of a folder, of all in it."""
     key = str(path)
     if key not in known:
-        about = path.stat()
-        size, changed = about.st_size, about.st_mtime_ns
-        if path.is_dir():
-            count = 0
-            for folder, _, files in os.walk(path):
-                for name in files:
-                    inner = os.stat(os.path.join(folder, name))
-                    size, changed, count = size + inner.st_size, max(changed, inner.st_mtime_ns), count + 1
-                if count > MOST_IN_FOLDER:
-                    break
+        try:
+            size, changed = _size_and_change(path)
+        except OSError as error:
+            raise UserError(f"{path}: cannot be looked at ({error.strerror})") from None
         known[key] = f"{path.name} {size} {changed}"
     return known[key]
+
+
+def _size_and_change(path: Path) -> tuple[int, int]:
+    about = path.stat()
+    size, changed, count = about.st_size, about.st_mtime_ns, 0
+    for folder, _, files in os.walk(path):
+        for name in files:
+            inner = os.stat(os.path.join(folder, name))
+            size, changed = size + inner.st_size, max(changed, inner.st_mtime_ns)
+        count += len(files)
+        if count > MOST_IN_FOLDER:
+            break
+    return size, changed
 
 
 def _mark(parts: Sequence[str]) -> str:

@@ -41,7 +41,7 @@ def watch(
         if look:
             clock.sleep(every_s)
         look += 1
-        now = [(path, about.st_size, about.st_mtime_ns) for path in arrivals.whole() if (about := path.stat())]
+        now = arrivals.whole()
         if now == before:
             continue
         before = now

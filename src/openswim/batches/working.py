@@ -90,8 +90,10 @@ def scene_of(plan: Plan, task: Task, camera: PlannedCamera) -> Scene:
     from openswim.optics.species import for_wavelengths
     from openswim.readers import Neighbourhood, open_scene
 
-    at = camera.camera
-    around = None if at.lat is None or at.lon is None else Neighbourhood.seen_from(at.lat, at.lon, at.height_m)
+    at, alone = camera.camera, plan.solver.name == "reference"
+    around = None
+    if at.lat is not None and at.lon is not None:
+        around = Neighbourhood.seen_from(at.lat, at.lon, at.height_m, beyond=not alone)
     scene = open_scene(
         list(task.files), time=task.time, around=around, allow_references=plan.allow_references, member=task.member
     )
@@ -100,7 +102,8 @@ def scene_of(plan: Plan, task: Task, camera: PlannedCamera) -> Scene:
         place = None if at.lat is None or at.lon is None else (at.lat, at.lon)
         when = plan.sun if isinstance(plan.sun, np.datetime64) else None
         scene = with_aerosol(scene, plan.aerosol, plan.aod, when, place)
-    return for_wavelengths(scene, np.array(plan.wavelengths_nm))
+    scene = for_wavelengths(scene, np.array(plan.wavelengths_nm))
+    return scene.alone() if alone else scene
 
 
 def _image(plan: Plan, camera: PlannedCamera, lit: LitScene) -> xr.Dataset:

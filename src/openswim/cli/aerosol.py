@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from openswim.cli.plots import check_plot
+from openswim.cli.options import check_plot
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 

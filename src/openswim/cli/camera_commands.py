@@ -1,4 +1,4 @@
-"""Commands of real cameras: calibrate, compare, correct-clouds. Each imports what it needs when it is called."""
+"""Commands of real cameras: calibrate, compare, correct-clouds, analyse. Each imports what it needs when called."""
 
 from pathlib import Path
 from typing import Any
@@ -87,3 +87,21 @@ def correct_clouds(**options: Any) -> None:
     from openswim.cli.correct_clouds import CorrectCloudsRequest, run
 
     run(CorrectCloudsRequest(**options))
+
+
+@click.command()
+@click.argument("config", type=PATH)
+@click.option("-o", "--output", type=PATH, required=True,
+              help="The analysed scene, .nc or .zarr; a page and the departures are written beside it.")  # fmt: skip
+@click.option("--check", is_flag=True, help="Only test the linearisation: tangent linear and adjoint, by four numbers.")
+@click.option("--observations", type=PATH,
+              help="Also write what was observed and is seen, as JEDI's IODA reads it, .nc.")  # fmt: skip
+@debug
+def analyse(**options: Any) -> None:
+    """Find clouds and ground of a model by what cameras and pyranometers measured, as CONFIG (.toml) says.
+
+    Ctrl-C writes what there is; the same command then goes on.
+    """
+    from openswim.cli.analyse import AnalyseRequest, run
+
+    run(AnalyseRequest(**options))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from openswim.cli.plots import check_plot
+from openswim.cli.options import check_plot
 from openswim.errors import UserError
 
 if TYPE_CHECKING:

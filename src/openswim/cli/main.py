@@ -14,7 +14,7 @@ from typing import NoReturn
 import click
 
 from openswim import __version__
-from openswim.cli.camera_commands import calibrate, compare, correct_clouds
+from openswim.cli.camera_commands import analyse, calibrate, compare, correct_clouds
 from openswim.cli.light_commands import aerosol, irradiance, satellite, validate
 from openswim.cli.options import debug
 from openswim.cli.sky_commands import batch, demo, film, info, render
@@ -36,7 +36,8 @@ def cli() -> None:
 
 
 for _command in (
-    demo, info, render, film, batch, calibrate, compare, correct_clouds, irradiance, satellite, validate, aerosol,
+    demo, info, render, film, batch, calibrate, compare, correct_clouds, analyse, irradiance, satellite, validate,
+    aerosol,
 ):  # fmt: skip
     cli.add_command(_command)
 

@@ -1,10 +1,12 @@
-"""Options that several commands share."""
+"""Options that several commands share, and what they ask for."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+
+from openswim.errors import UserError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -89,3 +91,13 @@ frame_options = stacked(  # of compare and correct-clouds
     click.option("--encoding",
                  help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]"),
 )  # fmt: skip
+
+
+def check_plot(path: Path, extra: str) -> None:
+    """Raise UserError unless matplotlib, which an extra of the package brings, could draw this kind of picture."""
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError as error:
+        raise UserError(f"--plot needs the package matplotlib: pip install 'openswim[{extra}]'") from error
+    if path.suffix.lower().removeprefix(".") not in FigureCanvasBase.get_supported_filetypes():
+        raise UserError(f"--plot {path}: suffix {path.suffix!r} is unknown; use .png, .pdf or .svg")

@@ -97,7 +97,8 @@ class KeptFrames:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, number: int) -> Path:
-        return self.folder / f"frame_{number + 1:06d}.npz"
+        # by the plan, lest the frames of two films that are made at once into one output be mixed
+        return self.folder / f"frame_{number + 1:06d}_{self._print[:12]}.npz"
 
 
 def _facts(arrays: Any) -> dict[str, Any]:

@@ -171,7 +171,9 @@ def _with_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> 
     return replace(light, layers=every)
 
 
-def _inflow(medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates, eclipse: Eclipse | None) -> F32:
+def clear_inflow(
+    medium: Medium, shells: Shells, sun: F64, ordinates: Ordinates, eclipse: Eclipse | None = None
+) -> F32:
     """Radiance (ordinate, nz, nw) of the clear atmosphere entering the grid along each ordinate at each level.
 
     A level ordinate brings the mean of what it stands for, above and below the horizon, which is brightest
@@ -215,7 +217,7 @@ def _with_moments(
             f"is {math.ceil(_NARROWEST * height_m)} m wide, or use solver 'reference'"
         )
     ordinates = ordinates_for(medium.cell_m, medium.levels_m, setting.ordinates, medium.periodic and airy)
-    inflow = _inflow(medium, shells, sun, ordinates, eclipse)
+    inflow = clear_inflow(medium, shells, sun, ordinates, eclipse)
     traces: list[two_grids.Trace] | None = None
     found: dict[int, spectral.Known] = {}
     first = optical_grid(

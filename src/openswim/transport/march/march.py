@@ -271,7 +271,7 @@ def march_rays(
         np.zeros(n), np.zeros(n, np.int64),
     )  # fmt: skip
     parts = parts_of(n)
-    peaks = np.array(table, FLOAT, order="C")
+    peaks = np.require(table, FLOAT, ["C", "W"])  # large: not copied where it need not be
     world = world_of(sun, peaks, shells, volume, scale, detail, level_ice)
     in_threads(_march_share, rays, world, Lanes.of(parts, volume, peaks), out, parts=parts)
     return out

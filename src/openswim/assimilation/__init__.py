@@ -1,0 +1,16 @@
+"""Clouds and ground by what cameras, satellites and pyranometers see: an observation operator with tangent linear and
+adjoint, and analyses made with it (docs/assimilation.md)."""
+
+from openswim.assimilation.analysing import Analysis, analyse
+from openswim.assimilation.background import Background
+from openswim.assimilation.departures import representation_error
+from openswim.assimilation.ensemble import ensemble_filter, ensemble_of
+from openswim.assimilation.observing.ioda import write_observations
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.observe import observe
+from openswim.assimilation.observing.operator import Operator
+
+__all__ = [
+    "Analysis", "Background", "Linearization", "Operator", "analyse", "ensemble_filter", "ensemble_of", "observe",
+    "representation_error", "write_observations",
+]  # fmt: skip

@@ -1,0 +1,170 @@
+"""`analyse`: the state that fits what was seen, and what was believed before, best."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.arguments import check_kind, whole
+from openswim.assimilation.background import Background, Space
+from openswim.assimilation.checkpoint import Checkpoint
+from openswim.assimilation.cost import Cost
+from openswim.assimilation.departures import checked_solver, seen_by
+from openswim.assimilation.minimising import Spectrum, gauss_newton, lbfgs
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.report import write_report
+from openswim.assimilation.result import Found
+from openswim.errors import UserError
+from openswim.progress import job
+from openswim.solver import Solver
+from openswim.system.interrupts import claim
+
+F64 = NDArray[np.float64]
+
+METHODS = ("lbfgs", "gauss-newton")
+
+
+class Analysis(Found):
+    """A state that fits, what was seen before and after, and how it was found: see `Found`."""
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a page: costs, pictures before and after, what was changed."""
+        write_report(self, path)
+
+
+def analyse(
+    op: Operator,
+    observed: xr.Dataset,
+    first: xr.Dataset | None = None,
+    background: Background | None = None,
+    transform: str = "softplus",
+    outer: int | None = None,
+    iterations: int = 60,
+    method: str = "lbfgs",
+    departures: str | Solver = "linear",
+    checkpoint: str | os.PathLike[str] | None = None,
+    told: Callable[[int, float], None] | None = None,
+) -> Analysis:
+    """Minimise v.v/2 + sum ((y - H(x(v)))/error)^2/2.
+
+    observed : what `Operator.observations` makes. first : a state (default: the scene's own, `Operator.first`).
+    background : `Background(length_m=...)`, needed. transform : of fields on levels, "softplus", "sqrt" or "log".
+    iterations : of all outer loops together. method : "lbfgs", or "gauss-newton": conjugate gradients on a quadratic
+        cost in each of the outer loops, with a preconditioner from the first one.
+    departures : "linear", H is the linear core itself; "fast", "reference" or a `Solver`: in each of the ``outer``
+        loops (default 3) it tells what is seen of the state so far, and the linear core only how that changes.
+    checkpoint : a file (.npz) in which the way so far is kept; a Ctrl-C then returns what there is, and the same call
+        with the same file goes on. told : called with the number of each iteration and its cost.
+    """
+    check_kind("operator", op, Operator, "give one: openswim.observe(scene, cameras, ...)")
+    check_kind("background", background, Background, "give Background(length_m=...): how far errors are alike")
+    assert background is not None
+    solver = checked_solver(departures)
+    loops = whole("analyse: outer", (1 if solver is None and method == "lbfgs" else 3) if outer is None else outer)
+    if loops < 1 or whole("analyse: iterations", iterations) < 1:
+        raise UserError("analyse: outer and iterations must be 1 or more")
+    if method not in METHODS:
+        raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
+    _check_observed(op, observed)
+    guess = op.controls.lifted(op.first() if first is None else first, 1.0)
+    space = Space(op, guess, background, transform)
+    cost = Cost.of(op, space, observed)
+    kept = Checkpoint.of(checkpoint, op, observed, guess, background, (transform, method, loops, iterations))
+    run = _Run(cost, kept, told)
+    each = max(1, -(-iterations // loops))
+    spectrum = Spectrum()
+    with job("analysis", iterations) as meter:
+        run.advance = meter.advance
+        meter.advance(kept.done)
+        try:
+            run.begin(solver)
+            while kept.loop < loops and kept.done < iterations:
+                if solver is not None:
+                    run.relinearise(solver)
+                most = min((kept.loop + 1) * each, iterations) - kept.done
+                if method == "lbfgs":
+                    v = lbfgs(cost, kept.v, most, run.after)
+                else:
+                    v = gauss_newton(cost, kept.v, most, spectrum, run.after)
+                    kept.done = min((kept.loop + 1) * each, iterations)
+                kept.v, kept.loop = v, kept.loop + 1
+                kept.save()
+        except KeyboardInterrupt:
+            if checkpoint is None:
+                raise
+            claim()
+            kept.save()
+            run.interrupted = True
+        return run.result(solver, observed)
+
+
+class _Run:
+    """The way of one analysis."""
+
+    def __init__(self, cost: Cost, kept: Checkpoint, told: Callable[[int, float], None] | None) -> None:
+        self.cost, self.kept, self.told = cost, kept, told
+        self.interrupted = False
+        self.advance: Callable[[float], None] = _nothing
+        self.before = np.empty(0)
+
+    def begin(self, solver: Solver | None) -> None:
+        """What is seen of the first guess."""
+        nothing = np.zeros(self.cost.space.size)
+        if solver is not None:
+            self.before = seen_by(self.cost.rows, self.cost.space.state(nothing), solver)
+        else:
+            self.before = self.cost.linearized(nothing).value.values
+        if not self.kept.costs:
+            self.kept.costs.append(self.cost.misfit(self.before))
+
+    def relinearise(self, solver: Solver) -> None:
+        """The better model's view of the state so far goes before the linear one's."""
+        at_start = not self.kept.v.any() and self.before.size
+        better = self.before if at_start else seen_by(self.cost.rows, self.cost.space.state(self.kept.v), solver)
+        self.cost.shift = better - self.cost.linearized(self.kept.v).value.values
+
+    def after(self, v: F64, value: float) -> None:
+        self.kept.v = np.array(v)
+        self.kept.done += 1
+        self.kept.costs.append(value)
+        self.kept.save_now_and_then()
+        self.advance(1)
+        if self.told is not None:
+            self.told(self.kept.done, value)
+
+    def result(self, solver: Solver | None, observed: xr.Dataset) -> Analysis:
+        rows, state = self.cost.rows, self.cost.space.state(self.kept.v)
+        if solver is None or self.interrupted:
+            seen = self.cost.linearized(self.kept.v).value.values + self.cost.shift
+        else:
+            seen = seen_by(rows, state, solver)
+        name = "linear" if solver is None else solver.name
+        return Analysis(
+            rows, state, self.cost.space.first, observed, np.array(self.kept.costs), rows.row(self.before),
+            rows.row(seen), name, self.cost.count, self.interrupted,
+        )  # fmt: skip
+
+
+def _nothing(steps: float) -> None:
+    """Of no meter."""
+
+
+def _check_observed(op: Operator, observed: xr.Dataset) -> None:
+    check_kind("observed", observed, xr.Dataset, "give what operator.observations(...) makes")
+    for name in ("value", "error", "use"):
+        if name not in observed or observed[name].shape != (op.size,):
+            raise UserError(f"observed: {name} is missing or not a row of {op.size} observations")
+    use = observed["use"].values.astype(bool)
+    good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
+    if not use.any() or not good[use].all():
+        raise UserError("observed: none may be used, or one that may has no value or no positive error")
+
+
+def default_checkpoint(output: Path) -> Path:
+    """Beside an output, hidden."""
+    return output.with_name(f".{output.stem}.analysis.npz")

@@ -1,0 +1,159 @@
+"""An analysis in a TOML file: the model, what was observed, and how it is looked for (docs/assimilation.md)."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from openswim.arguments import number, whole
+from openswim.assimilation.background import Background
+from openswim.cameras import Camera
+from openswim.cameras.files import load_camera
+from openswim.cameras.toml_text import read_toml
+from openswim.errors import UserError
+from openswim.system.inputs import check_ordinary
+
+VERSION = 1
+MOST_INSTRUMENTS = 1000
+_LARGEST_IMAGE = 4_000_000  # numbers: a camera of 1000 x 1000 pixels in four channels
+_TABLES: dict[str, tuple[str, ...]] = {
+    "observe": ("wavelengths_nm", "controls", "quantity", "heights_m", "near_sun_deg", "lowest_deg", "floor_per_km",
+                "tolerance"),
+    "observations": ("noise", "irradiance_noise", "representation", "saturated"),
+    "background": ("length_m", "height_m", "spread", "filter"),
+    "analyse": ("transform", "outer", "iterations", "method", "departures"),
+    "camera": ("file", "image"),
+    "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2"),
+}  # fmt: skip
+_TOP = ("openswim_analysis", "model", "time", "sun", *_TABLES)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """All that such a file says. Keys of ``observe``, ``observations`` and ``analyse`` are arguments of functions of
+    these names."""
+
+    path: Path
+    model: Path
+    time: str | None
+    sun: tuple[float, float] | None
+    background: Background
+    cameras: tuple[tuple[Camera, Path], ...]
+    points: tuple[tuple[float, float], ...]
+    w_m2: tuple[float, ...]
+    observe: dict[str, Any] = field(default_factory=dict)
+    observations: dict[str, Any] = field(default_factory=dict)
+    analyse: dict[str, Any] = field(default_factory=dict)
+
+    def images(self) -> list[xr.Dataset]:
+        """Of each camera what was seen: ``radiance`` (y, x, wavelength), W m-2 sr-1 nm-1."""
+        return [_image(name) for _, name in self.cameras]
+
+
+def read_config(path: Path) -> Configuration:
+    """Read and check; raises UserError. Files that it names lie in its own folder, or below it."""
+    check_ordinary(path, "analysis")
+    tables = read_toml(path)
+    try:
+        return _configuration(tables, path)
+    except UserError as error:
+        text = str(error)
+        raise UserError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
+    _known(tables, _TOP, "the file")
+    if tables.get("openswim_analysis") != VERSION:
+        raise UserError(f"openswim_analysis = {VERSION} is missing at its top: is this an analysis?")
+    parts = {name: _table(tables, name) for name in ("observe", "observations", "background", "analyse")}
+    cameras = []
+    for entry in _entries(tables, "camera"):
+        camera = load_camera(_file(entry, "file", path))
+        cameras.append((camera, _file(entry, "image", path)))
+    points, watts = [], []
+    for entry in _entries(tables, "pyranometer"):
+        north, east = (("lat", "lon") if "lat" in entry else ("y_m", "x_m"))
+        points.append((_number(entry, north, "pyranometer"), _number(entry, east, "pyranometer")))
+        watts.append(_number(entry, "w_m2", "pyranometer"))
+    if "length_m" not in parts["background"]:
+        raise UserError("[background] length_m is missing: how far the errors of a first guess are alike")
+    sun = tables.get("sun")
+    if sun is not None:
+        if not isinstance(sun, list) or len(sun) != 2:
+            raise UserError("sun: give [azimuth, altitude] in degrees")
+        sun = (number("sun", sun[0]), number("sun", sun[1]))
+    for name in ("outer", "iterations"):
+        if name in parts["analyse"]:
+            whole(f"[analyse] {name}", parts["analyse"][name])
+    time = tables.get("time")
+    return Configuration(
+        path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
+        tuple(cameras), tuple(points), tuple(watts), parts["observe"], parts["observations"], parts["analyse"],
+    )  # fmt: skip
+
+
+def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
+    found = tables.get(name, {})
+    if not isinstance(found, dict):
+        raise UserError(f"[{name}] is no table")
+    _known(found, _TABLES[name], f"[{name}]")
+    return dict(found)
+
+
+def _entries(tables: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
+    found = tables.get(name, [])
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise UserError(f"write [[{name}]] for each {name}")
+    if len(found) > MOST_INSTRUMENTS:
+        raise UserError(f"[[{name}]]: {len(found)} of them; {MOST_INSTRUMENTS} are the most")
+    for each in found:
+        _known(each, _TABLES[name], f"[[{name}]]")
+    return found
+
+
+def _known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, n=1)
+            raise UserError(f"{where}: {key} is unknown" + (f"; did you mean {near[0]}?" if near else ""))
+
+
+def _number(table: Mapping[str, Any], key: str, where: str) -> float:
+    if key not in table:
+        raise UserError(f"[[{where}]]: {key} is missing")
+    return number(f"[[{where}]] {key}", table[key])
+
+
+def _file(table: Mapping[str, Any], key: str, path: Path) -> Path:
+    """A file in the folder of the configuration, or below it: what a stranger's file names can be no other."""
+    given = table.get(key)
+    if not isinstance(given, str) or not given:
+        raise UserError(f"{key} is missing: name a file beside this one")
+    folder = path.absolute().parent
+    try:
+        found = (folder / given).resolve()
+        inside = found.is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        raise UserError(f"{key} = {given!r}: no file can have this name") from None
+    if not inside:
+        raise UserError(f"{key} = {given!r}: lies outside of {folder}; copy the file into it")
+    check_ordinary(found, key)
+    return found
+
+
+def _image(path: Path) -> xr.Dataset:
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as file:
+            if "radiance" not in file or set(file["radiance"].dims) != {"y", "x", "wavelength"}:
+                raise UserError(f"{path}: has no radiance (y, x, wavelength), as `openswim render -o ....nc` writes it")
+            if file["radiance"].size > _LARGEST_IMAGE or file.sizes["wavelength"] != file["wavelength"].size:
+                raise UserError(f"{path}: is larger than pictures of an analysis can be; average its pixels first")
+            return file[["radiance"]].load()
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        why = " ".join(str(error).split())[:120]
+        raise UserError(f"{path}: cannot be read as a picture ({why})") from None

@@ -1,0 +1,66 @@
+"""The cost of a state, J = v.v/2 + sum ((y - H(x(v)))/sigma)^2/2, its gradient, and its Gauss-Newton Hessian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.assimilation.background import Space
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.rows import Rows
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Cost:
+    """J of one analysis; keeps its last linearisation, from which the next one is begun.
+
+    weight: 1/sigma, 0 of what is not used. shift: added to H(x), what a better model sees more than the linear one.
+    count: of observations that are used. seen: the last H(x) + shift.
+    """
+
+    rows: Rows
+    space: Space
+    value: F64
+    weight: F64
+    shift: F64 | float = 0.0
+    last: Linearization | None = None
+    seen: F64 = field(default_factory=lambda: np.empty(0))
+    calls: int = 0
+
+    @classmethod
+    def of(cls, rows: Rows, space: Space, observed: xr.Dataset) -> Cost:
+        use = observed["use"].values.astype(bool)
+        weight = np.where(use, 1.0 / observed["error"].values, 0.0)
+        return cls(rows, space, observed["value"].values.astype(float), weight)
+
+    @property
+    def count(self) -> int:
+        return int((self.weight > 0).sum())
+
+    def linearized(self, v: F64) -> Linearization:
+        self.last = Linearization.about(self.rows, self.space.state(v), self.last)
+        self.calls += 1
+        return self.last
+
+    def misfit(self, seen: F64) -> float:
+        """Half the sum of squared departures over their errors."""
+        return 0.5 * float(np.sum((self.weight * (seen - self.value)) ** 2))
+
+    def __call__(self, v: F64) -> tuple[float, F64]:
+        """J and its gradient."""
+        lin = self.linearized(v)
+        self.seen = lin.value.values + self.shift
+        departure = self.weight * (self.seen - self.value)
+        bars = lin.vjp(self.weight * departure)
+        return 0.5 * float(v @ v) + 0.5 * float(departure @ departure), v + self.space.adjoint(v, bars)
+
+    def hessian(self, v: F64, change: F64) -> F64:
+        """(1 + S^T J^T R^-1 J S) times a change, about the last linearisation, which must be of v."""
+        assert self.last is not None
+        row = self.last.jvp(self.space.tangent(v, change)).values
+        return change + self.space.adjoint(v, self.last.vjp(self.weight**2 * row))

@@ -1,0 +1,154 @@
+"""The local ensemble transform Kalman filter (Hunt et al. 2007) on the same observations, without derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from openswim.arguments import number
+from openswim.assimilation.background import Background, Piece, Space
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.rows import Rows
+from openswim.errors import UserError
+from openswim.progress import track
+from openswim.scene.frame import scene_frame
+
+F64 = NDArray[np.float64]
+
+_MOST = 2000  # observations of a column; of more, every second, third, ... one counts as much more
+_CUT = 2.0  # Gaspari and Cohn's function is nothing beyond twice its length
+
+
+def ensemble_of(op: Operator, background: Background, members: int, first: xr.Dataset | None = None,
+                transform: str = "softplus", seed: int = 0) -> list[xr.Dataset]:  # fmt: skip
+    """States as far from a first guess, and as alike, as a background says."""
+    space = Space(op, op.controls.lifted(op.first() if first is None else first), background, transform)
+    return [space.state(space.sample(seed + n)) for n in range(members)]
+
+
+def ensemble_filter(
+    op: Operator,
+    observed: xr.Dataset,
+    states: Sequence[xr.Dataset],
+    length_m: float,
+    inflation: float = 1.05,
+    transform: str = "softplus",
+    seen: xr.DataArray | None = None,
+) -> list[xr.Dataset]:
+    """Members after the observations.
+
+    length_m : of localisation (Gaspari and Cohn 1999), along the ground: an observation counts the less in a column,
+    the farther its ray passes by within the layer that may change. inflation : of the members' spread before.
+    transform : in which members are mixed, so that no mix is a negative cloud. seen : H of the members
+    (`Operator.ensemble`), where it is known; another model's may be given.
+    """
+    if len(states) < 3:
+        raise UserError("ensemble_filter: give three members or more")
+    if not number("ensemble_filter: length_m", length_m) > 0 or not number("inflation", inflation) >= 1:
+        raise UserError("ensemble_filter: length_m must be positive, inflation 1 or more")
+    lifted = [op.controls.lifted(state) for state in states]
+    rows = (op.ensemble(lifted) if seen is None else seen).values
+    if rows.shape != (len(states), op.size):
+        raise UserError(f"ensemble_filter: seen has shape {rows.shape}; give ({len(states)}, {op.size})")
+    use = np.flatnonzero(observed["use"].values)
+    mean = rows[:, use].mean(axis=0)
+    weight = 1 / observed["error"].values[use]
+    changes, departure = (rows[:, use] - mean) * weight, (observed["value"].values[use] - mean) * weight
+    space = Space(op, lifted[0], Background(length_m), transform)
+    fields = [[_inner(p, state) for state in lifted] for p in space.pieces]
+    out = [state.copy(deep=True) for state in lifted]
+    ends, places = _segments(op)[use], _columns(op)
+    by_column = np.empty((len(places), len(states), len(states)))
+    for n in track(range(len(places)), "ensemble"):
+        by_column[n] = _mixed(changes, departure, _nearness(places[n], ends, length_m), inflation)
+    everywhere = _mixed(changes, departure, np.ones(use.size), inflation)
+    for p, members in zip(space.pieces, fields, strict=True):
+        stack = np.stack(members)
+        if {"y", "x"} <= set(p.first.dims):
+            rows_, columns = p.box[-2:]
+            inner = by_column.reshape(*op.controls.where.shape[1:], len(states), len(states))[rows_, columns]
+            mixed = np.einsum("m...yx,yxmn->n...yx", stack, inner)
+        else:
+            mixed = np.einsum("m...,mn->n...", stack, everywhere)
+        for state, values in zip(out, mixed, strict=True):
+            state[p.name] = state[p.name].copy(data=p.whole(p.transform.value(values)))
+    return out
+
+
+def _inner(p: Piece, state: xr.Dataset) -> F64:
+    return np.asarray(p.transform.back(state[p.name].values[p.box]), float)
+
+
+def _mixed(changes: F64, departure: F64, near: F64, inflation: float) -> F64:
+    """(m, m): members after from members before, column n of the new member n. near (n,): weights."""
+    m = len(changes)
+    some = np.flatnonzero(near > 1e-4)
+    every = max(1, -(-some.size // _MOST))
+    some = some[::every]
+    y = changes[:, some] * np.sqrt(near[some] * every)
+    value, vector = np.linalg.eigh((m - 1) / inflation * np.eye(m) + y @ y.T)
+    ahead = y @ (departure[some] * np.sqrt(near[some] * every))
+    to_mean = vector @ ((vector.T @ ahead) / value)
+    spread = (vector * np.sqrt((m - 1) / value)) @ vector.T
+    about = np.eye(m) - 1 / m
+    return np.asarray(1 / m + about @ (to_mean[:, None] + spread @ about))
+
+
+def _nearness(place: F64, ends: F64, length_m: float) -> F64:
+    """Gaspari and Cohn's function of the distance along the ground from a place (2,) to segments (n, 2, 2)."""
+    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    along = ((place - start) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
+    r = np.linalg.norm(start + np.clip(along, 0, 1)[:, None] * way - place, axis=1) / length_m
+    r = np.minimum(r, _CUT)
+    inner = -(r**5) / 4 + r**4 / 2 + 5 * r**3 / 8 - 5 * r**2 / 3 + 1
+    outer = r**5 / 12 - r**4 / 2 + 5 * r**3 / 8 + 5 * r**2 / 3 - 5 * r + 4 - 2 / (3 * np.maximum(r, 0.5))
+    return np.maximum(np.where(r <= 1, inner, outer), 0.0)
+
+
+def _columns(op: Rows) -> F64:
+    """(ny nx, 2) of the grid's columns, metres along its axes."""
+    grid = op.scene.grid
+    assert grid is not None
+    dx, dy = grid.spacing_m()
+    y, x = np.meshgrid(dy * np.arange(grid.shape[1]), dx * np.arange(grid.shape[2]), indexing="ij")
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def _segments(op: Rows) -> F64:
+    """(observations, 2, 2): where each ray, of a pyranometer that to the sun, enters and leaves the layer that may
+    change; metres along the grid's axes."""
+    grid, frame = op.scene.grid, scene_frame(op.scene)
+    assert grid is not None
+    levels = np.flatnonzero(op.controls.where.any(axis=(1, 2)))
+    heights = grid.height_m.reshape(grid.shape[0], -1)[levels]
+    low, high = float(heights.min()), float(heights.max())
+    out = []
+    for part, each in zip(op.parts, op.instruments, strict=False):
+        rays = each.camera.rays(frame)
+        ends = _through(op, np.array(rays.origins(), float), np.array(rays.directions(), float), low, high)
+        out.append(np.tile(ends, (part.shape[0], 1, 1)))
+    if len(op.points):
+        ground = frame.position(op.points[:, 0], op.points[:, 1], 0.0)
+        sun = np.broadcast_to(op.daylight.direction, ground.shape)
+        out.append(_through(op, ground, sun, low, high))
+    return np.concatenate(out)
+
+
+def _through(op: Rows, origin: F64, direction: F64, low: float, high: float) -> F64:
+    grid, frame = op.scene.grid, scene_frame(op.scene)
+    assert grid is not None
+    dx, dy = grid.spacing_m()
+    steep = np.where(np.abs(direction[:, 2]) < 0.02, 0.02, direction[:, 2])
+    ends = []
+    for height in (low, high):
+        place = origin + direction * np.clip((height - origin[:, 2]) / steep, 0, None)[:, None]
+        north, east, _ = frame.latlon(place)
+        if grid.curved:
+            ix, iy = grid.index(east, north)
+        else:
+            ix, iy = (east - grid.x[0]) / dx, (north - grid.y[0]) / dy
+        ends.append(np.stack([np.clip(ix, -1e3, 1e4) * dx, np.clip(iy, -1e3, 1e4) * dy], axis=-1))
+    return np.stack(ends, axis=1)

@@ -1,0 +1,87 @@
+"""The operator as a function of JAX arrays and of torch tensors; each library is imported when it is asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.assimilation.observing.linearization import Linearization
+from openswim.assimilation.observing.rows import Rows
+from openswim.errors import UserError
+
+F64 = NDArray[np.float64]
+
+
+class _Latest:
+    """The linearisation that was asked for last: a gradient comes right after its value."""
+
+    def __init__(self, operator: Rows) -> None:
+        self.operator, self.key = operator, b""
+        self.lin: Linearization | None = None
+
+    def at(self, arrays: list[F64]) -> Linearization:
+        key = b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)
+        if self.lin is None or key != self.key:
+            first, names = self.operator.first(), [v.name for v in self.operator.controls.variables]
+            values = {n: first[n].copy(data=np.asarray(a, float)) for n, a in zip(names, arrays, strict=True)}
+            self.key, self.lin = key, Linearization.about(self.operator, first.assign(values), self.lin)
+        return self.lin
+
+    def back(self, arrays: list[F64], bar: Any) -> list[F64]:
+        state = self.at(arrays).vjp(np.asarray(bar, float))
+        return [np.asarray(state[v.name].values) for v in self.operator.controls.variables]
+
+
+def as_jax(operator: Rows) -> Any:
+    """``f(*controls)``: a row of observations, for `jax.grad`, `jax.jit` and what is built on them.
+
+    Needs 64-bit numbers (`jax.config.update("jax_enable_x64", True)`); gradients are first order, in reverse mode.
+    """
+    try:
+        import jax
+        import jax.numpy as jnp
+    except ImportError:
+        raise UserError("as_jax needs JAX: pip install jax") from None
+    if not jax.config.read("jax_enable_x64"):
+        raise UserError('as_jax needs 64-bit numbers: jax.config.update("jax_enable_x64", True) first')
+    latest = _Latest(operator)
+    out = jax.ShapeDtypeStruct((operator.size,), jnp.float64)
+
+    @jax.custom_vjp
+    def observe(*arrays: Any) -> Any:
+        return jax.pure_callback(lambda *a: latest.at([np.asarray(x) for x in a]).value.values, out, *arrays)
+
+    def forward(*arrays: Any) -> Any:
+        return observe(*arrays), arrays
+
+    def backward(arrays: Any, bar: Any) -> Any:
+        shapes = tuple(jax.ShapeDtypeStruct(a.shape, jnp.float64) for a in arrays)
+        return jax.pure_callback(lambda b, *a: tuple(latest.back([np.asarray(x) for x in a], b)), shapes, bar, *arrays)
+
+    observe.defvjp(forward, backward)
+    return observe
+
+
+def as_torch(operator: Rows) -> Any:
+    """``f(*controls)``: a row of observations, double precision on the CPU, with `backward`."""
+    try:
+        import torch
+    except ImportError:
+        raise UserError("as_torch needs PyTorch: pip install torch") from None
+    latest = _Latest(operator)
+
+    class Observe(torch.autograd.Function):
+        @staticmethod
+        def forward(ctx: Any, *arrays: Any) -> Any:
+            ctx.save_for_backward(*arrays)
+            return torch.from_numpy(latest.at([a.detach().double().cpu().numpy() for a in arrays]).value.values.copy())
+
+        @staticmethod
+        def backward(ctx: Any, bar: Any) -> Any:
+            arrays = ctx.saved_tensors
+            bars = latest.back([a.detach().double().cpu().numpy() for a in arrays], bar.detach().double().cpu().numpy())
+            return tuple(torch.from_numpy(b.copy()).to(a.dtype) for a, b in zip(arrays, bars, strict=True))
+
+    return Observe.apply

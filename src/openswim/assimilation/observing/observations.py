@@ -1,0 +1,102 @@
+"""What was observed, as an analysis takes it: values, their errors, and which may be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.arguments import number
+from openswim.assimilation.observing.rows import Rows
+from openswim.errors import UserError
+
+F64 = NDArray[np.float64]
+
+NOISE, NOISE_OF_IRRADIANCE = 0.02, 0.03
+
+
+def observations(
+    rows: Rows,
+    images: Sequence[Any] = (),
+    irradiance_w_m2: ArrayLike | None = None,
+    noise: float = NOISE,
+    irradiance_noise: float = NOISE_OF_IRRADIANCE,
+    representation: float | Sequence[float] = 0.0,
+    saturated: float | None = None,
+    use: Sequence[ArrayLike | None] | None = None,
+) -> xr.Dataset:
+    """A row of ``value``, ``error`` (standard deviation) and ``use`` on ``observation``.
+
+    images : one of each camera: what `render` makes, or an array (y, x, wavelength) of radiance, W m-2 sr-1 nm-1.
+    noise : of a camera's radiance L, as a share of the root mean square of L and the picture's mean: errors that are a
+        share of L alone would let dark pixels rule, absolute ones the bright ones.
+    representation : what a model's grid cannot show (`representation_error`), a share like the noise, of all or of each
+        camera; the two add as squares. saturated : radiance from which on a pixel is not used.
+    use : of each camera (ny, nx), which pixels may be used beside all that `observe` says.
+    """
+    if len(images) != len(rows.instruments):
+        raise UserError(f"observations: {len(images)} images for {len(rows.instruments)} cameras")
+    shares = [representation] * len(images) if np.ndim(representation) == 0 else list(representation)  # type: ignore
+    masks = [None] * len(images) if use is None else list(use)
+    if len(shares) != len(images) or len(masks) != len(images):
+        raise UserError(f"observations: representation and use must be given for each of {len(images)} cameras")
+    value, error, usable = np.empty(rows.size), np.empty(rows.size), np.zeros(rows.size, bool)
+    for n, (part, each) in enumerate(zip(rows.parts, rows.instruments, strict=False)):
+        radiance = _radiance(images[n], rows, n)[:, each.inside]  # (w, n)
+        light = each.quantity.relative(radiance)
+        good = each.usable & np.isfinite(light).all(axis=0)
+        if saturated is not None:
+            good &= (radiance < number("observations: saturated", saturated)).all(axis=0)
+        mask = masks[n]
+        if mask is not None:
+            good &= np.asarray(mask, bool)[each.inside]
+        if good.any() is np.False_:
+            raise UserError(f"observations: no pixel of camera {n} may be used")
+        light = np.where(good, light, 0.0)
+        mean = light[:, good].mean(axis=1, keepdims=True)
+        total = np.hypot(number("observations: noise", noise), number("observations: representation", shares[n]))
+        sigma = total * np.sqrt(0.5 * (light**2 + mean**2))
+        light = np.where(good, light, mean)
+        value[part.here] = each.quantity.value(light).ravel()
+        error[part.here] = np.maximum(each.quantity.error(light, sigma), 1e-12).ravel()
+        usable[part.here] = np.tile(good, part.shape[0])
+    if len(rows.points):
+        _add_irradiance(rows, irradiance_w_m2, irradiance_noise, value, error, usable)
+    data = {"value": rows.row(value), "error": rows.row(error), "use": rows.row(usable).astype(bool)}
+    return xr.Dataset(data)
+
+
+def _add_irradiance(
+    rows: Rows, given: ArrayLike | None, noise: float, value: F64, error: F64, use: NDArray[np.bool_]
+) -> None:
+    measured = np.full(len(rows.points), np.nan) if given is None else np.asarray(given, float)
+    if measured.shape != (len(rows.points),):
+        raise UserError(f"observations: {measured.size} values of irradiance for {len(rows.points)} pyranometers")
+    here, known = rows.parts[-1].here, np.isfinite(measured)
+    value[here] = np.where(known, measured, 0.0)
+    share = number("observations: irradiance_noise", noise)
+    mean = measured[known].mean() if known.any() else 1.0
+    error[here] = np.maximum(share * np.sqrt(0.5 * (value[here] ** 2 + mean**2)), 1e-6)
+    use[here] = known
+
+
+def _radiance(image: Any, rows: Rows, n: int) -> F64:
+    """(w, ny, nx) at the operator's wavelengths."""
+    shape = rows.instruments[n].camera.shape
+    if isinstance(image, xr.Dataset):
+        if "radiance" not in image:
+            raise UserError(f"observations: image {n} has no radiance")
+        at = np.asarray(image["wavelength"].values, float)
+        nearest = np.abs(at[:, None] - rows.wavelengths_nm).argmin(axis=0)
+        if np.abs(at[nearest] - rows.wavelengths_nm).max() > 1.0:
+            raise UserError(f"observations: image {n} is at {at.tolist()} nm, not at {rows.wavelengths_nm.tolist()}")
+        values = image["radiance"].transpose("y", "x", "wavelength").values[..., nearest]
+    else:
+        values = np.asarray(image, float)
+        values = values[..., None] if values.ndim == 2 else values
+    if values.shape != (*shape, rows.wavelengths_nm.size):
+        raise UserError(f"observations: image {n} is {values.shape}; give {(*shape, rows.wavelengths_nm.size)}")
+    return np.moveaxis(np.asarray(values, float), -1, 0)

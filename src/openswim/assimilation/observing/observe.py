@@ -1,0 +1,161 @@
+"""`observe`: an observation operator of a scene, its cameras and its pyranometers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.arguments import check_kind, number
+from openswim.assimilation.observing.controls import FLOOR_PER_M, Controls
+from openswim.assimilation.observing.core import Core
+from openswim.assimilation.observing.instruments import (
+    LOWEST_DEG,
+    NEAR_SUN_DEG,
+    Instrument,
+    checked_angle,
+    checked_cameras,
+    checked_points,
+    sun_at,
+)
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.quantities import Quantity
+from openswim.assimilation.observing.watts import watts_of
+from openswim.cameras import Camera
+from openswim.errors import UserError
+from openswim.ground.surface import settled, surface_of
+from openswim.lighting import daylight
+from openswim.lights.spectrum import solar_irradiance
+from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
+from openswim.optics.limits import check_wavelengths
+from openswim.optics.species import scene_optics
+from openswim.scene import Scene
+from openswim.scene.frame import scene_frame
+from openswim.scene.times import parse_time
+from openswim.solver import Solver
+from openswim.transport.engine.interpolation import bilinear
+
+F64 = NDArray[np.float64]
+
+_LEVELS_BESIDE = 2  # of cloud, at which cloud may come to be
+
+
+def observe(
+    scene: Scene,
+    cameras: Sequence[Camera] | Camera = (),
+    irradiance: Sequence[Any] = (),
+    wavelengths_nm: Sequence[float] = (550.0,),
+    time: Any = None,
+    sun: tuple[float, float] | None = None,
+    controls: Sequence[str] = ("cloud_liquid",),
+    quantity: str | Sequence[str] = "radiance",
+    where: ArrayLike | None = None,
+    heights_m: tuple[float, float] | None = None,
+    near_sun_deg: float = NEAR_SUN_DEG,
+    lowest_deg: float = LOWEST_DEG,
+    floor_per_km: float = 1e3 * FLOOR_PER_M,
+    tolerance: float = 3e-3,
+    core: Core | None = None,
+) -> Operator:
+    """What cameras and pyranometers would measure, as a function of the scene's clouds, with its derivative.
+
+    cameras : as for `render`; ``quantity`` of each, or of all: "radiance", "log_radiance", "reflectance_factor" or
+        "ratio" (of channels to the first one).
+    irradiance : (latitude, longitude) of pyranometers, in flat scenes (y, x) in metres: global irradiance, W m-2.
+    controls : what may change: "cloud_liquid", "cloud_ice" and other contents, "<species>_effective_radius",
+        "<species>_number", "extinction_<name>", "aerosol_extinction", "aerosol_factor", "albedo", "scale" (of each
+        camera and channel). Sizes act by extinction alone.
+    where, heights_m : at which nodes (nz, ny, nx), or between which heights, cloud may change; by default two levels
+        above and below the scene's own clouds. There it lies on a floor of ``floor_per_km`` at least.
+    near_sun_deg, lowest_deg : pixels so near to the sun, or so low over a ground camera's horizon, are not used.
+    tolerance : of the light that is scattered often; core : the transport, in place of the one that is made here.
+    """
+    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
+    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    check_wavelengths(wavelengths)
+    scene = settled(scene)
+    if scene.grid is None:
+        raise UserError("observe: the scene has no grid, so that no cloud of it can change")
+    frame, day = scene_frame(scene), daylight(scene, time, sun)
+    listed, points = checked_cameras(cameras, frame), checked_points(irradiance)
+    if not listed and not len(points):
+        raise UserError("observe: there are neither cameras nor pyranometers")
+    if day.direction[2] <= 0:
+        raise UserError("observe: the sun is down; the linear core knows the light of day alone")
+    names = [quantity] * len(listed) if isinstance(quantity, str) else list(quantity)
+    if len(names) != len(listed):
+        raise UserError(f"observe: {len(names)} quantities are given for {len(listed)} cameras")
+    near, low = checked_angle("near_sun_deg", near_sun_deg), checked_angle("lowest_deg", lowest_deg)
+    toa = solar_irradiance(wavelengths) / day.distance_au**2
+    instruments = tuple(
+        Instrument(camera, Quantity(name, toa), sun_at(frame, day.direction, camera), near, low)
+        for camera, name in zip(listed, names, strict=True)
+    )
+    floor = number("observe: floor_per_km", floor_per_km) / 1e3
+    if not 0 < floor < 1:
+        raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")
+    made = core if core is not None else _core(scene, listed, points, wavelengths, day.direction, tolerance)
+    albedo = np.asarray(made.albedo, float)
+    held = Controls.of(scene, controls, wavelengths, _where(scene, where, heights_m), albedo, len(listed), floor)
+    when = None if sun is not None else (scene.time if time is None else parse_time(time))
+    watts = watts_of(scene, wavelengths, day) if len(points) else np.empty(wavelengths.size)
+    relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
+    return Operator(scene, made, held, instruments, points, relative, watts, day, when, sun)
+
+
+def _core(scene: Scene, cameras: tuple[Camera, ...], points: F64, wavelengths: F64, sun: F64, tolerance: float) -> Core:
+    """The linear transport of the scene, with what is seen by cameras' rays."""
+    terrain_m, views = surface_of(scene, wavelengths).terrain_m, []
+    for camera in cameras:
+        check_observer(scene, camera, "reference")
+        ground_m = ground_under(scene, terrain_m, camera)
+        check_above_ground(camera, ground_m)
+        views.append(camera.rays(scene_frame(scene), ground_m))
+    return Solver("fast").linear_core(scene, sun, wavelengths, views, points, tolerance)
+
+
+def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float:
+    """Height (m) of the ground below a camera; 0 where it is in space, or not over the grid."""
+    found = None if camera.height_m >= SPACE_M else grid_place([scene], *place_of(camera))
+    if found is None:
+        return 0.0
+    return float(bilinear(np.ascontiguousarray(terrain_m), np.array([found[1]]), np.array([found[2]]))[0])
+
+
+def _where(scene: Scene, where: ArrayLike | None, heights_m: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Nodes (nz, ny, nx) at which fields on levels may change; none on the outermost columns of an open grid."""
+    assert scene.grid is not None
+    shape = scene.grid.shape
+    if where is not None:
+        out = np.asarray(where, bool)
+        if out.shape != shape:
+            raise UserError(f"observe: where has shape {out.shape}; the scene has {shape}")
+        return out
+    height = scene.grid.height_m.reshape(shape[0], *(scene.grid.height_m.shape[1:] or (1, 1)))
+    if heights_m is not None:
+        low, high = (number("observe: heights_m", each) for each in heights_m)
+        inside = (height >= low) & (height <= high)
+    else:
+        inside = np.zeros((shape[0], 1, 1), bool)
+        levels = np.flatnonzero(_cloudy(scene))
+        if levels.size == 0:
+            raise UserError("observe: the scene has no cloud: say by heights_m=(low, high) where some may come to be")
+        inside[max(levels[0] - _LEVELS_BESIDE, 0) : levels[-1] + _LEVELS_BESIDE + 1] = True
+    edge = np.ones(shape[1:], bool)
+    if not scene.grid.periodic:
+        edge[[0, -1]] = edge[:, [0, -1]] = False
+    out = np.broadcast_to(inside, shape) & edge
+    if not out.any():
+        raise UserError("observe: no node lies between these heights_m")
+    return out
+
+
+def _cloudy(scene: Scene) -> NDArray[np.bool_]:
+    """(nz,) levels with any cloud or other particles."""
+    out = np.zeros(0 if scene.grid is None else scene.grid.shape[0], bool)
+    for name, values in scene.data.data_vars.items():
+        if str(name).endswith("_content") or str(name).startswith("extinction_"):
+            out |= values.transpose("z", "y", "x").values.any(axis=(1, 2))
+    return out

@@ -1,0 +1,59 @@
+"""A linear fixed point by Anderson's mixing of the last steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+_LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc"})
+def _dot(a, b):
+    """Sum of products, in one order whatever the threads."""
+    total = 0.0
+    for n in range(a.shape[0]):
+        total += a[n] * b[n]
+    return total
+
+
+def fixed_point(
+    apply: Callable[[F64], F64], given: F64, tolerance: float, most: int, memory: int = 3, start: F64 | None = None
+) -> tuple[F64, int]:
+    """x = apply(x) + given, until a step changes it by less than ``tolerance`` of what is given; x and the sweeps.
+
+    Of the last ``memory`` steps that combination is gone on with whose changes would cancel best (Walker & Ni 2011).
+    """
+    x = given.copy() if start is None else start.copy()
+    images: list[F64] = []
+    residuals: list[F64] = []
+    products = np.zeros((0, 0))  # of the residuals with each other
+    size = _dot(given.ravel(), given.ravel()) ** 0.5
+    for n in range(1, most + 1):
+        image = apply(x)
+        image += given
+        np.subtract(image, x, out=x)
+        residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
+        own = np.array([_dot(one, residuals[-1]) for one in residuals])
+        if own[-1] ** 0.5 <= tolerance * size or n == most:
+            return image, n
+        if memory == 0:
+            x = image
+            continue
+        kept = len(residuals) - 1
+        products = np.block([[products[-kept:, -kept:] if kept else np.zeros((0, 0)), own[:-1, None]], [own[None]]])
+        images = [*images[-memory:], image]
+        if not kept:
+            x = image.copy()
+            continue
+        gram = products[:kept, :kept] - own[:-1, None] - own[None, :-1] + own[-1]
+        c = np.linalg.solve(gram + _LEAST * np.trace(gram) * np.eye(kept), own[-1] - own[:-1])
+        x = (1 - c.sum()) * image
+        for share, earlier in zip(c, images[:-1], strict=True):
+            x += share * earlier
+    raise AssertionError("there is at least one sweep")

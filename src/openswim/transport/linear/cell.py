@@ -1,0 +1,124 @@
+"""What one step, one place and one look-up do to light, each beside its slopes.
+
+Every sweep and every march of the linear core is a loop around these functions, and so is each of their derivatives:
+no two of them can disagree about a formula. The equations are those of docs/fast.md (F9, F16, F17), in double
+precision and without limiters; tests/transport/linear/test_cell.py holds slopes against differences, and the values
+against those that `fast` computes with.
+"""
+
+import math
+from typing import Any
+
+from numba import njit
+
+_FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": True}
+SMALL = 0.02  # depth below which series are used: they differ from the closed forms by 1e-14 there
+SOFT = 0.02  # twice the depth of a step below which its ends are trusted, see `amendment`
+
+
+@njit(**_FLAGS)
+def through(tau):
+    """(e^-tau, its mean over the step (1 - e^-tau)/tau)."""
+    if tau > SMALL:
+        t = math.exp(-tau)
+        return t, (1.0 - t) / tau
+    mean = 1 - tau * (1 / 2 - tau * (1 / 6 - tau * (1 / 24 - tau * (1 / 120 - tau / 720))))
+    return 1.0 - tau * mean, mean
+
+
+@njit(**_FLAGS)
+def through_slope(tau):
+    """Slope of the mean of `through`; that of e^-tau is itself."""
+    if tau > SMALL:
+        t = math.exp(-tau)
+        return (t - (1.0 - t) / tau) / tau
+    return -1 / 2 + tau * (1 / 3 - tau * (1 / 8 - tau * (1 / 30 - tau * (1 / 144 - tau / 840))))
+
+
+@njit(**_FLAGS)
+def step_weights(near_ext, far_ext, ds):
+    """(trans, near, far): radiance = trans upstream + near S_near + far S_far; extinction and S linear between (F9)."""
+    tau = 0.5 * (near_ext + far_ext) * ds
+    trans, mean = through(tau)
+    c = ds / (12.0 + 2.0 * tau)
+    w = mean * ds
+    return trans, w * (0.5 + far_ext * c), w * (0.5 - near_ext * c)
+
+
+@njit(**_FLAGS)
+def step_slopes(near_ext, far_ext, ds):
+    """Slopes of `step_weights` by the near and by the far extinction: six numbers, weight by weight."""
+    tau = 0.5 * (near_ext + far_ext) * ds
+    trans, mean = through(tau)
+    slope = through_slope(tau)
+    c = ds / (12.0 + 2.0 * tau)
+    dc = -2.0 * c * c / ds  # by tau
+    w, dw = mean * ds, slope * ds
+    half = 0.5 * ds  # of tau by either extinction
+    common_near = dw * (0.5 + far_ext * c) + w * far_ext * dc
+    common_far = dw * (0.5 - near_ext * c) - w * near_ext * dc
+    return (
+        -trans * half, -trans * half,
+        common_near * half, common_near * half + w * c,
+        common_far * half - w * c, common_far * half,
+    )  # fmt: skip
+
+
+@njit(**_FLAGS)
+def trusted(near_ext, far_ext, ds):
+    """By what `amendment` divides; its slopes are one each."""
+    return near_ext + far_ext + SOFT / ds
+
+
+@njit(**_FLAGS)
+def amendment(light, up, near, far, near_ext, told, both, ds):
+    """What a step takes of the light beyond what its ends say, over its extinction: half of it amends the light that is
+    scattered around the near node, half that around the far ones.
+
+        a = ((2/ds) (up - I) + S + S_up - beta I - sum w beta_c I_c)/both
+
+    light, near, near_ext: I, S, beta of the near node; up, far: of the upstream point; told: the sum over its corners.
+    Slopes: 2/ds and -(2/ds + beta) by up and light, 1 by the sources, -I and -1 by beta and told, -a by both, all over
+    both.
+    """
+    return (2.0 / ds * (up - light) + near + far - near_ext * light - told) / both
+
+
+@njit(**_FLAGS)
+def _hermite(row, depth):
+    """Index and place in its interval, and the cubic's coefficients there."""
+    last = row.shape[0] - 1
+    u = depth / (1.0 + depth) * last
+    i = min(int(u), last - 1)
+    a, b = row[i], row[i + 1]
+    da = 0.5 * (b - row[i - 1]) if i > 0 else b - a
+    db = 0.5 * (row[i + 2] - a) if i + 2 <= last else b - a
+    return u - i, a, da, 3 * (b - a) - 2 * da - db, 2 * (a - b) + da + db
+
+
+@njit(**_FLAGS)
+def peak(row, depth):
+    """Forward peak of a ray (F17) at a forward depth, from its values (n,) at depth/(1 + depth) = j/(n - 1): a cubic
+    through them, since the slope of straight lines jumps at every one."""
+    x, a, da, c2, c3 = _hermite(row, depth)
+    return a + x * (da + x * (c2 + x * c3))
+
+
+@njit(**_FLAGS)
+def peak_slope(row, depth):
+    """Slope of `peak` by the depth."""
+    x, _, da, c2, c3 = _hermite(row, depth)
+    return (da + x * (2 * c2 + 3 * x * c3)) * (row.shape[0] - 1) / ((1.0 + depth) * (1.0 + depth))
+
+
+@njit(**_FLAGS)
+def beam_of(root):
+    """The beam from what is linear between nodes, its root (F5); its slope is twice the root."""
+    return root * root
+
+
+@njit(**_FLAGS)
+def bend(single, single_far, beam, beam_far):
+    """By how much the mean of single scattering times beam along a step is less than that of its ends; linear in
+    either, so that its slopes are itself (fast's `march._plain_step`)."""
+    return (single_far - single) * (beam_far - beam) / 6.0

@@ -1,0 +1,210 @@
+"""A sweep of all ordinates, its tangent and its transposes: the map whose fixed point diffuse light is.
+
+Ordinates are swept a few at a time, each by one thread; no field of all ordinates ever exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import get_num_threads
+from numpy.typing import NDArray
+
+from openswim.transport.engine.threads import in_threads
+from openswim.transport.linear.moments import emit, gather
+from openswim.transport.linear.sweep import carry, carry_gradient, carry_tangent, carry_transposed
+from openswim.transport.linear.world import World
+
+F64 = NDArray[np.float64]
+_BATCH = 8  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
+
+
+@dataclass(eq=False)
+class Filled:
+    """What is at the nodes at one term: ext (nodes,) scaled extinction, 1/m; scattering (M, nodes): its Legendre
+    moments, 1/m; lit (nodes,): the beam as it lights what is around them; albedo and direct (columns,): of the ground,
+    and the flux of the beam there; inflow (n, nz)."""
+
+    ext: F64
+    scattering: F64
+    lit: F64
+    albedo: F64
+    direct: F64
+    inflow: F64
+
+
+class Change(NamedTuple):
+    """Changes of `Filled`, or bars of it."""
+
+    ext: F64
+    scattering: F64
+    lit: F64
+    albedo: F64
+    direct: F64
+
+
+class Swept(NamedTuple):
+    """moments (K, nodes) of what is scattered around the nodes, ``seen`` of the light at them; flux and ground
+    (columns,): down through the ground over E_TOA, and L' of it."""
+
+    moments: F64
+    seen: F64 | None
+    flux: F64
+    ground: F64
+
+
+class Sweeps:
+    """Sweeps through one world."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._shape = np.array(world.shape, np.int64)
+        self._cell = np.array(world.cell_m, float)
+        self._way = (world.levels_m, self._cell, world.ground_node)
+
+    @property
+    def _size(self) -> int:
+        return -(-get_num_threads() // _BATCH) * _BATCH
+
+    def _batches(self, first: int, last: int) -> Iterator[slice]:
+        size = self._size
+        for n in range(first, last, size):
+            yield slice(n, min(n + size, last))
+
+    def _fields(self, count: int) -> list[F64]:
+        return [np.zeros((self._size, self.world.nodes)) for _ in range(count)]
+
+    def _around(self, of_columns: F64) -> F64:
+        """Values (K, columns) of columns at all nodes."""
+        return np.broadcast_to(of_columns, (self.world.shape[0], of_columns.size)).ravel()
+
+    def _sources(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
+        """Moments (K, nodes) of what nodes scatter per length."""
+        w = self.world
+        out = np.zeros((len(w.ell), w.nodes)) if moments is None else moments.copy()
+        for k, ell in enumerate(w.ell):
+            if lit is not None:
+                out[k].reshape(w.shape)[:] += w.sun_harmonics[k] * lit.reshape(w.shape)
+            out[k] *= f.scattering[ell]
+        return out
+
+    def sweep(self, f: Filled, moments: F64 | None, lit: bool, see: bool = False) -> Swept:
+        """The light after a sweep; lit by beam and inflow, or the linear part alone. moments: before it; None: dark."""
+        w = self.world
+        sources = self._sources(f, moments, f.lit if lit else None)
+        out, flux = np.zeros_like(sources), np.zeros(w.columns)
+        seen = np.zeros_like(sources) if see else None
+        emission, light, mean = self._fields(3)
+        inflow = f.inflow if lit else np.zeros_like(f.inflow)
+        ground = np.zeros(w.columns)
+        for first, last in ((0, w.down), (w.down, len(w.weight))):
+            if first:
+                ground = f.albedo * (flux + f.direct if lit else flux) / w.unit
+            for some in self._batches(first, last):
+                n = some.stop - some.start
+                in_threads(emit, w.harmonics[some], sources, emission[:n])
+                in_threads(
+                    carry, self._shape, w.direction[some], *self._way, f.ext, emission[:n], inflow[some], ground,
+                    light[:n], mean[:n],
+                )  # fmt: skip
+                in_threads(gather, w.gathered[some].T.copy(), mean[:n], out)
+                if seen is not None:
+                    in_threads(gather, w.gathered[some].T.copy(), light[:n], seen)
+                for b in range(n if not first else 0):
+                    flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
+        return Swept(out, seen, flux, ground)
+
+    def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
+        """Change of a lit sweep with what is at the nodes; the moments before it stay."""
+        w = self.world
+        sources = self._sources(f, moments, f.lit)
+        d_sources = np.zeros_like(sources)
+        for k, ell in enumerate(w.ell):
+            sun = w.sun_harmonics[k].ravel()
+            before = moments[k] + (sun * f.lit.reshape(w.shape[0], -1)).ravel()
+            d_sources[k] = d.scattering[ell] * before
+            d_sources[k] += f.scattering[ell] * (sun * d.lit.reshape(w.shape[0], -1)).ravel()
+        out, seen = np.zeros_like(sources), np.zeros_like(sources)
+        flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
+        emission, d_emission, light, d_light, d_mean = self._fields(5)
+        for first, last in ((0, w.down), (w.down, len(w.weight))):
+            if first:
+                ground = f.albedo * (flux + f.direct) / w.unit
+                d_ground = (d.albedo * (flux + f.direct) + f.albedo * (d_flux + d.direct)) / w.unit
+            for some in self._batches(first, last):
+                n = some.stop - some.start
+                in_threads(emit, w.harmonics[some], sources, emission[:n])
+                in_threads(emit, w.harmonics[some], d_sources, d_emission[:n])
+                in_threads(
+                    carry_tangent, self._shape, w.direction[some], *self._way, f.ext, emission[:n], f.inflow[some],
+                    ground, d.ext, d_emission[:n], d_ground, light[:n], d_light[:n], d_mean[:n],
+                )  # fmt: skip
+                in_threads(gather, w.gathered[some].T.copy(), d_mean[:n], out)
+                in_threads(gather, w.gathered[some].T.copy(), d_light[:n], seen)
+                for b in range(n if not first else 0):
+                    flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
+                    d_flux += w.per_flux[some.start + b] * d_light[b, w.ground_nodes]
+        return Swept(out, seen, d_flux, d_ground)
+
+    def transposed(
+        self, f: Filled, bar: F64 | None, seen_bar: F64 | None = None, ground_bar: F64 | None = None,
+        flux_bar: F64 | None = None, value: Swept | None = None,
+    ) -> tuple[F64, Change | None]:  # fmt: skip
+        """Bars of the moments before a sweep from those of what it makes.
+
+        value: of the sweep, but with the moments before it; given it, bars of `Filled` as well.
+        """
+        w = self.world
+        by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
+        by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
+        source_bar = np.zeros((len(w.ell), w.nodes))
+        light_bar, mean_bar, emission_bar = self._fields(3)
+        ground_bars = np.zeros((len(light_bar), w.columns))
+        ext_bar = np.zeros(w.nodes)
+        if value is not None:
+            sources = self._sources(f, value.moments, f.lit)
+            emission, light, mean, ext_bars = self._fields(4)
+        for first, last in ((w.down, len(w.weight)), (0, w.down)):
+            if not first:
+                by_flux += f.albedo / w.unit * by_ground
+            for some in self._batches(first, last):
+                n = some.stop - some.start
+                for bars, of_light in ((bar, mean_bar), (seen_bar, light_bar)):
+                    if bars is None:
+                        of_light[:n] = 0.0
+                    else:
+                        in_threads(emit, w.gathered[some], bars, of_light[:n])
+                for b in range(n if not first else 0):
+                    light_bar[b, w.ground_nodes] += w.per_flux[some.start + b] * by_flux
+                given = (self._shape, w.direction[some], *self._way, f.ext)
+                bars_of = (light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
+                if value is None:
+                    in_threads(carry_transposed, *given, *bars_of)
+                else:
+                    in_threads(emit, w.harmonics[some], sources, emission[:n])
+                    in_threads(carry, *given, emission[:n], f.inflow[some], value.ground, light[:n], mean[:n])
+                    in_threads(carry_gradient, *given, emission[:n], light[:n], *bars_of, ext_bars[:n])
+                    for b in range(n):
+                        ext_bar += ext_bars[b]
+                in_threads(gather, w.harmonics[some].T.copy(), emission_bar[:n], source_bar)
+                for b in range(n if first else 0):
+                    by_ground += ground_bars[b]
+        if value is None:
+            return self._before(f, source_bar), None
+        scattering_bar, lit_bar = np.zeros_like(f.scattering), np.zeros(w.nodes)
+        for k, ell in enumerate(w.ell):
+            sun = self._around(w.sun_harmonics[k].ravel())
+            scattering_bar[ell] += source_bar[k] * (value.moments[k] + sun * f.lit)
+            lit_bar += f.scattering[ell] * source_bar[k] * sun
+        albedo_bar = (value.flux + f.direct) / w.unit * by_ground
+        change = Change(ext_bar, scattering_bar, lit_bar, albedo_bar, f.albedo / w.unit * by_ground)
+        return self._before(f, source_bar), change
+
+    def _before(self, f: Filled, source_bar: F64) -> F64:
+        """Bars of moments from those of what they make nodes scatter."""
+        for k, ell in enumerate(self.world.ell):
+            source_bar[k] *= f.scattering[ell]
+        return source_bar

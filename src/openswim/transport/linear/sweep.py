@@ -1,0 +1,259 @@
+"""An ordinate through the grid: value, tangent, transpose, and the sweep that gathers the gradient.
+
+A grid is (nz, ny, nx); an ordinate (x, y, z) points to where its light comes from. Upstream of a node lies the point
+where the ordinate leaves the cell, between the four nodes of that face (short characteristics, F8). Nodes on faces by
+which light enters have the inflow of their level; nodes on and below the ground have, for light from below, the
+ground's radiance. `upstream` says all that there is to know of an ordinate, and the four kernels go through the grid
+alike: they differ in nothing but what they do at a node. Fields are rows of nodes, (b, nodes) of b ordinates.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from openswim.transport.linear.cell import amendment, step_slopes, step_weights, trusted
+
+_FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
+
+
+@njit(**_FLAGS)
+def upstream(q, levels, cell, shape, offset, weight, length):
+    """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,)."""
+    nx, plane = shape[2], shape[1] * shape[2]
+    up = 1 if q[2] > 0 else -1
+    for k in range(shape[0]):
+        other = min(max(k + up, 0), shape[0] - 1)
+        dz = abs(levels[other] - levels[k]) if other != k else 1.0  # where light enters, no step is taken
+        rate_x, rate_y, rate_z = abs(q[0]) / cell[0], abs(q[1]) / cell[1], abs(q[2]) / dz
+        ds = 1.0 / max(rate_x, rate_y, rate_z)
+        x, y, z = min(rate_x * ds, 1.0), min(rate_y * ds, 1.0), min(rate_z * ds, 1.0)
+        step_x, step_y, step_z = (1 if q[0] > 0 else -1), (nx if q[1] > 0 else -nx), (plane if q[2] > 0 else -plane)
+        length[k] = ds
+        n = 0
+        for c in range(8):
+            a, b, d = c & 1, c >> 1 & 1, c >> 2
+            w = (x if a else 1.0 - x) * (y if b else 1.0 - y) * (z if d else 1.0 - z)
+            if w > 1e-12 and n < 4:
+                weight[k, n] = w
+                offset[k, n] = a * step_x + b * step_y + d * step_z
+                n += 1
+        for m in range(n, 4):
+            weight[k, m], offset[k, m] = 0.0, 0
+
+
+@njit(**_FLAGS)
+def _ways(q, shape, way):
+    """First, end and step (3, 3) of the loops over levels, rows and columns, downstream."""
+    for a in range(3):
+        forward = q[2 - a] <= 0
+        way[a, 0] = 0 if forward else shape[a] - 1
+        way[a, 1] = shape[a] if forward else -1
+        way[a, 2] = 1 if forward else -1
+
+
+@njit(**_FLAGS)
+def _lit_by(k, j, i, q, way, ground_node):
+    """0 where light comes from upstream nodes, 1 where it enters from outside, 2 where it is the ground's."""
+    if q[2] < 0.0 and k <= ground_node:
+        return 2
+    if (q[2] != 0.0 and k == way[0, 0]) or (q[1] != 0.0 and j == way[1, 0]) or (q[0] != 0.0 and i == way[2, 0]):
+        return 1
+    return 0
+
+
+@njit(**_FLAGS)
+def carry(t, threads, shape, directions, levels, cell, ground_node, ext, emission, inflow, ground, light, mean):
+    """light (b, nodes): radiance of ordinates with emission per length; ext: scaled extinction; inflow (b, nz).
+
+    mean: the same as what is scattered around the nodes has it (`cell.amendment`).
+    """
+    way, offset, weight, length = (
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+    )  # fmt: skip
+    for n in range(t, directions.shape[0], threads):
+        q, e, out, amended = directions[n], emission[n], light[n], mean[n]
+        upstream(q, levels, cell, shape, offset, weight, length)
+        _ways(q, shape, way)
+        amended[:] = 0.0
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
+            ds = length[k]
+            w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
+                    p = (k * shape[1] + j) * shape[2] + i
+                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
+                    if by > 0:
+                        out[p] = ground[j * shape[2] + i] if by == 2 else inflow[n, k]
+                        continue
+                    a, b, c, d = p + offset[k, 0], p + offset[k, 1], p + offset[k, 2], p + offset[k, 3]
+                    up = w0 * out[a] + w1 * out[b] + w2 * out[c] + w3 * out[d]
+                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
+                    e_up = w0 * e[a] + w1 * e[b] + w2 * e[c] + w3 * e[d]
+                    told = w0 * ext[a] * out[a] + w1 * ext[b] * out[b] + w2 * ext[c] * out[c] + w3 * ext[d] * out[d]
+                    trans, near, far = step_weights(ext[p], ext_up, ds)
+                    here = trans * up + near * e[p] + far * e_up
+                    out[p] = here
+                    more = 0.5 * amendment(here, up, e[p], e_up, ext[p], told, trusted(ext[p], ext_up, ds), ds)
+                    amended[p] += more
+                    amended[a] += w0 * more
+                    amended[b] += w1 * more
+                    amended[c] += w2 * more
+                    amended[d] += w3 * more
+        for p in range(ext.shape[0]):
+            amended[p] += out[p]
+
+
+@njit(**_FLAGS)
+def carry_tangent(
+    t, threads, shape, directions, levels, cell, ground_node, ext, emission, inflow, ground,
+    d_ext, d_emission, d_ground, light, d_light, d_mean,
+):  # fmt: skip
+    """`carry`, and the changes of its light and mean with d_ext, d_emission and d_ground."""
+    way, offset, weight, length = (
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+    )  # fmt: skip
+    for n in range(t, directions.shape[0], threads):
+        q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_mean[n]
+        upstream(q, levels, cell, shape, offset, weight, length)
+        _ways(q, shape, way)
+        amended[:] = 0.0
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
+            ds = length[k]
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
+                    p = (k * shape[1] + j) * shape[2] + i
+                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
+                    if by > 0:
+                        out[p] = ground[j * shape[2] + i] if by == 2 else inflow[n, k]
+                        d_out[p] = d_ground[j * shape[2] + i] if by == 2 else 0.0
+                        continue
+                    up, ext_up, e_up, told, d_up, d_ext_up, de_up, d_told = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                    for c in range(4):
+                        w, m = weight[k, c], p + offset[k, c]
+                        up += w * out[m]
+                        ext_up += w * ext[m]
+                        e_up += w * e[m]
+                        told += w * ext[m] * out[m]
+                        d_up += w * d_out[m]
+                        d_ext_up += w * d_ext[m]
+                        de_up += w * de[m]
+                        d_told += w * (d_ext[m] * out[m] + ext[m] * d_out[m])
+                    trans, near, far = step_weights(ext[p], ext_up, ds)
+                    t_n, t_f, n_n, n_f, f_n, f_f = step_slopes(ext[p], ext_up, ds)
+                    here = trans * up + near * e[p] + far * e_up
+                    d_here = trans * d_up + near * de[p] + far * de_up
+                    d_here += (t_n * up + n_n * e[p] + f_n * e_up) * d_ext[p]
+                    d_here += (t_f * up + n_f * e[p] + f_f * e_up) * d_ext_up
+                    out[p], d_out[p] = here, d_here
+                    both = trusted(ext[p], ext_up, ds)
+                    a = amendment(here, up, e[p], e_up, ext[p], told, both, ds)
+                    d = 2.0 / ds * (d_up - d_here) + de[p] + de_up - d_ext[p] * here - ext[p] * d_here - d_told
+                    d = 0.5 * (d - a * (d_ext[p] + d_ext_up)) / both
+                    amended[p] += d
+                    for c in range(4):
+                        amended[p + offset[k, c]] += weight[k, c] * d
+        for p in range(ext.shape[0]):
+            amended[p] += d_out[p]
+
+
+@njit(**_FLAGS)
+def carry_transposed(
+    t, threads, shape, directions, levels, cell, ground_node, ext, light_bar, mean_bar, emission_bar, ground_bar
+):
+    """Transpose of `carry` by emission and ground: light_bar (b, nodes), used up, and mean_bar into emission_bar (b,
+    nodes) and ground_bar (b, columns)."""
+    way, offset, weight, length = (
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+    )  # fmt: skip
+    for n in range(t, directions.shape[0], threads):
+        q, lb, mb, eb = directions[n], light_bar[n], mean_bar[n], emission_bar[n]
+        upstream(q, levels, cell, shape, offset, weight, length)
+        _ways(q, shape, way)
+        ground_bar[n] = 0.0
+        for p in range(ext.shape[0]):
+            eb[p] = 0.0
+            lb[p] += mb[p]
+        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+            ds = length[k]
+            w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
+                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+                    p = (k * shape[1] + j) * shape[2] + i
+                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
+                    if by > 0:
+                        if by == 2:
+                            ground_bar[n, j * shape[2] + i] += lb[p]
+                        continue
+                    a, b, c, d = p + offset[k, 0], p + offset[k, 1], p + offset[k, 2], p + offset[k, 3]
+                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
+                    more = mb[p] + w0 * mb[a] + w1 * mb[b] + w2 * mb[c] + w3 * mb[d]
+                    more *= 0.5 / trusted(ext[p], ext_up, ds)
+                    trans, near, far = step_weights(ext[p], ext_up, ds)
+                    rate = 2.0 / ds
+                    bar = lb[p] - (rate + ext[p]) * more
+                    eb[p] += near * bar + more
+                    to_light, to_source = trans * bar + rate * more, far * bar + more
+                    lb[a] += w0 * (to_light - ext[a] * more)
+                    lb[b] += w1 * (to_light - ext[b] * more)
+                    lb[c] += w2 * (to_light - ext[c] * more)
+                    lb[d] += w3 * (to_light - ext[d] * more)
+                    eb[a] += w0 * to_source
+                    eb[b] += w1 * to_source
+                    eb[c] += w2 * to_source
+                    eb[d] += w3 * to_source
+
+
+@njit(**_FLAGS)
+def carry_gradient(
+    t, threads, shape, directions, levels, cell, ground_node, ext, emission, light, light_bar, mean_bar, emission_bar,
+    ground_bar, ext_bar,
+):  # fmt: skip
+    """`carry_transposed`, and with it ext_bar (b, nodes) by the extinction; light: the radiance itself."""
+    way, offset, weight, length = (
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+    )  # fmt: skip
+    for n in range(t, directions.shape[0], threads):
+        q, e, own, lb, mb, eb, xb = (
+            directions[n], emission[n], light[n], light_bar[n], mean_bar[n], emission_bar[n], ext_bar[n],
+        )  # fmt: skip
+        upstream(q, levels, cell, shape, offset, weight, length)
+        _ways(q, shape, way)
+        ground_bar[n] = 0.0
+        for p in range(ext.shape[0]):
+            eb[p], xb[p] = 0.0, 0.0
+            lb[p] += mb[p]
+        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+            ds = length[k]
+            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
+                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+                    p = (k * shape[1] + j) * shape[2] + i
+                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
+                    if by > 0:
+                        if by == 2:
+                            ground_bar[n, j * shape[2] + i] += lb[p]
+                        continue
+                    up, ext_up, e_up, told, more = 0.0, 0.0, 0.0, 0.0, mb[p]
+                    for c in range(4):
+                        w, m = weight[k, c], p + offset[k, c]
+                        up += w * own[m]
+                        ext_up += w * ext[m]
+                        e_up += w * e[m]
+                        told += w * ext[m] * own[m]
+                        more += w * mb[m]
+                    both = trusted(ext[p], ext_up, ds)
+                    more *= 0.5 / both
+                    a = amendment(own[p], up, e[p], e_up, ext[p], told, both, ds)
+                    trans, near, far = step_weights(ext[p], ext_up, ds)
+                    t_n, t_f, n_n, n_f, f_n, f_f = step_slopes(ext[p], ext_up, ds)
+                    rate = 2.0 / ds
+                    bar = lb[p] - (rate + ext[p]) * more
+                    eb[p] += near * bar + more
+                    xb[p] += (t_n * up + n_n * e[p] + f_n * e_up) * bar - (own[p] + a) * more
+                    to_light, to_source = trans * bar + rate * more, far * bar + more
+                    to_ext = (t_f * up + n_f * e[p] + f_f * e_up) * bar - a * more
+                    for c in range(4):
+                        w, m = weight[k, c], p + offset[k, c]
+                        lb[m] += w * (to_light - ext[m] * more)
+                        eb[m] += w * to_source
+                        xb[m] += w * (to_ext - own[m] * more)

@@ -1,0 +1,59 @@
+"""The operator as a function of JAX and PyTorch, where these are installed."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+from tests.assimilation.test_operator import operator
+
+from openswim import UserError
+from openswim.assimilation import Operator
+
+
+def slope(op: Operator, way: dict[str, np.ndarray]) -> float:
+    """Of the sum of squares of H, by differences."""
+    step = 1e-4
+    change = op.first().assign({name: (op.first()[name].dims, v) for name, v in way.items()})
+    ends = [float((op(op.first() + sign * step * change)
+                   ** 2).sum()) for sign in (1, -1)]  # fmt: skip
+    return (ends[0] - ends[1]) / (2 * step)
+
+
+def ways(op: Operator) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return {str(name): values.values * rng.random(values.shape) for name, values in op.first().items()}
+
+
+def test_jax() -> None:
+    jax = pytest.importorskip("jax")
+    op = operator()
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(UserError, match="64-bit"):
+        op.as_jax()
+    jax.config.update("jax_enable_x64", True)
+    f = op.as_jax()
+    arrays = [jax.numpy.asarray(v.values) for v in op.first().values()]
+    gradient = jax.jit(jax.grad(lambda *a: (f(*a) ** 2).sum(), argnums=(0, 1, 2)))(*arrays)
+    way = ways(op)
+    found = sum(float((g * v).sum()) for g, v in zip(gradient, way.values(), strict=True))
+    assert found == pytest.approx(slope(op, way), rel=1e-6)
+
+
+def test_torch() -> None:
+    torch = pytest.importorskip("torch")
+    op = operator()
+    arrays = [torch.tensor(v.values, dtype=torch.float64, requires_grad=True) for v in op.first().values()]
+    (op.as_torch()(*arrays) ** 2).sum().backward()
+    way = ways(op)
+    found = sum(float((a.grad.numpy() * v).sum()) for a, v in zip(arrays, way.values(), strict=True))
+    assert found == pytest.approx(slope(op, way), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["jax", "torch"])
+def test_without_the_library(name: str) -> None:
+    if importlib.util.find_spec(name) is not None:
+        pytest.skip(f"{name} is installed")
+    with pytest.raises(UserError, match="pip install"):
+        getattr(operator(), f"as_{name}")()

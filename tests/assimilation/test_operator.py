@@ -1,0 +1,180 @@
+"""The observation operator on a plain core: all of its own chain is exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.sparse.linalg import lsqr
+from tests.assimilation.toy import cloud, flat_scene, toy_core
+
+from openswim import Camera, UserError
+from openswim.assimilation import observe
+
+SUN = (140.0, 50.0)
+CAMERAS = [Camera.allsky(x_m=200.0, y_m=260.0, size=9, fov_deg=150.0),
+           Camera.perspective(x_m=450.0, y_m=100.0, azimuth_deg=300.0, altitude_deg=40.0, size=(6, 8))]  # fmt: skip
+POINTS = [(200.0, 300.0), (250.0, 100.0)]
+
+
+def operator(quantity="radiance", controls=("extinction_cloud", "albedo", "scale"), wavelengths=(550.0, 650.0)):
+    scene = flat_scene()
+    core = toy_core(scene, CAMERAS, POINTS, len(wavelengths))
+    return observe(scene, CAMERAS, POINTS, wavelengths, sun=SUN, controls=controls, quantity=quantity, core=core)
+
+
+@pytest.mark.parametrize("quantity", ["radiance", "log_radiance", "reflectance_factor", "ratio"])
+def test_the_four_tests_of_a_linearisation(quantity: str) -> None:
+    op = operator(quantity)
+    found = op.linearize(op.first()).check()
+    assert found.zero == 0
+    assert found.linear < 1e-14
+    assert found.dot < 1e-14
+    first, second, third = found.remainder
+    assert second < 0.11 * first
+    assert third < 0.11 * second
+    assert found.passed()
+    assert "dot product" in str(found)
+
+
+def test_values_are_those_of_the_light() -> None:
+    op = operator()
+    lin = op.linearize(op.first())
+    light = lin.images.radiance[0]
+    sky, tilted = op.pictures(lin.value)
+    assert sky.shape == (9, 9, 2)
+    assert tilted.shape == (6, 8, 2)
+    inside = op.instruments[0].inside
+    want = light[0] * op.instruments[0].quantity.toa[0] / (4 * np.pi)
+    assert np.allclose(sky.values[inside, 0], want, rtol=1e-12)
+    assert np.isnan(sky.values[~inside]).all()
+    assert op.irradiance_w_m2(lin.value).shape == (2,)
+    # all the sun's light falls on a black ground below clear air that absorbs nothing
+    assert op.watts.sum() == pytest.approx(1361.1 * 0.987 / op.daylight.distance_au**2, rel=2e-3)
+
+
+def test_jacobian_rows_are_gradients() -> None:
+    op = operator()
+    lin = op.linearize(op.first())
+    rows = lin.jacobian([3, op.size - 1])
+    change = 0 * lin.state
+    change["extinction_cloud"][4, 5, 6] = 1.0
+    column = lin.jvp(change).values
+    assert np.allclose(rows["extinction_cloud"][:, 4, 5, 6], column[[3, -1]], rtol=1e-12)
+
+
+def test_a_state_that_was_changed_since_is_an_error() -> None:
+    op = operator()
+    state = op.first()
+    lin = op.linearize(state)
+    lin.vjp(lin.value)
+    state["extinction_cloud"][3, 3, 3] += 1e-3
+    with pytest.raises(UserError, match="linearize again"):
+        lin.vjp(lin.value)
+
+
+def test_nothing_is_below_the_floor_and_nothing_changes_elsewhere() -> None:
+    op = operator(controls=("extinction_cloud",))
+    state = op.first()
+    where = op.controls.where
+    assert state["extinction_cloud"].values[where].min() == op.controls.floor_per_m
+    assert (state["extinction_cloud"].values[~where] == 0).all()
+    assert where.any()
+    assert not where.all()
+    below = state - 1.0
+    assert np.array_equal(op(below), op(0 * state))  # less than nothing is nothing
+    bars = op.linearize(state).vjp(np.ones(op.size))
+    assert (bars["extinction_cloud"].values[~where] == 0).all()
+
+
+def test_scipy_takes_it() -> None:
+    op = operator()
+    lin = op.linearize(op.first())
+    matrix = lin.as_linear_operator()
+    found = lsqr(matrix, np.ones(op.size), iter_lim=3)
+    assert found[3] < np.sqrt(op.size)
+
+
+def test_an_ensemble_is_member_by_member() -> None:
+    op = operator()
+    states = [op.first(), op.first() * 1.5]
+    rows = op.ensemble(states)
+    assert rows.dims == ("member", "observation")
+    assert np.array_equal(rows[1], op(states[1]))
+    with pytest.raises(UserError, match="no states"):
+        op.ensemble([])
+
+
+def test_pixels_near_the_sun_and_low_ones_are_not_used() -> None:
+    op = operator()
+    each = op.instruments[0]
+    pixels = each.camera.pixels()
+    angle = pixels.angle_to_deg(*SUN)[each.inside]
+    assert not each.usable[angle < 10].any()
+    assert each.usable[(angle > 10) & (pixels.altitude_deg[each.inside] > 5)].all()
+
+
+def test_mass_content_with_its_own_radius() -> None:
+    """d beta/beta = dq/q - dr/r away from what Mie theory adds, and a clamp of the radius has no slope."""
+    field = cloud()
+    radius = np.where(field > 0, 1.03e-5, 0.0)  # between the knots of the table of Mie theory
+    radius[4, 5, 6] = 1e-4  # beyond the largest droplets there are
+    scene = flat_scene(0 * field, fields={"liquid_content": field * 1e-2, "liquid_effective_radius": radius})
+    scene = type(scene)(scene.grid, scene.data.drop_vars("extinction_cloud"), scene.atmosphere)
+    core = toy_core(scene, CAMERAS, POINTS)
+    op = observe(scene, CAMERAS, POINTS, sun=SUN, controls=("cloud_liquid", "liquid_effective_radius"), core=core)
+    state = op.controls.lifted(op.first())
+    beta, slopes = op.controls.fill(state).extinction["liquid"], op.controls.slopes(state)
+    thick = (field > 1e-3) & op.controls.where
+    thick[4, 5, 6] = False
+    relative = {name: (slopes[name] * state[name].values)[thick] / beta[thick] for name in slopes}
+    assert np.allclose(relative["liquid_content"], 1.0, rtol=1e-6)
+    assert np.allclose(relative["liquid_effective_radius"], -1.0, atol=0.05)
+    assert slopes["liquid_effective_radius"][4, 5, 6] == 0
+    found = op.linearize(op.first()).check()
+    assert found.dot < 1e-14
+    assert found.remainder[-1] < 1e-3
+    floor = op.controls.floors["liquid_content"]
+    assert np.allclose(op.controls.particles("liquid").extinction_per_m(content=floor), 2e-5, rtol=1e-6)
+
+
+def test_number_raises_extinction_by_its_cube_root() -> None:
+    field = cloud()
+    fields = {"liquid_content": field * 1e-2, "liquid_number": np.full(field.shape, 1e8)}
+    scene = flat_scene(0 * field, fields=fields)
+    scene = type(scene)(scene.grid, scene.data.drop_vars("extinction_cloud"), scene.atmosphere)
+    core = toy_core(scene, CAMERAS, POINTS)
+    op = observe(scene, CAMERAS, POINTS, sun=SUN, controls=("cloud_liquid", "liquid_number"), core=core)
+    assert core.names == ("liquid, small", "liquid, large")  # which share what a state holds as the scene's do
+    state = op.first()
+    beta, slopes = op.controls.fill(state).extinction["liquid"], op.controls.slopes(state)
+    assert np.allclose(op.filled(op.controls.fill(state))[0].sum(axis=1)[0], beta, rtol=1e-6)
+    thick = (field > 5e-3) & op.controls.where
+    for name, power in (("liquid_content", 2 / 3), ("liquid_number", 1 / 3)):
+        relative = (slopes[name] * state[name].values)[thick] / beta[thick]
+        assert np.allclose(relative, power, atol=0.02), name
+    assert op.linearize(state).check().remainder[-1] < 1e-3
+
+
+def test_wrong_requests_are_one_line() -> None:
+    scene, core = flat_scene(), toy_core(flat_scene(), CAMERAS, POINTS)
+    for words, match in (
+        ({"controls": ("cloud_liqid",)}, "did you mean cloud_liquid"),
+        ({"controls": ("cloud_liquid",)}, "has no liquid_content"),
+        ({"controls": ()}, "missing"),
+        ({"quantity": "colour"}, "unknown"),
+        ({"sun": (140.0, -5.0)}, "sun is down"),
+        ({"heights_m": (5000.0, 6000.0)}, "no node"),
+        ({"floor_per_km": 0.0}, "small positive"),
+        ({"where": np.ones((2, 2, 2))}, "where has shape"),
+    ):
+        given = {"sun": SUN, "controls": ("extinction_cloud",), **words}
+        with pytest.raises(UserError, match=match):
+            observe(scene, CAMERAS, POINTS, core=core, **given)
+    op = operator()
+    with pytest.raises(UserError, match="is missing"):
+        op(xr.Dataset())
+    with pytest.raises(UserError, match="give"):
+        op(op.first().isel(z=slice(0, 2)))
+    with pytest.raises(UserError, match="no numbers"):
+        op(op.first() * np.nan)

@@ -1,0 +1,126 @@
+"""With the light of `fast` and its linear core: a small cloud, seen and found again, and the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.assimilation.toy import cloud, flat_scene
+
+from openswim import Background, Camera, Scene, Solver, UserError, analyse, observe, open_scene, save_camera
+from openswim.assimilation import Operator, representation_error
+from openswim.assimilation.config import read_config
+from openswim.assimilation.departures import seen_by
+from openswim.cli.main import run
+
+SUN = (140.0, 50.0)
+SHAPE = (9, 10, 11)
+CAMERAS = [Camera.allsky(x_m=150.0, y_m=200.0, size=11, fov_deg=150.0),
+           Camera.allsky(x_m=380.0, y_m=260.0, size=11, fov_deg=150.0)]  # fmt: skip
+POINTS = [(150.0, 300.0)]
+
+
+def thicker(seed: int) -> np.ndarray:
+    field = np.zeros(SHAPE)
+    field[2:8, 1:-1, 1:-1] = cloud((6, 8, 9), 0.015, seed)
+    return field
+
+
+def scene(field: np.ndarray) -> Scene:
+    return flat_scene(field, atmosphere=None)
+
+
+@pytest.fixture(scope="module")
+def operator() -> Operator:
+    guess = 0.7 * np.roll(thicker(1), (0, 0, 1), (0, 1, 2))
+    return observe(scene(guess), CAMERAS, POINTS, sun=SUN, controls=("extinction_cloud", "albedo"), tolerance=1e-10)
+
+
+@pytest.mark.slow
+def test_the_linear_core_is_linearised(operator: Operator) -> None:
+    found = operator.linearize(operator.first()).check()
+    assert found.zero == 0
+    assert found.linear < 1e-8
+    assert found.dot < 1e-8
+    assert found.remainder[1] < 0.12 * found.remainder[0]
+    assert found.remainder[2] < 0.12 * found.remainder[1]
+
+
+@pytest.mark.slow
+def test_departures_by_fast_and_an_outer_loop(operator: Operator) -> None:
+    """The linear core sees nearly what `fast` sees; what it does not is corrected in each outer loop."""
+    truth = operator.first()
+    truth["extinction_cloud"].values[:] = thicker(1)
+    seen = seen_by(operator, truth, Solver("fast"))
+    own = operator(truth).values
+    for part in operator.parts[:2]:
+        use = operator.instruments[0].usable if part.start == 0 else operator.instruments[1].usable
+        one, other = seen[part.here][use], own[part.here][use]
+        assert np.corrcoef(one, other)[0, 1] > 0.98
+        assert np.abs(one.mean() / other.mean() - 1) < 0.1
+    assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.1)
+    images = [image.values for image in operator.pictures(seen)]
+    observed = operator.observations(images, operator.irradiance_w_m2(seen), noise=0.05)
+    found = analyse(operator, observed, background=Background(70.0), departures="fast", outer=2, iterations=16)
+    assert max(found.rms(found.after)[:2]) < 0.35 * min(found.rms(found.before)[:2])
+    shares = representation_error(operator, truth)
+    assert len(shares) == 2
+    assert all(0.02 < share < 1 for share in shares)
+
+
+@pytest.mark.slow
+def test_the_command_line(operator: Operator, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = operator.first()
+    truth["extinction_cloud"].values[:] = thicker(1)
+    row = operator(truth)
+    operator.scene.to_netcdf(tmp_path / "model.nc")
+    entries = []
+    for n, (camera, image) in enumerate(zip(CAMERAS, operator.pictures(row), strict=True)):
+        save_camera(camera, tmp_path / f"camera{n}.toml")
+        image.to_dataset(name="radiance").to_netcdf(tmp_path / f"seen{n}.nc")
+        entries.append(f'[[camera]]\nfile = "camera{n}.toml"\nimage = "seen{n}.nc"\n')
+    (y, x), watts = POINTS[0], float(operator.irradiance_w_m2(row)[0])
+    entries.append(f"[[pyranometer]]\nx_m = {x}\ny_m = {y}\nw_m2 = {watts}\n")
+    config = tmp_path / "analysis.toml"
+    config.write_text(
+        'openswim_analysis = 1\nmodel = "model.nc"\nsun = [140.0, 50.0]\n'
+        '[observe]\nwavelengths_nm = [550]\ncontrols = ["extinction_cloud"]\n'
+        "[background]\nlength_m = 70\n[background.spread]\nextinction_cloud = 8\n[analyse]\niterations = 6\n"
+        + "".join(entries)
+    )
+    target = tmp_path / "found.nc"
+    assert run(["analyse", str(config), "-o", str(target), "--check"]) == 0
+    assert "dot product" in capsys.readouterr().out
+    assert run(["analyse", str(config), "-o", str(target)]) == 0
+    said = capsys.readouterr().out
+    assert "camera 1: departures of" in said
+    assert "6 iterations" in said
+    assert target.with_suffix(".html").is_file()
+    found, first = (open_scene(p).data["extinction_cloud"].values for p in (target, tmp_path / "model.nc"))
+    errors = [np.abs(field - thicker(1)).sum() for field in (found, first)]
+    assert errors[0] < 0.9 * errors[1]
+    assert not list(tmp_path.glob(".*.npz"))
+
+
+def test_configurations_that_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "model.nc").write_bytes(b"x")
+    head = 'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
+    for text, match in (
+        ('model = "model.nc"', "openswim_analysis"),
+        (head + "[obsrve]\n", "did you mean observe"),
+        (head + "[observe]\ncontrol = 1\n", "did you mean controls"),
+        (head.replace("model.nc", "../../etc/passwd"), "outside of"),
+        (head.replace("model.nc", "/dev/zero"), "outside of"),
+        (head.replace("model.nc", "none.nc"), "no such file"),
+        (head.replace("length_m = 70", ""), "length_m is missing"),
+        (head + "[[pyranometer]]\nlat = 1\n", "lon is missing"),
+        (head + "[[pyranometer]]\nlat = 'a'\nlon = 1\n", "must be a number"),
+        (head + "[[camera]]\nfile = 3\n", "name a file"),
+        (head + "[camera]\n", "for each camera"),
+        (head + "[analyse]\niterations = 'many'\n", "whole number"),
+    ):
+        (tmp_path / "a.toml").write_text(text)
+        with pytest.raises(UserError, match=match) as error:
+            read_config(tmp_path / "a.toml")
+        assert "a.toml" in str(error.value)

@@ -1,0 +1,188 @@
+"""The linear core against itself: transposes, differences, Taylor remainders, threads.
+
+Tolerances of dot products are shares of the sum of absolute products.
+"""
+
+import itertools
+
+import numba
+import numpy as np
+import pytest
+from tests.transport.linear.scenes import lumpy
+
+from openswim.errors import UserError
+from openswim.scene.phase import HenyeyGreenstein
+from openswim.transport.linear import beam_taken
+from openswim.transport.linear.diffuse import Change
+from openswim.transport.linear.sun_depth import depths
+
+EXACT = 1e-12
+
+
+def _apart(one, two):
+    """|<a, b> - <c, d>| over the sum of absolute products, of lists of pairs."""
+    left, right = (sum(float((np.ravel(a) * np.ravel(b)).sum()) for a, b in pairs) for pairs in (one, two))
+    return abs(left - right) / sum(float(np.abs(np.ravel(a) * np.ravel(b)).sum()) for a, b in (*one, *two))
+
+
+@pytest.fixture(scope="module")
+def linearised():
+    core, extinction, albedo = lumpy()
+    images, state = core.forward(extinction, albedo)
+    return core, extinction, albedo, images, state
+
+
+def test_depth_to_the_sun_is_transposed(linearised):
+    core, rng = linearised[0], np.random.default_rng(3)
+    change = rng.standard_normal((2, core.world.nodes))
+    bar = rng.standard_normal((core.world.nodes, 2))
+    optics = core.optics[0]
+    found, back = core._depth(optics, change), core._depth_transposed(optics, bar)
+    assert _apart([(found, bar)], [(change, back)]) < EXACT
+
+
+def test_depth_to_the_sun_is_exact_for_what_is_linear(linearised):
+    """Extinction that grows with height alone: the trapezoid is exact, until the ray leaves at a side."""
+    world = linearised[0].world
+    z, x, y = world.levels_m, *(world.cell_m[a] * np.arange(world.shape[2 - a]) for a in (0, 1))
+    field = np.broadcast_to((1e-3 * (1 + z / 100))[:, None, None], world.shape).ravel()
+    out, sun = depths(world, np.stack([field, 2 * field], axis=-1)), world.local_sun[0, 0]
+    zz, yy, xx = np.meshgrid(z, y, x, indexing="ij")
+    way = np.minimum.reduce([(z[-1] - zz) / sun[2], (x[-1] - xx) / sun[0], (y[-1] - yy) / sun[1]])
+    exact = 1e-3 * way * (1 + (zz + 0.5 * way * sun[2]) / 100)
+    assert np.allclose(out[:, 0], exact.ravel(), rtol=1e-12, atol=1e-14)
+    assert np.allclose(out[:, 1], 2 * out[:, 0], rtol=1e-14)
+
+
+def test_what_cells_take_of_the_beam_is_transposed(linearised):
+    core, state, rng = linearised[0], linearised[4], np.random.default_rng(4)
+    beam, ext = core._grid(state.terms[0].beam), core._grid(state.terms[0].filled.ext)
+    d_beam, d_ext, bar = rng.standard_normal((3, *core.shape))
+    found = beam_taken.lit_tangent(beam, ext, *core._cells, d_beam, d_ext)
+    by_beam, by_ext = beam_taken.lit_transposed(beam, ext, *core._cells, bar)
+    assert _apart([(found, bar)], [(d_beam, by_beam), (d_ext, by_ext)]) < EXACT
+    h = 1e-6
+    moved = [beam_taken.lit(beam * (1 + s * h * d_beam), ext * (1 + s * h * d_ext), *core._cells) for s in (1, -1)]
+    slope = beam_taken.lit_tangent(beam, ext, *core._cells, beam * d_beam, ext * d_ext)
+    assert np.abs((moved[0] - moved[1]) / (2 * h) - slope).max() < 1e-7 * np.abs(slope).max()
+
+
+def test_sweeps_are_transposed(linearised):
+    core, state, rng = linearised[0], linearised[4], np.random.default_rng(5)
+    one, sweeps, world = state.terms[0], core._sweeps, core.world
+    moments = rng.standard_normal((25, world.nodes))
+    bars = [rng.standard_normal((25, world.nodes)) for _ in range(2)]
+    of_ground, of_flux = rng.standard_normal((2, world.columns))
+    found = sweeps.sweep(one.filled, moments, lit=False, see=True)
+    back, _ = sweeps.transposed(one.filled, *bars, of_ground, of_flux)
+    pairs = [(found.moments, bars[0]), (found.seen, bars[1]), (found.ground, of_ground), (found.flux, of_flux)]
+    assert _apart(pairs, [(moments, back)]) < EXACT
+    change = Change(
+        1e-3 * rng.standard_normal(world.nodes), 1e-3 * rng.standard_normal((5, world.nodes)),
+        rng.standard_normal(world.nodes), *rng.standard_normal((2, world.columns)),
+    )  # fmt: skip
+    found = sweeps.tangent(one.filled, one.swept.moments, change)
+    _, by = sweeps.transposed(one.filled, *bars, of_ground, of_flux, one.swept)
+    pairs = [(found.moments, bars[0]), (found.seen, bars[1]), (found.ground, of_ground), (found.flux, of_flux)]
+    assert _apart(pairs, list(zip(change, by, strict=True))) < EXACT
+
+
+def test_the_whole_is_transposed_and_linear(linearised):
+    core, extinction, albedo, _, state = linearised
+    rng = np.random.default_rng(6)
+    change = 3e-3 * rng.standard_normal(extinction.shape)
+    of_ground = 0.1 * rng.standard_normal(albedo.shape)
+    found = core.tangent(state, change, of_ground)
+    residual = found.like(rng.standard_normal(found.flat().size))
+    bar, ground_bar = core.adjoint(state, residual)
+    pair = [(found.flat(), residual.flat())]
+    assert _apart(pair, [(change, bar), (of_ground, ground_bar)]) < EXACT
+    assert not core.tangent(state, 0 * change, 0 * of_ground).flat().any()
+    twice = core.tangent(state, 2 * change, 2 * of_ground).flat()
+    assert np.abs(twice - 2 * found.flat()).max() < 1e-12 * np.abs(twice).max()
+    sweeps = [np.mean(n) for n in (state.sweeps, state.adjoint_sweeps)]
+    assert sweeps[1] <= 1.3 * sweeps[0]
+
+
+def test_the_gradient_is_that_of_differences(linearised):
+    """Of a misfit, at nodes of both kinds, clear ones among them, and of the ground; the steps' error is h^4."""
+    core, extinction, albedo, images, state = linearised
+    rng = np.random.default_rng(7)
+    wanted = images.flat() * (1 + 0.2 * rng.standard_normal(images.flat().size))
+
+    def cost(of, ground):
+        return 0.5 * float(((core.forward(of, ground, start=state)[0].flat() - wanted) ** 2).sum())
+
+    bar, ground_bar = core.adjoint(state, images.like(images.flat() - wanted))
+    clear = np.flatnonzero((extinction == 0).ravel())
+    some = np.concatenate([rng.choice(clear, 6), rng.choice(extinction.size, 6)])
+    scale = [np.abs(bar[:, kind]).max() for kind in (0, 1)]
+    for n in some:
+        kind = np.unravel_index(n, extinction.shape)[1]
+        h = 1e-3 * max(extinction.ravel()[n], 5e-3)
+        costs = []
+        for step in (h, -h, 2 * h, -2 * h):
+            moved = extinction.copy()
+            moved.ravel()[n] += step
+            costs.append(cost(moved, albedo))
+        found = (8 * (costs[0] - costs[1]) - (costs[2] - costs[3])) / (12 * h)
+        assert abs(found - bar.ravel()[n]) < 1e-6 * scale[kind]
+    costs = [cost(extinction, albedo + step) for step in (1e-2, -1e-2, 2e-2, -2e-2)]
+    found = (8 * (costs[0] - costs[1]) - (costs[2] - costs[3])) / 0.12
+    assert found == pytest.approx(ground_bar.sum(), rel=1e-7)
+
+
+def test_what_is_left_of_a_first_order_expansion_falls_tenfold(linearised):
+    core, extinction, albedo, images, state = linearised
+    change = 0.05 * np.random.default_rng(8).standard_normal(extinction.shape) * np.maximum(extinction, 1e-3)
+    slope = core.tangent(state, change).flat()
+    left = []
+    for h in (1.0, 0.1, 0.01, 0.001):
+        moved = core.forward(extinction + h * change, albedo, start=state)[0].flat()
+        left.append(np.linalg.norm(moved - images.flat() - h * slope) / (h * np.linalg.norm(slope)))
+    falls = [a / b for a, b in itertools.pairwise(left)]
+    assert all(9 < fall < 11 for fall in falls), falls
+
+
+def test_results_do_not_depend_on_threads():
+    core, extinction, albedo = lumpy(omega=(1.0,), tolerance=1e-4)
+    threads, found = numba.get_num_threads(), []
+    try:
+        for count in (1, 2) if threads > 1 else (1, 1):
+            numba.set_num_threads(count)
+            images, state = core.forward(extinction, albedo)
+            change = core.tangent(state, 0.1 * extinction)
+            bar, ground_bar = core.adjoint(state, images)
+            found.append(np.concatenate([images.flat(), change.flat(), bar.ravel(), ground_bar.ravel()]))
+    finally:
+        numba.set_num_threads(threads)
+    assert (found[0] == found[1]).all()
+
+
+def test_an_adjoint_solved_loosely_points_the_same_way(linearised):
+    core, _, _, images, state = linearised
+    exact, loose = (core.adjoint(state, images, tolerance)[0].ravel() for tolerance in (1e-12, 1e-3))
+    cosine = exact @ loose / np.linalg.norm(exact) / np.linalg.norm(loose)
+    assert np.degrees(np.arccos(min(cosine, 1.0))) < 0.5
+
+
+def test_thin_matter_scatters_as_its_phase_function_says():
+    """L' = omega P(Theta) tau where light is scattered once: of both kinds, at all angles from the sun."""
+    core, extinction, _ = lumpy(omega=(0.9,), tolerance=1e-3, sky=0.0, below=0.0)
+    phase = [HenyeyGreenstein(0.85), HenyeyGreenstein(0.6)]
+    for kind, omega in ((0, 0.9), (1, 0.81)):
+        thin = np.zeros_like(extinction)
+        thin[0, kind] = 1e-9
+        images, _ = core.forward(thin)
+        for view, seen in zip(core.views, images.radiance, strict=True):
+            last = view.place[np.maximum(view.first[1:] - 1, 0), 3] - view.place[view.first[:-1], 3]
+            expected = omega * phase[kind].value(view.cosine) * 1e-9 * last
+            assert np.allclose(seen[0], expected, rtol=4e-3)  # of the table's angles
+
+
+def test_fields_of_another_shape_are_refused(linearised):
+    core, extinction, *_ = linearised
+    with pytest.raises(UserError, match="extinction of"):
+        core.forward(extinction[:1])
+    with pytest.raises(UserError, match="albedo of"):
+        core.forward(extinction, np.zeros(3))
