@@ -24,7 +24,7 @@ _DOTTED = re.compile(r"(?<![\w./*\"'-])([A-Za-z_]\w*(?:/\w+)*)((?:\.[A-Za-z_]\w*
 # Dotted words that are not ours: data files, other people's packages, and what some variable of an example has.
 _SUFFIXES = {"hdr", "exr", "rad", "cal",
              "nc", "csv", "grib2", "png", "jpg", "tif", "zarr", "json", "jsonl", "txt", "md", "yml", "sh", "toml",
-             "svg", "npz"}  # fmt: skip
+             "svg", "npz", "mp4"}  # fmt: skip
 _OTHERS = {"xarray", "numpy", "numba", "np", "xr", "library", "CRS", "ghi", "world", "red"}
 # Variables of the pages, by their classes.
 _OURS = {"report": "Report", "field": "Field", "scene": "Scene", "lit": "LitScene", "viewpoint": "Viewpoint",

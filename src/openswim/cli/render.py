@@ -116,7 +116,9 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
-    scene = with_shapes(scene, request.droplet_variance, request.pristine_ice, request.level_ice)
+    shapes = request.droplet_variance, request.pristine_ice, request.level_ice
+    if any(shape is not None for shape in shapes):
+        scene = with_shapes(scene, *shapes)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
     for note in scene.notes:
         click.echo(f"note: {note}", err=True)
@@ -126,9 +128,10 @@ def run(request: RenderRequest) -> None:
     announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
     if solver.name == "reference":
         scene = scene.alone()
-    chosen = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
+    chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
+    chosen |= {"layers": True} if request.layers else {}
     start = time.perf_counter()
-    image = openswim.render(scene, camera, solver=solver, layers=request.layers, **sun | chosen)
+    image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")

@@ -20,6 +20,7 @@ from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
 from openswim.srgb import from_srgb
+from openswim.sun_disc import pixels_of
 
 F64 = NDArray[np.float64]
 
@@ -102,7 +103,7 @@ def drawn_moon(
     refraction: Refraction | None,
 ) -> Drawn:  # fmt: skip
     """The moon on the pixels of a picture, lifted and flattened by refraction."""
-    ny, nx = pixels.inside.shape
+    nx = pixels.inside.shape[1]
     radius = moon.angular_radius_deg
 
     def seen(place: F64) -> tuple[F64, F64]:
@@ -116,10 +117,8 @@ def drawn_moon(
         return at.azimuth_deg, true if refraction is None else refraction.apparent_altitude_deg(true)
 
     def fallen(place: F64) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        row, column = (np.floor(np.nan_to_num(v, nan=-9.0) + 0.5).astype(int) for v in camera.pixel_of(*seen(place)))
-        within = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
-        within[within] = pixels.inside[row[within], column[within]]
-        return np.where(within, row * nx + column, -1), within
+        row, column = pixels_of(camera, pixels, horizon_vector(*seen(place)))
+        return row * nx + column, row >= 0
 
     rough, within = fallen(even_places(_FEWEST))
     none = np.zeros(0, np.int64)
