@@ -33,6 +33,7 @@ class TablePhase(PhaseFunction):
         if not (np.isfinite(table).all() and (table > 0).all()):
             raise UserError("phase table: the values must be finite and positive")
         self.angle_deg = angle
+        self._moments: dict[int, FloatArray] = {}  # by how many: quadratures differ
         self._log_value = np.log(table)
         mean = float(self._integrals(1)[0])
         if abs(mean - 1) > 1e-12:  # a saved table is left as it is, to the last bit
@@ -46,8 +47,10 @@ class TablePhase(PhaseFunction):
 
     def moments(self, n: int) -> FloatArray:
         """By Gauss-Legendre on panels a third of a period of P_n wide; 1e-6 of the interpolated table."""
-        chi = self._integrals(n)
-        return chi / chi[0]
+        if n not in self._moments:
+            chi = self._integrals(n)
+            self._moments[n] = chi / chi[0]
+        return self._moments[n].copy()
 
     def _integrals(self, n: int) -> FloatArray:
         theta, weight = self._quadrature(n)
