@@ -12,8 +12,9 @@ from tests.transport.linear.scenes import lumpy
 
 from openswim.errors import UserError
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport.linear import beam_taken
+from openswim.transport.linear import beam_taken, diffuse
 from openswim.transport.linear.diffuse import Change
+from openswim.transport.linear.moments import emit, gather
 from openswim.transport.linear.sun_depth import depths
 
 EXACT = 1e-12
@@ -157,6 +158,30 @@ def test_results_do_not_depend_on_threads():
     finally:
         numba.set_num_threads(threads)
     assert (found[0] == found[1]).all()
+
+
+def test_steps_that_are_not_kept_give_the_same_bits(linearised, monkeypatch):
+    core, extinction, albedo, images, state = linearised
+    monkeypatch.setattr(diffuse, "_KEEP_BYTES", 0)
+    again, other = core.forward(extinction, albedo)
+    assert state.terms[0].filled.steps is not None
+    assert other.terms[0].filled.steps is None
+    assert (again.flat() == images.flat()).all()
+    for one, two in zip(core.adjoint(other, images), core.adjoint(state, images), strict=True):
+        assert (one == two).all()
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_moments_are_made_by_blocks_of_nodes(threads):
+    rng = np.random.default_rng(8)
+    shares, moments = rng.standard_normal((7, 25)), rng.standard_normal((25, 9001))
+    light, back = np.empty((7, 9001)), np.ones((25, 9001))
+    for t in range(threads):
+        emit(t, threads, shares, moments, light)
+    np.testing.assert_allclose(light, np.einsum("nk,kp->np", shares, moments), atol=1e-13)
+    for t in range(threads):
+        gather(t, threads, shares.T.copy(), light, back)
+    np.testing.assert_allclose(back, 1 + np.einsum("nk,np->kp", shares, light), atol=1e-12)
 
 
 def test_a_state_does_not_change_with_the_array_it_was_made_from():

@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.moments import emit, gather
-from openswim.transport.linear.sweep import carry, carry_gradient, carry_tangent, carry_transposed
+from openswim.transport.linear.sweep import carry, carry_gradient, carry_tangent, carry_transposed, weigh
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
-_BATCH = 8  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
+_BATCH = 16  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
+_KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew whenever they are needed
 
 
 @dataclass(eq=False)
 class Filled:
     """What is at the nodes at one term: ext (nodes,) scaled extinction, 1/m; scattering (M, nodes): its Legendre
     moments, 1/m; lit (nodes,): the beam as it lights what is around them; albedo and direct (columns,): of the ground,
-    and the flux of the beam there; inflow (n, nz)."""
+    and the flux of the beam there; inflow (n, nz). steps (n, nodes, 4): what `sweep.weigh` makes of ext, where kept."""
 
     ext: F64
     scattering: F64
@@ -34,6 +35,7 @@ class Filled:
     albedo: F64
     direct: F64
     inflow: F64
+    steps: F64 | None = None
 
 
 class Change(NamedTuple):
@@ -81,6 +83,20 @@ class Sweeps:
         """Values (K, columns) of columns at all nodes."""
         return np.broadcast_to(of_columns, (self.world.shape[0], of_columns.size)).ravel()
 
+    def keep_steps(self, f: Filled) -> None:
+        """All steps' weights, for all sweeps through what there is, unless they are too many."""
+        count = len(self.world.weight)
+        if 32 * count * self.world.nodes <= _KEEP_BYTES:
+            f.steps = np.zeros((count, self.world.nodes, 4))
+            in_threads(weigh, self._shape, self.world.direction, *self._way, f.ext, f.steps)
+
+    def _steps(self, f: Filled, some: slice) -> F64:
+        if f.steps is not None:
+            return f.steps[some]
+        steps = np.zeros((some.stop - some.start, self.world.nodes, 4))
+        in_threads(weigh, self._shape, self.world.direction[some], *self._way, f.ext, steps)
+        return steps
+
     def _sources(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
         w = self.world
@@ -107,8 +123,8 @@ class Sweeps:
                 n = some.stop - some.start
                 in_threads(emit, w.harmonics[some], sources, emission[:n])
                 in_threads(
-                    carry, self._shape, w.direction[some], *self._way, f.ext, emission[:n], inflow[some], ground,
-                    light[:n], mean[:n],
+                    carry, self._shape, w.direction[some], *self._way, f.ext, self._steps(f, some), emission[:n],
+                    inflow[some], ground, light[:n], mean[:n],
                 )  # fmt: skip
                 in_threads(gather, w.gathered[some].T.copy(), mean[:n], out)
                 if seen is not None:
@@ -182,10 +198,13 @@ class Sweeps:
                 given = (self._shape, w.direction[some], *self._way, f.ext)
                 bars_of = (light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
                 if value is None:
-                    in_threads(carry_transposed, *given, *bars_of)
+                    in_threads(carry_transposed, *given, self._steps(f, some), *bars_of)
                 else:
                     in_threads(emit, w.harmonics[some], sources, emission[:n])
-                    in_threads(carry, *given, emission[:n], f.inflow[some], value.ground, light[:n], mean[:n])
+                    in_threads(
+                        carry, *given, self._steps(f, some), emission[:n], f.inflow[some], value.ground, light[:n],
+                        mean[:n],
+                    )  # fmt: skip
                     in_threads(carry_gradient, *given, emission[:n], light[:n], *bars_of, ext_bars[:n])
                     for b in range(n):
                         ext_bar += ext_bars[b]

@@ -7,47 +7,42 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from openswim.transport.engine.scalar import harmonics
 
+F64 = NDArray[np.float64]
+
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
-_BLOCK = 512
+_BLOCK = 256  # nodes: a product so small that the library for it takes one thread, and adds in one order
+_GROUP = 16 * _BLOCK  # of nodes, that a thread takes at a time and that stays in a core's cache
 
 
-@njit(**_FLAGS)
-def _add(share, rows, out):
-    """out (n,) += share (m,) @ rows (m, n), four rows at a time."""
-    whole = share.shape[0] // 4 * 4
-    for k in range(0, whole, 4):
-        a, b, c, d = share[k], share[k + 1], share[k + 2], share[k + 3]
-        one, two, three, four = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
-        for p in range(out.shape[0]):
-            out[p] += (a * one[p] + b * two[p]) + (c * three[p] + d * four[p])
-    for k in range(whole, share.shape[0]):
-        a, one = share[k], rows[k]
-        for p in range(out.shape[0]):
-            out[p] += a * one[p]
+def _add(shares: F64, rows: F64, out: F64, more: bool) -> None:
+    """out (n, nodes) = shares (n, m) @ rows (m, nodes); ``more``: added to it."""
+    nodes = out.shape[1]
+    whole = nodes // _BLOCK * _BLOCK
+    blocks, into = (a[:, :whole].reshape(len(a), -1, _BLOCK).transpose(1, 0, 2) for a in (rows, out))  # views
+    if more:
+        into += np.matmul(shares, blocks)
+        out[:, whole:] += shares @ rows[:, whole:]
+    else:
+        np.matmul(shares, blocks, out=into)
+        out[:, whole:] = shares @ rows[:, whole:]
 
 
-@njit(**_FLAGS)
-def emit(t, threads, of_ordinates, moments, out):
+def emit(t: int, threads: int, of_ordinates: F64, moments: F64, out: F64) -> None:
     """out (b, nodes) = of_ordinates (b, K) @ moments (K, nodes)."""
-    nodes = out.shape[1]
-    for first in range(t * _BLOCK, nodes, threads * _BLOCK):
-        last = min(first + _BLOCK, nodes)
-        out[:, first:last] = 0.0
-        for n in range(out.shape[0]):
-            _add(of_ordinates[n], moments[:, first:last], out[n, first:last])
+    for first in range(t * _GROUP, out.shape[1], threads * _GROUP):
+        some = slice(first, first + _GROUP)
+        _add(of_ordinates, moments[:, some], out[:, some], more=False)
 
 
-@njit(**_FLAGS)
-def gather(t, threads, of_harmonics, light, out):
+def gather(t: int, threads: int, of_harmonics: F64, light: F64, out: F64) -> None:
     """out (K, nodes) += of_harmonics (K, b) @ light (b, nodes)."""
-    nodes = out.shape[1]
-    for first in range(t * _BLOCK, nodes, threads * _BLOCK):
-        last = min(first + _BLOCK, nodes)
-        for k in range(out.shape[0]):
-            _add(of_harmonics[k], light[:, first:last], out[k, first:last])
+    for first in range(t * _GROUP, out.shape[1], threads * _GROUP):
+        some = slice(first, first + _GROUP)
+        _add(of_harmonics, light[:, some], out[:, some], more=True)
 
 
 @njit(**_FLAGS)

@@ -128,6 +128,7 @@ class LinearCore:
         beam = np.exp(-depth[:, 0])
         filled.lit = beam_taken.lit(self._grid(beam), self._grid(filled.ext), *self._cells).ravel()
         filled.direct = w.per_beam_on_slopes(term) * beam[w.ground_nodes]
+        self._sweeps.keep_steps(filled)
         given = self._sweeps.sweep(filled, None, lit=True).moments
         moments, sweeps = fixed_point(
             lambda x: self._sweeps.sweep(filled, x, lit=False).moments, given, self.tolerance, self.most_sweeps,

@@ -19,7 +19,10 @@ _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, 
 
 @njit(**_FLAGS)
 def upstream(q, levels, cell, shape, offset, weight, length):
-    """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,)."""
+    """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,).
+
+    Offsets are unsigned, those backward modulo 2^64: the kernels' indices are, which numba then need not look at.
+    """
     nx, plane = shape[2], shape[1] * shape[2]
     up = 1 if q[2] > 0 else -1
     for k in range(shape[0]):
@@ -36,7 +39,7 @@ def upstream(q, levels, cell, shape, offset, weight, length):
             w = (x if a else 1.0 - x) * (y if b else 1.0 - y) * (z if d else 1.0 - z)
             if w > 1e-12 and n < 4:
                 weight[k, n] = w
-                offset[k, n] = a * step_x + b * step_y + d * step_z
+                offset[k, n] = np.uint64(a * step_x + b * step_y + d * step_z)
                 n += 1
         for m in range(n, 4):
             weight[k, m], offset[k, m] = 0.0, 0
@@ -53,55 +56,84 @@ def _ways(q, shape, way):
 
 
 @njit(**_FLAGS)
-def _lit_by(k, j, i, q, way, ground_node):
-    """0 where light comes from upstream nodes, 1 where it enters from outside, 2 where it is the ground's."""
-    if q[2] < 0.0 and k <= ground_node:
-        return 2
-    if (q[2] != 0.0 and k == way[0, 0]) or (q[1] != 0.0 and j == way[1, 0]) or (q[0] != 0.0 and i == way[2, 0]):
-        return 1
-    return 0
+def _enters(k, j, q, way):
+    """Whether light enters from outside at all of a row, else at which column (none: -1)."""
+    row = (q[2] != 0.0 and k == way[0, 0]) or (q[1] != 0.0 and j == way[1, 0])
+    return row, (way[2, 0] if q[0] != 0.0 else -1)
 
 
 @njit(**_FLAGS)
-def carry(t, threads, shape, directions, levels, cell, ground_node, ext, emission, inflow, ground, light, mean):
-    """light (b, nodes): radiance of ordinates with emission per length; ext: scaled extinction; inflow (b, nz).
+def weigh(t, threads, shape, directions, levels, cell, ground_node, ext, steps):
+    """steps (b, nodes, 4): of the step to a node what `step_weights` gives, and half of one over `trusted`; where light
+    enters, nothing is told."""
+    way, offset, weight, length = (
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
+    )  # fmt: skip
+    for n in range(t, directions.shape[0], threads):
+        q, own = directions[n], steps[n]
+        upstream(q, levels, cell, shape, offset, weight, length)
+        _ways(q, shape, way)
+        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
+        for k in range(shape[0]):
+            ds = length[k]
+            w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
+            for j in range(shape[1]):
+                row, first = _enters(k, j, q, way)
+                for i in range(shape[2]):
+                    if row or i == first or (rising and k <= ground_node[j, i]):
+                        continue
+                    p = np.uint64((k * ny + j) * nx + i)
+                    a, b, c, d = p + to0, p + to1, p + to2, p + to3
+                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
+                    own[p, 0], own[p, 1], own[p, 2] = step_weights(ext[p], ext_up, ds)
+                    own[p, 3] = 0.5 / trusted(ext[p], ext_up, ds)
+
+
+@njit(**_FLAGS)
+def carry(t, threads, shape, directions, levels, cell, ground_node, ext, steps, emission, inflow, ground, light, mean):
+    """light (b, nodes): radiance of ordinates with emission per length; ext: scaled extinction, by which `weigh` has
+    made ``steps``; inflow (b, nz).
 
     mean: the same as what is scattered around the nodes has it (`cell.amendment`).
     """
     way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
     )  # fmt: skip
     for n in range(t, directions.shape[0], threads):
-        q, e, out, amended = directions[n], emission[n], light[n], mean[n]
+        q, e, out, amended, own = directions[n], emission[n], light[n], mean[n], steps[n]
         upstream(q, levels, cell, shape, offset, weight, length)
         _ways(q, shape, way)
+        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row, first = _enters(k, j, q, way)
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
-                    p = (k * shape[1] + j) * shape[2] + i
-                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
-                    if by > 0:
-                        out[p] = ground[j * shape[2] + i] if by == 2 else inflow[n, k]
+                    p = np.uint64((k * ny + j) * nx + i)
+                    if rising and k <= ground_node[j, i]:
+                        out[p] = ground[j * nx + i]
                         continue
-                    a, b, c, d = p + offset[k, 0], p + offset[k, 1], p + offset[k, 2], p + offset[k, 3]
+                    if row or i == first:
+                        out[p] = inflow[n, k]
+                        continue
+                    a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     up = w0 * out[a] + w1 * out[b] + w2 * out[c] + w3 * out[d]
-                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
                     e_up = w0 * e[a] + w1 * e[b] + w2 * e[c] + w3 * e[d]
                     told = w0 * ext[a] * out[a] + w1 * ext[b] * out[b] + w2 * ext[c] * out[c] + w3 * ext[d] * out[d]
-                    trans, near, far = step_weights(ext[p], ext_up, ds)
-                    here = trans * up + near * e[p] + far * e_up
+                    here = own[p, 0] * up + own[p, 1] * e[p] + own[p, 2] * e_up
                     out[p] = here
-                    more = 0.5 * amendment(here, up, e[p], e_up, ext[p], told, trusted(ext[p], ext_up, ds), ds)
+                    more = own[p, 3] * amendment(here, up, e[p], e_up, ext[p], told, 1.0, ds)
                     amended[p] += more
                     amended[a] += w0 * more
                     amended[b] += w1 * more
                     amended[c] += w2 * more
                     amended[d] += w3 * more
-        for p in range(ext.shape[0]):
-            amended[p] += out[p]
+        for node in range(ext.shape[0]):
+            amended[node] += out[node]
 
 
 @njit(**_FLAGS)
@@ -111,22 +143,25 @@ def carry_tangent(
 ):  # fmt: skip
     """`carry`, and the changes of its light and mean with d_ext, d_emission and d_ground."""
     way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
     )  # fmt: skip
     for n in range(t, directions.shape[0], threads):
         q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_mean[n]
         upstream(q, levels, cell, shape, offset, weight, length)
         _ways(q, shape, way)
+        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row, first = _enters(k, j, q, way)
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
-                    p = (k * shape[1] + j) * shape[2] + i
-                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
-                    if by > 0:
-                        out[p] = ground[j * shape[2] + i] if by == 2 else inflow[n, k]
-                        d_out[p] = d_ground[j * shape[2] + i] if by == 2 else 0.0
+                    p = np.uint64((k * ny + j) * nx + i)
+                    if rising and k <= ground_node[j, i]:
+                        out[p], d_out[p] = ground[j * nx + i], d_ground[j * nx + i]
+                        continue
+                    if row or i == first:
+                        out[p], d_out[p] = inflow[n, k], 0.0
                         continue
                     up, ext_up, e_up, told, d_up, d_ext_up, de_up, d_told = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                     for c in range(4):
@@ -153,43 +188,46 @@ def carry_tangent(
                     amended[p] += d
                     for c in range(4):
                         amended[p + offset[k, c]] += weight[k, c] * d
-        for p in range(ext.shape[0]):
-            amended[p] += d_out[p]
+        for node in range(ext.shape[0]):
+            amended[node] += d_out[node]
 
 
 @njit(**_FLAGS)
 def carry_transposed(
-    t, threads, shape, directions, levels, cell, ground_node, ext, light_bar, mean_bar, emission_bar, ground_bar
-):
+    t, threads, shape, directions, levels, cell, ground_node, ext, steps, light_bar, mean_bar, emission_bar,
+    ground_bar,
+):  # fmt: skip
     """Transpose of `carry` by emission and ground: light_bar (b, nodes), used up, and mean_bar into emission_bar (b,
     nodes) and ground_bar (b, columns)."""
     way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
     )  # fmt: skip
     for n in range(t, directions.shape[0], threads):
-        q, lb, mb, eb = directions[n], light_bar[n], mean_bar[n], emission_bar[n]
+        q, lb, mb, eb, own = directions[n], light_bar[n], mean_bar[n], emission_bar[n], steps[n]
         upstream(q, levels, cell, shape, offset, weight, length)
         _ways(q, shape, way)
+        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
-        for p in range(ext.shape[0]):
-            eb[p] = 0.0
-            lb[p] += mb[p]
+        for node in range(ext.shape[0]):
+            eb[node] = 0.0
+            lb[node] += mb[node]
         for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
+                row, first = _enters(k, j, q, way)
                 for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
-                    p = (k * shape[1] + j) * shape[2] + i
-                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
-                    if by > 0:
-                        if by == 2:
-                            ground_bar[n, j * shape[2] + i] += lb[p]
+                    p = np.uint64((k * ny + j) * nx + i)
+                    if rising and k <= ground_node[j, i]:
+                        ground_bar[n, j * nx + i] += lb[p]
                         continue
-                    a, b, c, d = p + offset[k, 0], p + offset[k, 1], p + offset[k, 2], p + offset[k, 3]
-                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
+                    if row or i == first:
+                        continue
+                    a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     more = mb[p] + w0 * mb[a] + w1 * mb[b] + w2 * mb[c] + w3 * mb[d]
-                    more *= 0.5 / trusted(ext[p], ext_up, ds)
-                    trans, near, far = step_weights(ext[p], ext_up, ds)
+                    more *= own[p, 3]
+                    trans, near, far = own[p, 0], own[p, 1], own[p, 2]
                     rate = 2.0 / ds
                     bar = lb[p] - (rate + ext[p]) * more
                     eb[p] += near * bar + more
@@ -211,7 +249,7 @@ def carry_gradient(
 ):  # fmt: skip
     """`carry_transposed`, and with it ext_bar (b, nodes) by the extinction; light: the radiance itself."""
     way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.int64), np.empty((shape[0], 4)), np.empty(shape[0]),
+        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
     )  # fmt: skip
     for n in range(t, directions.shape[0], threads):
         q, e, own, lb, mb, eb, xb = (
@@ -219,19 +257,21 @@ def carry_gradient(
         )  # fmt: skip
         upstream(q, levels, cell, shape, offset, weight, length)
         _ways(q, shape, way)
+        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
-        for p in range(ext.shape[0]):
-            eb[p], xb[p] = 0.0, 0.0
-            lb[p] += mb[p]
+        for node in range(ext.shape[0]):
+            eb[node], xb[node] = 0.0, 0.0
+            lb[node] += mb[node]
         for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
             ds = length[k]
             for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
+                row, first = _enters(k, j, q, way)
                 for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
-                    p = (k * shape[1] + j) * shape[2] + i
-                    by = _lit_by(k, j, i, q, way, ground_node[j, i])
-                    if by > 0:
-                        if by == 2:
-                            ground_bar[n, j * shape[2] + i] += lb[p]
+                    p = np.uint64((k * ny + j) * nx + i)
+                    if rising and k <= ground_node[j, i]:
+                        ground_bar[n, j * nx + i] += lb[p]
+                        continue
+                    if row or i == first:
                         continue
                     up, ext_up, e_up, told, more = 0.0, 0.0, 0.0, 0.0, mb[p]
                     for c in range(4):
