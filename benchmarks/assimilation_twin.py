@@ -112,7 +112,7 @@ class Judge:
 
 
 def case(truth: F64, judge: Judge, cameras: int, satellites: int, pyranometers: int = 0, noise: float = 0.02,
-         **settings: Any) -> str:  # fmt: skip
+         lean: bool = False, **settings: Any) -> str:  # fmt: skip
     """One analysis, as a row of text."""
     guess = scene_of(displaced(truth))
     n = round(pyranometers**0.5)
@@ -120,7 +120,7 @@ def case(truth: F64, judge: Judge, cameras: int, satellites: int, pyranometers: 
     points = [(y, x) for y in at for x in at]
     views = [from_above()] * satellites + [all_sky(p) for p in PLACES[cameras]]
     heights = (2 * CELL_M, 22 * CELL_M)
-    op = openswim.observe(guess, views, points, sun=SUN, controls="extinction_cloud", heights_m=heights)
+    op = openswim.observe(guess, views, points, sun=SUN, controls="extinction_cloud", heights_m=heights, lean=lean)
     observed = seen_of(op, truth, noise)
     start = time.process_time()
     found = openswim.analyse(op, observed, background=settings.pop("background", BELIEF), **settings)
@@ -156,6 +156,7 @@ def main() -> None:
     judge = Judge(truth, scene_of(displaced(truth)))
     cases: dict[str, dict[str, Any]] = {
         "1 above, 3 cameras, 60": {"cameras": 3, "satellites": 1, "iterations": 60},
+        "1 above, 3 cameras, 60, lean": {"cameras": 3, "satellites": 1, "iterations": 60, "lean": True},
         "1 above, 3 cameras, 40": {"cameras": 3, "satellites": 1, "iterations": 40},
         "1 above, 9 cameras, 60": {"cameras": 9, "satellites": 1, "iterations": 60},
         "81 pyranometers, 60": {"cameras": 0, "satellites": 0, "pyranometers": 81, "iterations": 60},

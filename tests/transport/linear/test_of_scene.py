@@ -50,10 +50,14 @@ def linearised():
     return core, images, state
 
 
-def test_images_are_those_of_fast(linearised):
+@pytest.fixture(scope="module")
+def solved():
+    return Solver("fast", tolerance=2e-3, detail=False).solve(_scene(), SUN, WAVELENGTHS_NM)
+
+
+def test_images_are_those_of_fast(linearised, solved):
     core, images, _ = linearised
     assert core.names == ("liquid", "ice", "air_molecules", "background_aerosol")
-    solved = Solver("fast", tolerance=2e-3, detail=False).solve(_scene(), SUN, WAVELENGTHS_NM)
     sun = SUN / np.linalg.norm(SUN)
     for n, (rays, bound) in enumerate(zip(_eyes(), (0.02, 0.011), strict=True)):
         aside = rays.directions() @ sun < np.cos(np.radians(10))
@@ -67,6 +71,18 @@ def test_images_are_those_of_fast(linearised):
         of_columns = np.ravel(lighting.direct_horizontal(w) + lighting.diffuse[w])
         wanted = (of_columns[core._columns] * core._shares).sum(axis=1)
         assert np.abs(images.ghi[w] / wanted - 1).max() < 0.004
+
+
+def test_fewer_ordinates_see_the_same_from_below_and_too_much_from_above(solved):
+    core = Solver("linear").linear_core(_scene(), SUN, WAVELENGTHS_NM, _eyes(), lean=True)
+    assert (len(core.world.weight), core.world.degree) == (26, 4)
+    images, _ = core.forward(core.extinction, core.albedo)
+    for n, (rays, bound) in enumerate(zip(_eyes(), (0.019, 0.088), strict=True)):
+        aside = rays.directions() @ (SUN / np.linalg.norm(SUN)) < np.cos(np.radians(10))
+        wanted = solved.view(rays).radiance[aside].T.astype(float)
+        for own, theirs in zip(images.radiance[n][:, aside], wanted, strict=True):
+            assert np.sqrt(((own - theirs) ** 2).mean()) < bound * theirs.mean()
+            assert np.corrcoef(own, theirs)[0, 1] > 0.989
 
 
 def test_tangent_and_adjoint_are_transposed(linearised):

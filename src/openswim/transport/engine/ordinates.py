@@ -21,6 +21,7 @@ def _two_alike(a: float) -> tuple[float, float, float]:
 
 _LEBEDEV = {
     14: [((1, 0, 0), 1 / 15), ((3**-0.5,) * 3, 3 / 40)],
+    26: [((1, 0, 0), 1 / 21), ((2**-0.5, 2**-0.5, 0), 4 / 105), ((3**-0.5,) * 3, 9 / 280)],
     50: [
         ((1, 0, 0), 4 / 315),
         ((2**-0.5, 2**-0.5, 0), 64 / 2835),
@@ -36,7 +37,7 @@ _LEBEDEV = {
         ((0.4783690288121502, (1 - 0.4783690288121502**2) ** 0.5, 0), 0.009694996361663028),
     ],
 }
-_FLAT = {50: (4, 9), 110: (5, 11)}  # rules of `double_gauss` about as large
+_FLAT = {26: (3, 7), 50: (4, 9), 110: (5, 11)}  # rules of `double_gauss` about as large
 
 
 LEVEL = 1e-6  # least |z| of an ordinate that is not level
@@ -75,7 +76,7 @@ def double_gauss(mu_count: int, azimuth_count: int) -> Ordinates:
 
 
 def lebedev(count: int) -> Ordinates:
-    """The Lebedev rule of 14, 50 or 110 points."""
+    """The Lebedev rule of 14, 26, 50 or 110 points."""
     points, weights = [], []
     for generator, weight in _LEBEDEV[count]:
         permutations = {

@@ -37,6 +37,7 @@ from openswim.transport.solve_grid import clear_inflow, sun_range
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+LEAN = 26  # ordinates, which are exact to degree 7: with products of harmonics of degrees below 4
 _LOWEST_SUN = 0.02  # cosine of its zenith angle
 _TILE_RAYS = 20_000  # whose places are known at once
 
@@ -103,10 +104,11 @@ class _Pack:
 def core_of(
     options: Options, matter: Matter, surface: Surface, sun: F64, views: Sequence[Rays] = (),
     points: ArrayLike | None = None, tolerance: float = TOLERANCE, memory: int = 3,
-    ordinates: Ordinates | None = None,
+    ordinates: Ordinates | None = None, lean: bool = False,
 ) -> SceneCore:  # fmt: skip
     """The core of matter over ground, lit from ``sun`` (3,). views: rays of an eye each; points (n, 2): latitude and
-    longitude of pyranometers, in flat scenes y and x, m. ordinates: others than `fast` takes."""
+    longitude of pyranometers, in flat scenes y and x, m. ordinates: others than `fast` takes; lean: `LEAN` of them,
+    and 16 moments in place of 25."""
     sun = np.asarray(sun, float) / np.linalg.norm(sun)
     plan = _plan(options, matter, surface, sun)
     count, packs = matter.wavelengths_nm.size, []
@@ -115,13 +117,14 @@ def core_of(
         ground = surface.at_wavelengths(which)
         packs.append(_Pack.of(build_medium(plan, matter.at(which), ground), ground, sun, min(PACK, count - first)))
     medium, terms = packs[0].medium, matter.terms
-    ordinates = ordinates or ordinates_for(medium.cell_m, medium.levels_m, options.setting.ordinates)
+    wanted = LEAN if lean else options.setting.ordinates
+    ordinates = ordinates or ordinates_for(medium.cell_m, medium.levels_m, wanted)
     inflow = np.concatenate(
         [np.moveaxis(clear_inflow(p.medium, p.shells, sun, ordinates), -1, 0)[: p.count] for p in packs]
     ).astype(float)
     world = World(
         medium.levels_m.astype(float), medium.cell_m, medium.axes.astype(float), medium.place, sun, medium.ground_node,
-        ordinates, DEGREE, inflow, np.zeros((count, medium.shape[0])),
+        ordinates, DEGREE - 1 if lean else DEGREE, inflow, np.zeros((count, medium.shape[0])),
     )  # fmt: skip
     world = replace(world, inflow=np.ascontiguousarray(inflow[:, world.order]))
     if float(world.local_sun[..., 2].min()) < _LOWEST_SUN:
