@@ -208,3 +208,22 @@ def test_what_cannot_be_put_back_is_told_in_a_line(tmp_path: Path, capsys: pytes
     config.write_text('openswim_analysis = 1\nmodel = "wrfout_d01_test"\n[background]\nlength_m = 300\n')
     assert run([*asked, str(model)]) == 2
     assert "would replace" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_command_line_writes_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, out = wrf(tmp_path, map_proj=0, attributes=dict(DX=500.0, DY=500.0)), tmp_path / "back.nc"
+    config = tmp_path / "analysis.toml"
+    config.write_text(
+        'openswim_analysis = 1\nmodel = "wrfout_d01_test"\ntime = "2005-08-28T15:00"\nsun = [140.0, 50.0]\n'
+        '[observe]\ncontrols = ["cloud_liquid", "cloud_ice"]\n[background]\nlength_m = 800\n[analyse]\niterations = 4\n'
+        "[[pyranometer]]\nx_m = 0.0\ny_m = 0.0\nw_m2 = 300.0\n"
+    )
+    target = tmp_path / "found.nc"
+    assert run(["analyse", str(config), "-o", str(target), "--write-back", str(out)]) == 0
+    assert "QCLOUD at" in capsys.readouterr().out
+    assert different(model, out) == {"QCLOUD", "QICE", "QVAPOR"}
+    first, found, back = open_scene(model, time=SECOND).data, open_scene(target).data, open_scene(out, time=SECOND).data
+    assert float(found.ice_content.sum()) > 3.2 * float(first.ice_content.sum())
+    for name in ("liquid_content", "ice_content"):  # but for the density of dry air beside more vapour
+        assert float(back[name].sum()) == pytest.approx(float(found[name].sum()), rel=0.007)
