@@ -54,11 +54,11 @@ def test_wind_against_own_rotation(nwp, name):
 def test_dry_density_against_own_specific_volume(nwp):
     """WRF's AL + ALB is the inverse density of dry air; contents are mixing ratios times that density."""
     from openswim.readers.wrf.file import WRFFile
-    from openswim.readers.wrf.reader import _air
+    from openswim.readers.wrf.reader import air_of
 
     path = nwp / ALPS
     with WRFFile(path) as file:
-        _, density, *_ = _air(file, [])
+        _, density, *_ = air_of(file, [])
     np.testing.assert_allclose(density, 1.0 / (_field(path, "AL") + _field(path, "ALB")), rtol=2e-3)
 
 

@@ -16,13 +16,15 @@ class AnalyseRequest:
     output: Path
     check: bool = False
     observations: Path | None = None
+    write_back: Path | None = None
 
 
 def run(request: AnalyseRequest) -> None:
     """Analyse and write; what can be wrong with the request is found before any light is solved."""
-    from openswim.assimilation import analyse, observe, write_observations
+    from openswim.assimilation import analyse, observe, write_back, write_observations
     from openswim.assimilation.analysing import default_checkpoint
     from openswim.assimilation.config import read_config
+    from openswim.assimilation.writing_back import check_write_back
     from openswim.ground.earth import preload
     from openswim.readers import open_scene
     from openswim.scene.files import check_target
@@ -33,6 +35,10 @@ def run(request: AnalyseRequest) -> None:
     page, rows = request.output.with_suffix(".html"), request.output.with_suffix(".departures.nc")
     for target in (request.output, page, rows):
         check_target(target, [config.path, config.model])
+    if request.write_back is not None:
+        check_write_back(config.model, config.observe.get("controls", "cloud_liquid"))
+        others = [config.path, config.model, request.output, page, rows, *(image for _, image in config.cameras)]
+        check_target(request.write_back, others, "--write-back")
     images = config.images()
     preload()
     scene = open_scene(config.model) if config.time is None else open_scene(config.model, time=config.time)
@@ -54,6 +60,10 @@ def run(request: AnalyseRequest) -> None:
     _write_rows(found.to_dataset(), rows)
     if request.observations is not None:
         write_observations(request.observations, op, observed, found.after)
+    if request.write_back is not None:
+        changed = write_back(found, config.model, request.write_back)
+        told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
+        click.echo(f"{request.write_back}: {told or 'nothing'} changed")
     before, after = found.rms(found.before), found.rms(found.after)
     for part, one, two in zip(op.parts, before, after, strict=True):
         click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")

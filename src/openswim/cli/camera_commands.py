@@ -96,6 +96,8 @@ def correct_clouds(**options: Any) -> None:
 @click.option("--check", is_flag=True, help="Only test the linearisation: tangent linear and adjoint, by four numbers.")
 @click.option("--observations", type=PATH,
               help="Also write what was observed and is seen, as JEDI's IODA reads it, .nc.")  # fmt: skip
+@click.option("--write-back", type=PATH,
+              help="Also write a copy of the model's file (WRF) with the increments in it.")  # fmt: skip
 @debug
 def analyse(**options: Any) -> None:
     """Find clouds and ground of a model by what cameras and pyranometers measured, as CONFIG (.toml) says.

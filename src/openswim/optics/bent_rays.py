@@ -1,6 +1,7 @@
 """Rays bent by the air: how far they are lifted, and how much air they go through."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,34 +46,64 @@ def bent_rays(
     """
     pressure, temperature, _ = air.at(_LEVELS_M)
     number = pressure / (BOLTZMANN_J_PER_K * temperature)
-    strength = 0.0 if straight else float(refractivity(wavelength_nm))
-    excess = strength * number / STANDARD_NUMBER_PER_M3
-    slope = np.gradient(excess, _LEVELS_M)
     altitude = np.atleast_1d(np.asarray(apparent_altitude_deg, float))
+    if straight:
+        return BentRays(altitude, *_straight(altitude, height_m, radius_m))
+    excess = float(refractivity(wavelength_nm)) * number / STANDARD_NUMBER_PER_M3
+    return BentRays(altitude, *_bent(excess.tobytes(), altitude.tobytes(), height_m, radius_m))
+
+
+def _parts(altitude: F64, height_m: float, radius_m: float) -> tuple[F64, F64]:
+    """Zenith angles (n,), and where the parts of rays end (steps + 1, n), m from the eye.
+
+    They are short where the air is dense: near the eye, or, downward, about the lowest point.
+    """
     zenith = np.radians(90.0 - altitude)
     start, top = radius_m + height_m, radius_m + TOP_M
     whole = -start * np.cos(zenith) + np.sqrt(np.maximum(top**2 - (start * np.sin(zenith)) ** 2, 0)) + 2e4
-    # fine steps where the air is dense: near the eye, or, downward, about the lowest point
     middle = np.maximum(-start * np.cos(zenith), 0)
     u = np.linspace(0, 1, _STEPS + 1)[:, None]
     a, b = np.cbrt(-middle), np.cbrt(whole - middle)
-    s = middle + (a + (b - a) * u) ** 3
+    return zenith, middle + (a + (b - a) * u) ** 3
+
+
+def _free(heights: F64, steps: F64, height_m: float) -> tuple[F64, NDArray[np.bool_]]:
+    """Lengths of the parts (steps, n) in the air, zero from the ground on or the top; which rays end on the ground."""
+    low = heights < min(height_m, 0.0) - 1.0  # eyes may be below the sea's level
+    aloft = np.logical_and.accumulate(~low & (heights < TOP_M), axis=0)
+    before = np.vstack([np.ones((1, low.shape[1]), bool), aloft[:-1]])
+    return np.where(aloft, steps, 0.0), (low & before).any(axis=0)
+
+
+def _straight(altitude: F64, height_m: float, radius_m: float) -> tuple[F64, F64, F64]:
+    """Refraction, heights and lengths of rays that nothing bends."""
+    zenith, s = _parts(altitude, height_m, radius_m)
+    steps, at, start = np.diff(s, axis=0), 0.5 * (s[1:] + s[:-1]), radius_m + height_m
+    heights = np.sqrt(start**2 + at * (at + 2 * start * np.cos(zenith))) - radius_m
+    lengths, on_ground = _free(heights, steps, height_m)
+    return np.where(on_ground, np.nan, 0.0), heights, lengths
+
+
+@lru_cache(maxsize=4)  # an eye asks for two, again for every picture
+def _bent(excess_bytes: bytes, altitude_bytes: bytes, height_m: float, radius_m: float) -> tuple[F64, F64, F64]:
+    """The same of rays in air of a refractive index less one at `_LEVELS_M`."""
+    excess, altitude = np.frombuffer(excess_bytes), np.frombuffer(altitude_bytes)
+    slope = np.gradient(excess, _LEVELS_M)
+    zenith, s = _parts(altitude, height_m, radius_m)
     steps = np.diff(s, axis=0)
-    psi, r, theta = zenith.copy(), np.full(altitude.shape, start), np.zeros(altitude.shape)
-    heights, lengths = np.empty(steps.shape), np.empty(steps.shape)
-    floor_m = min(height_m, 0.0) - 1.0  # eyes may be below the sea's level
-    on_ground, aloft = np.zeros(altitude.shape, bool), np.ones(altitude.shape, bool)
+    psi, r, theta = zenith.copy(), np.full(altitude.shape, radius_m + height_m), np.zeros(altitude.shape)
+    heights = np.empty(steps.shape)
     for k, ds in enumerate(steps):
         dr, dtheta, dpsi = _slopes(psi, r, slope, excess, radius_m)
         h = 0.5 * ds
         dr, dtheta, dpsi = _slopes(psi + h * dpsi, r + h * dr, slope, excess, radius_m)
         heights[k] = r + h * dr - radius_m
-        on_ground |= (heights[k] < floor_m) & aloft
-        aloft &= (heights[k] < TOP_M) & ~on_ground
-        lengths[k] = np.where(aloft, ds, 0.0)
         psi, r, theta = psi + ds * dpsi, r + ds * dr, theta + ds * dtheta
-    refraction = np.degrees(psi + theta - zenith)
-    return BentRays(altitude, np.where(on_ground, np.nan, refraction), heights, lengths)
+    lengths, on_ground = _free(heights, steps, height_m)
+    found = np.where(on_ground, np.nan, np.degrees(psi + theta - zenith)), heights, lengths
+    for each in found:
+        each.flags.writeable = False
+    return found
 
 
 def _slopes(psi: F64, r: F64, slope: F64, excess: F64, radius_m: float) -> tuple[F64, F64, F64]:

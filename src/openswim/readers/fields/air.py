@@ -48,6 +48,11 @@ def saturation_pa(celsius: F32) -> F32:
     return np.asarray(611.2 * np.exp(17.67 * celsius / np.maximum(celsius + 243.5, 30.0)))
 
 
+def saturation_over_ice_pa(celsius: F32) -> F32:
+    """Pressure of vapour over ice (Magnus; WMO-No. 8, annex 4.B); above 0 degC as at it."""
+    return np.asarray(611.2 * np.exp(22.46 * np.minimum(celsius, 0) / np.maximum(celsius + 272.6, 30.0)))
+
+
 def relative_humidity(pressure_pa: F32, temperature_k: F32, specific_humidity: F32) -> F32:
     """Over water, 0 to 1; not clipped above."""
     vapour = specific_humidity * pressure_pa / (VAPOUR_RATIO + (1 - VAPOUR_RATIO) * specific_humidity)

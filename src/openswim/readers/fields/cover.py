@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.readers.fields.air import GRAVITY, saturation_pa, specific_humidity_of
+from openswim.readers.fields.air import GRAVITY, saturation_over_ice_pa, saturation_pa, specific_humidity_of
 
 F32 = NDArray[np.float32]
 _SURFACE_LIQUID_KG_M3 = 0.21e-3
@@ -42,9 +42,9 @@ def liquid_from_cover(
 def _saturated(temperature_k: F32, pressure_pa: F32) -> F32:
     """Specific humidity at saturation: over water above 0 degC, over ice below -20 degC, in between by share."""
     celsius = temperature_k - np.float32(273.16)
-    ice = 611.2 * np.exp(22.46 * np.minimum(celsius, 0) / np.maximum(celsius + 272.6, 30.0))
     share = np.clip(-celsius / 20.0, 0.0, 1.0)
-    return specific_humidity_of(saturation_pa(celsius) * (1 - share) + ice * share, pressure_pa)
+    vapour_pa = saturation_pa(celsius) * (1 - share) + saturation_over_ice_pa(celsius) * share
+    return specific_humidity_of(vapour_pa, pressure_pa)
 
 
 def cover_from_humidity(

@@ -77,13 +77,13 @@ class WRFReader:
     def read(self, path: Path, time: Time = None) -> Scene:
         """The scene at one time of the file (default: its first); only that time is read."""
         with WRFFile(path) as file, naming(path), reading(path):
-            _need(file)
+            check_complete(file)
             valid = file.go_to(time)
             notes: list[str] = []
             grid = wrf_grid(file, notes)
             if valid is None:
                 valid = _undated(file, time, grid, notes)
-            levels, air, humidity, vapour_kg_m3 = _air(file, notes)
+            levels, air, humidity, vapour_kg_m3 = air_of(file, notes)
             levels |= hydrometeors(file, air, notes)
             levels |= cover(file, min(grid.spacing_m()), levels, air, notes)
             haze = aerosol(file, air, humidity, notes)
@@ -116,7 +116,7 @@ class WRFReader:
     def grid(self, path: Path, time: Time = None) -> Grid:
         """The grid at one time (nests move)."""
         with WRFFile(path) as file, naming(path), reading(path):
-            _need(file)
+            check_complete(file)
             file.go_to(time)
             return wrf_grid(file, [])
 
@@ -168,7 +168,8 @@ def _undated(file: WRFFile, time: Time, grid: Grid, notes: list[str]) -> np.date
     return undated(time, float(grid.lonlat(*grid.centre_index)[0]) if grid.curved else None, notes)
 
 
-def _need(file: WRFFile) -> None:
+def check_complete(file: WRFFile) -> None:
+    """Raise UserError where heights, pressure or temperature are missing."""
     lacking = [name for name in NEEDED if name not in file]
     if lacking:
         raise UserError(
@@ -177,7 +178,7 @@ def _need(file: WRFFile) -> None:
         )
 
 
-def _air(
+def air_of(
     file: WRFFile, notes: list[str]
 ) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None]:
     """Pressure [Pa] and temperature [K] as scene variables, the density of dry air [kg m-3], relative humidity, and the
