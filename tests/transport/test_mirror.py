@@ -10,6 +10,8 @@ from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import Grid
 from openswim.solver import Solver
+from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
 from openswim.transport.view.mirror import Mirrored, WetRays
 from openswim.transport.view.viewer import looking_from
 
@@ -121,3 +123,18 @@ def test_rays_of_a_picture_find_in_it_what_is_mirrored(lake) -> None:
     _, _, behind = glance(np.linspace(150.0, 210.0, 40), np.linspace(9.0, 21.0, 40))
     seen = picture.view(Rays(eye, behind)).radiance
     np.testing.assert_allclose(seen, lake.view(Rays(eye, behind)).radiance, rtol=0.25)  # no cloud there to be missed
+
+
+def test_a_whole_turn_has_no_seam() -> None:
+    """Pixels .75 degrees apart lay the mirrored picture out; wherever its azimuths begin, rays between them are
+    known, too."""
+
+    def look(place, out, image):
+        return np.repeat(1.0 + 0.5 * out[:, :1], PACK, axis=1).astype(FLOAT), np.full(len(out), -1.0)
+
+    eye, place, direction = glance(np.arange(0.1, 360.0, 0.75), 5.0, 2.0)
+    found = Mirrored.of(look, None, 6_371_000.0, eye, WetRays(place, direction, 3.0))
+    seen = found.along(glance(np.arange(0.0, 360.0, 0.05), 5.0, 2.0)[2])[:, 0]
+    assert np.isfinite(seen).all()
+    # between its last node and its first, .75 degrees apart, it is as at one of them
+    assert np.abs(np.diff(seen, append=seen[0])).max() < 5.2e-3 * seen.max()

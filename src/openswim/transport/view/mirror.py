@@ -79,8 +79,8 @@ class Mirrored:
     def angles(self, direction: F64) -> tuple[F64, F64]:
         """Azimuth and altitude (n,) as they are counted here."""
         azimuth, altitude = _angles(direction, self.axes, self.up)
-        before = _BESIDE_RAD  # the first node, and not a turn after it
-        return (azimuth - self.start + before) % (2 * np.pi) - before, altitude
+        first = float(self.azimuth[0]) - _BESIDE_RAD  # what is a little before the first node is not a turn after it
+        return (azimuth - self.start - first) % (2 * np.pi) + first, altitude
 
     def along(self, direction: F64) -> F32:
         """Mean radiance L' (n, PACK) that is mirrored along rays (n, 3); NaN where it is not known."""
