@@ -110,6 +110,15 @@ def slant_depths(coefficient_per_m: Array, levels_m: Array, radius_m: float, gro
     The sun axis is the square root of the cosine above the local horizon; rays reach the top without touching the
     ground. Error below 0.2 % of the depth (midpoint rule in the square root of the height above the lowest point).
     """
+    given = np.ascontiguousarray(coefficient_per_m, float)
+    return _slant_depths(given.tobytes(), given.shape, np.asarray(levels_m, float).tobytes(), radius_m, ground_m)
+
+
+@lru_cache(maxsize=8)  # all lights of a scene, and all times of a film, go through the same air
+def _slant_depths(
+    coefficients: bytes, shape: tuple[int, int], levels: bytes, radius_m: float, ground_m: float
+) -> Array:  # fmt: skip
+    coefficient_per_m, levels_m = np.frombuffer(coefficients).reshape(shape), np.frombuffer(levels)
     r_ground = radius_m + ground_m
     t = np.linspace(0, 1, _SUN_NODES)
     out = np.zeros((len(levels_m), _SUN_NODES, coefficient_per_m.shape[1]))
@@ -133,6 +142,7 @@ def slant_depths(coefficient_per_m: Array, levels_m: Array, radius_m: float, gro
         height = np.maximum(rr, 0) / (np.sqrt(r_ground**2 + np.maximum(rr, 0)) + r_ground)
         for w in range(coefficient_per_m.shape[1]):
             out[k, :, w] = (np.interp(height, levels_m, coefficient_per_m[:, w]) * ds).sum(axis=1)
+    out.flags.writeable = False
     return out
 
 
