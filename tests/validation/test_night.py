@@ -29,6 +29,14 @@ def test_marks_are_met(name):
     assert max(row.relative_rmse for row in rows(name).values()) < 0.13
 
 
+def test_bows_rings_and_halos():
+    """In marks: of .3 degrees for bows and halos, of .15 for rings."""
+    most = {"rainbow": 0.26, "corona_glory": 0.39, "halos": 0.039, "halo_profile": 0.022}
+    assert {name: max(row.relative_rmse for row in rows(name).values()) < bound for name, bound in most.items()} == {
+        name: True for name in most
+    }
+
+
 def test_moonlight_and_airglow():
     found = rows("lunar_irradiance")
     assert found["moonlight over LIME's, 5-95 degrees"].relative_rmse < 0.043
