@@ -42,6 +42,8 @@ def save_light(
         raise UserError(f"{path}: solver reference keeps no light, but follows paths for each view: use a checkpoint")
     if field.solver.name == "linear":
         raise UserError(f"{path}: solver linear keeps no light: save that of solver fast")
+    if any(level.eclipse is not None for pack in field.packs if isinstance(pack, LitGrid) for level in pack.levels):
+        raise UserError(f"{path}: light in an eclipse of the sun is not kept: save that of another time")
     if not all(isinstance(pack, LitGrid) for pack in field.packs):
         raise UserError(f"{path}: a domain of so many columns is lit anew for each view: save the light of a part")
     found = described(field.lit)

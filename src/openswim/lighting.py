@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -99,7 +100,10 @@ def light(
     at = None if sun is not None else when
     if lamps is None or chosen.name == "reference" or _is_day(lamps):
         field = chosen.solve(scene, day.direction, wavelengths)
-        return LitScene(scene, field, day, at, lamps=None if lamps is None else lamps.unsolved())
+        alone = None if lamps is None else lamps.unsolved()
+        for line in [] if alone is None else alone.stated():
+            warnings.warn(f"solver {chosen.name}: {line}: take fast", stacklevel=2)
+        return LitScene(scene, field, day, at, lamps=alone)
     lights = []
     for lamp in lamps.every:
         found = (chosen.solve_starlit(scene, wavelengths, lamp.towns) if lamp.direction is None

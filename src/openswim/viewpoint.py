@@ -405,6 +405,10 @@ def _for_sums(field: ReferenceField) -> ReferenceField:
     return dataclasses.replace(field, solver=fewer)
 
 
+def _stated(lit: LitScene) -> list[str]:
+    return stated(lit.field.wavelengths_nm, lit.scene.atmosphere) + ([] if lit.lamps is None else lit.lamps.stated())
+
+
 def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
     attrs: dict[str, Any] = {
         "Conventions": "CF-1.11",
@@ -412,7 +416,7 @@ def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) 
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
         "view": camera.name,
         "source": lit.scene.source,
-        "assumptions": "\n".join([*lit.scene.notes, *stated(lit.field.wavelengths_nm, lit.scene.atmosphere)]),
+        "assumptions": "\n".join([*lit.scene.notes, *_stated(lit)]),
         "solver": lit.field.solver.name,
         "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
         "sun_altitude_deg": round(altitude, 4),

@@ -7,8 +7,11 @@ import pytest
 
 import openswim
 from openswim.cameras import Camera, Rays
+from openswim.errors import UserError
 from openswim.heavens.corona import FARTHEST, brightness, drawn_corona
+from openswim.kept_light import save_light
 from openswim.lights.eclipses import MoonShadow, light_left, solar_eclipse
+from openswim.lights.eclipses import shadow as shadows
 from openswim.lights.eclipses.solar import discs
 from openswim.scene import Scene
 from openswim.scene.frame import Frame, horizon_vector, scene_frame
@@ -141,3 +144,28 @@ def test_totality_in_texas():
     for edge in (radiance[20, 1], radiance[20, -2], radiance[1, 20], radiance[-2, 20]):
         assert edge[1] > 3 * radiance[20, 20, 1]
         assert edge[0] / edge[2] > 1.5 * radiance[20, 20, 0] / radiance[20, 20, 2]
+
+
+def test_solver_reference_says_that_it_knows_no_shadow():
+    scene = Scene.clear(31.0, -99.0)
+    with pytest.warns(UserWarning, match="without the moon's shadow: take fast"):
+        lit = openswim.light(scene, Solver("reference", paths=2), time="2024-04-08T18:05")
+    image = lit.viewpoint(Camera.allsky(31.0, -99.0, size=3)).view()
+    assert "the whole sun alone, without the moon's shadow" in image.attrs["assumptions"]
+
+
+def test_light_in_an_eclipse_is_not_kept(tmp_path):
+    scene = Scene.clear(31.0, -99.0)
+    with pytest.raises(UserError, match="eclipse"):
+        openswim.light(scene, time="2024-04-08T18:05").save(tmp_path / "a")
+    field = Solver().solve(scene, np.array([0.0, 0.0, 1.0]), WAVELENGTHS, shadow=MadeUp(0.3))
+    with pytest.raises(UserError, match="eclipse"):
+        save_light(scene, field, openswim.lighting.daylight(scene, "2024-04-08T18:05", None), None, tmp_path / "b")
+
+
+def test_by_day_no_table_of_the_shadow_is_made(monkeypatch):
+    """Nor is one at new moon, where it falls beside the Earth."""
+    monkeypatch.setattr(shadows, "light_left", None)
+    scene = Scene.clear(47.7, 11.2)
+    for day in ("2024-06-06T12:00", "2024-06-15T12:00"):
+        assert openswim.light(scene, time=day).lamps.shadow is None

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.heavens.lamps import Lamps
+from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.transport.air.shells import SHINING_HALF_M, SHINING_M
 
 F64 = NDArray[np.float64]
-
-_RADIUS_M = 6.371e6
 
 
 def sky_behind(
@@ -43,6 +42,6 @@ def sky_behind(
 def _share_within(height_m: float, cosine: F64) -> F64:
     """What share of the air that shines as the even sky does (`SHINING_M`) lies before an eye's rays."""
     sine = np.sqrt(np.maximum(1 - cosine**2, 0))
-    lowest = np.where(cosine >= 0, height_m, (_RADIUS_M + height_m) * sine - _RADIUS_M)
+    lowest = np.where(cosine >= 0, height_m, (EARTH_RADIUS_M + height_m) * sine - EARTH_RADIUS_M)
     part = np.clip((lowest - SHINING_M) / SHINING_HALF_M, -1, 1)
     return np.asarray(0.5 - part + 0.5 * part * np.abs(part))

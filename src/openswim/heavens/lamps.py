@@ -18,15 +18,16 @@ from openswim.lights.daylight import Daylight
 from openswim.lights.eclipses import MoonShadow, moonlight_left
 from openswim.lights.illuminance import NIGHT_SKY_LX, moon_lux, shares, sun_lux
 from openswim.scene.frame import Frame
+from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.ground import Ground
 from openswim.scene.times import Time
 
 F64 = NDArray[np.float64]
 
 _LUX_PER_NW = 4e-4
-_EARTH_M = 6.371e6
 _BESIDE_M = 3e5  # from a scene, where the moon's shadow is seen from within it
 _TOTALITY = 1e-5  # of the sun's light, what comes from outside the moon's shadow into its middle, or more
+_WORDS = {"moon": "moonlight", "sky": "the night's sky and towns"}
 _DAY_LX = 200.0  # of the sun, beside which moon, night sky and towns add less than `illuminance.LEAST`
 
 
@@ -47,13 +48,15 @@ class Lamp:
 @dataclass(frozen=True, eq=False)
 class Lamps:
     """The lights over a place (latitude, longitude) at a time. in_field (nw,): what of the night sky's mean radiance is
-    solved for with the lamps, W m-2 sr-1 nm-1. shadow: the moon's, where it is on the scene."""
+    solved for with the lamps, W m-2 sr-1 nm-1. shadow: the moon's, where it is on the scene or
+    near it. left_out: what shines, or takes light, and is not solved for."""
 
     every: tuple[Lamp, ...]
     time: Time
     place: tuple[float, float]
     in_field: F64
     shadow: MoonShadow | None = None
+    left_out: tuple[str, ...] = ()
 
     @cached_property
     def night(self) -> NightSky:
@@ -61,9 +64,18 @@ class Lamps:
         return NightSky.at(self.time, *self.place, np.eye(3))
 
     def unsolved(self) -> Lamps:
-        """Where none but the sun is solved for."""
+        """Where none but the whole sun is solved for."""
         sun = tuple(lamp for lamp in self.every if lamp.name == "sun")
-        return replace(self, every=sun, in_field=np.zeros_like(self.in_field))
+        left_out = [_WORDS[lamp.name] for lamp in self.every if lamp.name != "sun"]
+        if self.shadow is not None:
+            left_out.append("the moon's shadow")
+        return replace(self, every=sun, in_field=np.zeros_like(self.in_field), left_out=tuple(left_out))
+
+    def stated(self) -> list[str]:
+        """What of this is to be said of a picture."""
+        if not self.left_out:
+            return []
+        return [f"air, clouds and ground are lit by the whole sun alone, without {' and '.join(self.left_out)}"]
 
 
 def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:
@@ -83,11 +95,8 @@ def lamps_of(
     """
     toa = toa_irradiance(wavelengths_nm, day)
     altitude = float(np.degrees(np.arcsin(np.clip(day.direction[2], -1, 1))))
-    shadow: MoonShadow | None = MoonShadow.over(time, *place)
-    assert shadow is not None
-    left = float(shadow.left(np.zeros((1, 3)), wavelengths_nm).mean())
-    if not shadow.touches(np.radians(reach_deg) * _EARTH_M + _BESIDE_M):
-        shadow = None
+    shadow = MoonShadow.near(np.radians(reach_deg) * EARTH_RADIUS_M + _BESIDE_M, time, *place)
+    left = 1.0 if shadow is None else float(shadow.left(np.zeros((1, 3)), wavelengths_nm).mean())
     none, whole = np.zeros(len(wavelengths_nm)), np.ones(len(wavelengths_nm))
     sun = sun_lux(altitude) * max(left, _TOTALITY)
     if sun > _DAY_LX:

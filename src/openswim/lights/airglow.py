@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.lights.units import radiance_of_rayleighs
+from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.times import Time, parse_time
 
 F64 = NDArray[np.float64]
 
-EARTH_RADIUS_M = 6.371e6
 LAYER_M, THICKNESS_M = 90e3, 10e3
 RED_LAYER_M, RED_THICKNESS_M = 250e3, 80e3  # of the oxygen's red lines
 MEAN_FLUX_SFU = 130.0  # solar radio flux for which the strengths hold

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.lights.airglow import EARTH_RADIUS_M, airglow_radiance, solar_flux_sfu
+from openswim.lights.airglow import airglow_radiance, solar_flux_sfu
 from openswim.lights.ephemeris import bodies, skyfield_time
 from openswim.lights.milky_way import starlight_radiance
 from openswim.lights.stars import catalogue
 from openswim.lights.units import ARCSEC2_PER_SR, S10_W_M2_SR_NM, sunlike
 from openswim.lights.zodiacal import zodiacal_radiance
+from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.times import Time
 
 F64 = NDArray[np.float64]

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.optics.rayleigh import BOLTZMANN_J_PER_K, STANDARD_NUMBER_PER_M3, refractivity
 from openswim.optics.species import background
 from openswim.scene.atmosphere import TOP_M, Atmosphere
+from openswim.scene.grid import EARTH_RADIUS_M
 
 F64 = NDArray[np.float64]
 
-EARTH_RADIUS_M = 6.371e6
 _STEPS = 1500
 _LEVELS_M = np.concatenate([np.arange(0, 12e3, 50), np.arange(12e3, 40e3, 250), np.arange(40e3, TOP_M + 1, 2000)])
 

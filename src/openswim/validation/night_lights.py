@@ -13,8 +13,9 @@ from openswim.lights.milky_way import starlight_s10
 from openswim.lights.moonlight import MEAN_SOLID_ANGLE_SR, disc_reflectance
 from openswim.lights.spectrum import solar_irradiance
 from openswim.lights.zodiacal import zodiacal_s10
-from openswim.optics.bent_rays import EARTH_RADIUS_M, bent_rays
+from openswim.optics.bent_rays import bent_rays
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.validation.metrics import score
 from openswim.validation.night_places import in_marks
 from openswim.validation.phases import PhaseTables

@@ -18,7 +18,6 @@ F64 = NDArray[np.float64]
 
 CORONA_SHARE = 1.1e-6  # of the sun's light, what its corona sends (F. Espenak & J. Meeus: 1e-6; half a full moon)
 _NODES, _RINGS = 400, 400  # of how far the moon's edge is from the sun's, close together where the crescent is thin
-_METRE_PER_AU = 1.495978707e11
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +35,14 @@ class MoonShadow:
         found = []
         for name in ("sun", "moon"):
             altitude, azimuth, distance = here.observe(bodies()[name]).apparent().altaz()
-            found.append(distance.au * _METRE_PER_AU * horizon_vector(azimuth.degrees, altitude.degrees))
+            found.append(distance.m * horizon_vector(azimuth.degrees, altitude.degrees))
         return cls(*found)
+
+    @classmethod
+    def near(cls, radius_m: float, time: Time, lat: float, lon: float) -> MoonShadow | None:
+        """The same where it may lie on any place within a distance of the origin; else None, as nearly always."""
+        found = cls.over(time, lat, lon)
+        return found if found.touches(radius_m) else None
 
     def discs(self, place_m: F64) -> Discs:
         """Sun and moon from places (n, 3) in the frame, to some 500 km from its origin as exact as there."""
