@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from openswim.lights.units import magnitude_of_radiance
-from openswim.validation.whole_day import Skies, steps
+from openswim.validation.night.whole_day import Skies, steps
 
 # place, and a day without eclipses: of long dusks, of a polar spring with both, and of the tropics with a full moon
 DAYS = {

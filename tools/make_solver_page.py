@@ -24,8 +24,8 @@ from openswim.colour.rgb import auto_exposure
 from openswim.lighting import light
 from openswim.scene.procedural import demo_scene
 from openswim.validation import cases3d
-from openswim.validation.metrics import LIT, Score, block_means, image_score, score
 from openswim.validation.reference import read_reference
+from openswim.validation.reference.metrics import LIT, Score, block_means, image_score, score
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -7,7 +7,7 @@ from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum, lamps_
 from openswim.lights.units import magnitude_of_luminance
 from openswim.scene.ground import Ground
 from openswim.solver import Solver
-from openswim.validation.sky_glow import zenith_luminance
+from openswim.validation.night.sky_glow import zenith_luminance
 
 
 def test_lamps_have_the_watts_that_are_measured():

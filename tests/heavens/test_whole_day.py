@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim.validation.whole_day import Skies, steps
+from openswim.validation.night.whole_day import Skies, steps
 
 
 @pytest.mark.slow

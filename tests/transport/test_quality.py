@@ -10,7 +10,7 @@ from openswim.errors import UserError
 from openswim.options import SETTINGS
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.validation.metrics import Score, image_score
+from openswim.validation.reference.metrics import Score, image_score
 
 CELL_M = 60.0
 SHAPE = (16, 48, 48)

@@ -10,8 +10,8 @@ from tests.validation.fakes import FakeSolver
 
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.validation.cases3d import _FINE_CELLS, case_scene, compare, matches
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference
+from openswim.validation.reference.phases import PhaseTables
 
 SUN = np.array([-0.6, 0.0, 0.8])
 

@@ -9,8 +9,8 @@ import xarray as xr
 from tests.validation.fakes import FakeSolver
 
 from openswim.validation import clearsky
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference
+from openswim.validation.reference.phases import PhaseTables
 
 RADIUS_M = 6_371_000.0
 NO_TABLES = PhaseTables([])

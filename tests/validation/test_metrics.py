@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from openswim.validation.metrics import BLOCK, block_means, image_score, score
+from openswim.validation.reference.metrics import BLOCK, block_means, image_score, score
 
 
 @given(st.floats(-0.5, 0.5))

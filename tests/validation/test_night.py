@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from tests.validation.fakes import FakeSolver, single_scattering
 
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference
+from openswim.validation.reference.phases import PhaseTables
 from openswim.validation.walk import FAMILIES
 
 NIGHT = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "reference" / "night"

@@ -8,8 +8,8 @@ import xarray as xr
 
 from openswim.errors import UserError
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validation.phases import PhaseTables, named_phases, phase_of_attributes
 from openswim.validation.reference import Reference
+from openswim.validation.reference.phases import PhaseTables, named_phases, phase_of_attributes
 
 TABLE_3 = (
     "double Henyey-Greenstein (Eq 27), Table 3: colorado_swapped = .12 DHG(.900) + .88 DHG(.600), f_b .550; "

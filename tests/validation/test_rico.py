@@ -8,8 +8,8 @@ import pytest
 
 from openswim.solver import Solver
 from openswim.validation.cases3d import compare
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference
+from openswim.validation.reference.phases import PhaseTables
 
 # RMSE and the most of it, bias and the most of its size: per cent of 4x4-pixel means, over black ground and albedo .2.
 MEASURED = {

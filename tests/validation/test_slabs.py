@@ -9,8 +9,8 @@ import xarray as xr
 from tests.validation.fakes import FakeSolver, single_scattering
 
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, read_reference
+from openswim.validation.reference.phases import PhaseTables
 from openswim.validation.slab_tables import compare_rayleigh_table
 from openswim.validation.slabs import compare_aerosol_file, compare_slab_file, is_slab_file
 

@@ -9,8 +9,8 @@ from tests.validation.fakes import FakeSolver, single_scattering
 
 from openswim.stations.clear_sky import clear_times
 from openswim.validation import colours, sunpos
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import read_reference
+from openswim.validation.reference.phases import PhaseTables
 
 CLEARSKY = (
     Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "reference" / "clearsky"

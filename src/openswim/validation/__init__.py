@@ -1,7 +1,7 @@
 """How far the model is from reference radiances, fluxes and positions: `openswim validate DIR`."""
 
-from openswim.validation.metrics import Score, image_score, score
 from openswim.validation.reference import Row
+from openswim.validation.reference.metrics import Score, image_score, score
 from openswim.validation.report import as_table, write_json
 from openswim.validation.walk import reference_files, validate
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from openswim.cameras import Rays
 from openswim.scene import Scene
 from openswim.validation.geometry import grid_body, parse_body
-from openswim.validation.metrics import image_agreement, image_score
-from openswim.validation.phases import PhaseTables, phase_of_attributes
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, with_sigma
+from openswim.validation.reference.metrics import image_agreement, image_score
+from openswim.validation.reference.phases import PhaseTables, phase_of_attributes
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from openswim.scene import Scene
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import Frame, scene_frame
-from openswim.validation.metrics import agreement, score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
+from openswim.validation.reference.metrics import agreement, score
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from openswim.colour import to_xyz
 from openswim.colour.rgb import rgb_matrix
 from openswim.optics.rayleigh import rayleigh_cross_section_m2
-from openswim.validation.metrics import score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import score
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 

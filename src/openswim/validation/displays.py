@@ -8,20 +8,20 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.optics import mie
 from openswim.optics.displays import crystals, droplets
 from openswim.scene.phase import Mixture, PhaseFunction
-from openswim.validation.metrics import score
-from openswim.validation.night_places import in_marks
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import in_marks, score
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 
-_BOWS = {
+# Between which radii, degrees from the point opposite of the sun, the brightest is looked for
+BOWS = {
     "primary rainbow, radius of the maximum": (38.0, 44.0),
     "secondary rainbow, radius of the maximum": (48.5, 58.0),
 }
 _DROPS = "radius 500 um"  # ours are of all sizes, and of this mean where bows are made
 # From the sun (1) or the point opposite (-1), dark (0) or bright (1), which of them
-_RINGS = {
+RINGS = {
     "corona, first minimum": (1, 0, 0),
     "corona, second maximum (first ring)": (1, 1, 0),
     "corona, second minimum": (1, 0, 1),
@@ -30,28 +30,25 @@ _RINGS = {
     "glory, first ring radius": (-1, 1, 0),
     "glory, second ring radius": (-1, 1, 1),
 }
-_NARROW = 0.01  # effective variance: of wider spectra the rings are flat, or none
+NARROW = 0.01  # effective variance: of wider spectra the rings are flat, or none
 _HALOS = {"22 degree halo, inner edge": 60.0, "46 degree halo, inner edge": 90.0}  # by the prism's angle
 _AT = "scattering_angle_deg_or_quantity"
 
 
 def is_rainbow_table(reference: Reference) -> bool:
-    bows = set(_BOWS) & set(_text(reference, "quantity"))
+    bows = set(BOWS) & set(_text(reference, "quantity"))
     return reference.is_table and reference.has("case", "value") and bool(bows)
 
 
 def compare_rainbow(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
     """A row for each bow: the radius of its maximum, in marks of .3 degrees."""
     quantity, case = _text(reference, "quantity"), _text(reference, "case")
-    for name, ends in _BOWS.items():
+    for name, ends in BOWS.items():
         watch = Stopwatch()
         off = []
         with watch.running():
             for n in _rows([q == name and _DROPS in c for q, c in zip(quantity, case, strict=True)]):
-                radius = np.arange(*ends, 0.02)
-                phase = mie.phase_function("rain", _number(reference, "wavelength_nm", n))
-                found = radius[np.argmax(_at(phase, 180 - radius))]
-                off.append(found - _number(reference, "value", n))
+                off.append(bow_deg(_number(reference, "wavelength_nm", n), ends) - _number(reference, "value", n))
         yield reference.row("optics", f"{name}, in marks of .3", in_marks(off, 0.3), watch.lap())
 
 
@@ -63,19 +60,20 @@ def compare_rings(reference: Reference, solver: Solver, phases: PhaseTables) -> 
     """A row for each ring of droplets that are nearly alike, in marks of .15 degrees."""
     quantity = _text(reference, "quantity")
     angle = np.arange(0.0, 25.0, 0.05)
-    for name, (side, bright, which) in _RINGS.items():
+    for name, (side, bright, which) in RINGS.items():
         watch = Stopwatch()
         off = []
         with watch.running():
             for n in _rows(quantity == name):
                 true = _number(reference, "value", n)
-                if _number(reference, "v_eff", n) > _NARROW or not np.isfinite(true):
+                radius_um = _number(reference, "r_eff_um", n)
+                if _number(reference, "v_eff", n) > NARROW or not np.isfinite(true) or blurred(name, radius_um):
                     continue
                 phase = droplets.phase_function(
-                    _number(reference, "wavelength_nm", n), 1e-6 * _number(reference, "r_eff_um", n), _NARROW
+                    _number(reference, "wavelength_nm", n), 1e-6 * radius_um, NARROW
                 )
-                found = _rings(angle, phase.value(side * np.cos(np.radians(angle))))[bright]
-                off.append(found[which] - true if which < found.size else np.nan)
+                found = rings(angle, phase.value(side * np.cos(np.radians(angle))))[bright]
+                off.append(found[which] - true if which < found.size else np.inf)
         yield reference.row("optics", f"{name}, in marks of .15", in_marks(off, 0.15), watch.lap())
 
 
@@ -141,7 +139,19 @@ def _at(phase: PhaseFunction, angle_deg: Array | float) -> Array:
     return phase.value(np.cos(np.radians(angle_deg)))
 
 
-def _rings(angle_deg: Array, value: Array) -> tuple[Array, Array]:
+def bow_deg(wavelength_nm: float, ends: tuple[float, float]) -> float:
+    """Radius of the brightest ring of rain between two, from the point opposite of the sun."""
+    radius = np.arange(*ends, 0.02)
+    return float(radius[np.argmax(_at(mie.phase_function("rain", wavelength_nm), 180 - radius))])
+
+
+def blurred(name: str, radius_um: float) -> bool:
+    """Whether the disc of the sun, over which our phase functions are means, leaves nothing of one of `RINGS`."""
+    side, _, which = RINGS[name]
+    return side == 1 and which == 1 and radius_um > 10
+
+
+def rings(angle_deg: Array, value: Array) -> tuple[Array, Array]:
     """Angles of minima and of maxima, each a parabola's through three logarithms."""
     log = np.log(value)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(log)))) + 1

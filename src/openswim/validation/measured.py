@@ -16,9 +16,9 @@ from openswim.stations.checks import checked, sun_of
 from openswim.stations.clear_day import fit_aerosol, scene_over
 from openswim.stations.clear_sky import clear_times
 from openswim.stations.files import kind_of, read_station
-from openswim.validation.metrics import score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import score
+from openswim.validation.reference.phases import PhaseTables
 
 QUANTITIES = ("ghi", "dni", "dhi")
 _LOWEST_SUN_DEG = 15.0

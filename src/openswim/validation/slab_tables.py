@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.phase import Rayleigh
-from openswim.validation.metrics import agreement, score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validation.reference.metrics import agreement, score
+from openswim.validation.reference.phases import PhaseTables
 from openswim.validation.slabs import Collected, Slab, flux, radiance
 
 _CASE = ("sza", "tau", "sfc_albedo")

@@ -12,9 +12,9 @@ from openswim.cameras import Rays
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.phase import PhaseFunction
-from openswim.validation.metrics import agreement, score
-from openswim.validation.phases import PhaseTables, named_phases, phase_of_attributes
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups, with_sigma
+from openswim.validation.reference.metrics import agreement, score
+from openswim.validation.reference.phases import PhaseTables, named_phases, phase_of_attributes
 
 Array = NDArray[np.float64]
 

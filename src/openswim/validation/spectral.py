@@ -16,9 +16,9 @@ from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.times import parse_time
 from openswim.stations.clear_sky import clear_times
-from openswim.validation.metrics import score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import score
+from openswim.validation.reference.phases import PhaseTables
 
 F64 = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from openswim.lights import sun_position
 from openswim.scene.frame import horizon_vector
-from openswim.validation.metrics import Score, score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import Score, score
+from openswim.validation.reference.phases import PhaseTables
 
 _COLUMNS = ("lat", "lon", "elev_m", "utc", "sun_alt_geom", "sun_az", "sun_alt_refracted", "sun_dist_au")
 

@@ -19,18 +19,15 @@ from openswim.validation import (
     colours,
     displays,
     measured,
-    night_lights,
-    night_places,
-    night_skies,
-    sky_glow,
     slab_tables,
     slabs,
     spectral,
     sunpos,
 )
 from openswim.validation.clearsky import ClearSky
-from openswim.validation.phases import PhaseTables, is_phase_table
+from openswim.validation.night import lights, places, skies, sky_glow
 from openswim.validation.reference import Reference, Row, Solver, read_reference
+from openswim.validation.reference.phases import PhaseTables, is_phase_table
 from openswim.validation.slabs import Slab, radiance
 
 SUFFIXES = (".nc", ".nc4", ".csv")
@@ -58,25 +55,25 @@ FAMILIES = (
     Family(colours.matches, colours.compare),
     Family(spectral.matches, spectral.compare),
     Family(measured.matches, measured.compare),
-    Family(night_places.is_star_table, night_places.compare_stars),
-    Family(night_places.is_planet_table, night_places.compare_planets),
-    Family(night_places.is_orientation_table, night_places.compare_orientation),
-    Family(night_places.is_solar_eclipse_table, night_places.compare_solar_eclipses),
-    Family(night_places.is_eclipse_course, night_places.compare_eclipse_course),
-    Family(night_places.is_lunar_eclipse_table, night_places.compare_lunar_eclipses),
-    Family(night_lights.is_moonlight_table, night_lights.compare_moonlight),
-    Family(night_lights.is_zodiacal_table, night_lights.compare_zodiacal),
-    Family(night_lights.is_milky_way_table, night_lights.compare_milky_way),
-    Family(night_lights.is_airglow_table, night_lights.compare_airglow),
-    Family(night_lights.is_refraction_table, night_lights.compare_refraction),
+    Family(places.is_star_table, places.compare_stars),
+    Family(places.is_planet_table, places.compare_planets),
+    Family(places.is_orientation_table, places.compare_orientation),
+    Family(places.is_solar_eclipse_table, places.compare_solar_eclipses),
+    Family(places.is_eclipse_course, places.compare_eclipse_course),
+    Family(places.is_lunar_eclipse_table, places.compare_lunar_eclipses),
+    Family(lights.is_moonlight_table, lights.compare_moonlight),
+    Family(lights.is_zodiacal_table, lights.compare_zodiacal),
+    Family(lights.is_milky_way_table, lights.compare_milky_way),
+    Family(lights.is_airglow_table, lights.compare_airglow),
+    Family(lights.is_refraction_table, lights.compare_refraction),
     Family(displays.is_rainbow_table, displays.compare_rainbow),
     Family(displays.is_ring_table, displays.compare_rings),
     Family(displays.is_halo_table, displays.compare_halos),
     Family(displays.is_halo_profile, displays.compare_halo_profile),
-    Family(night_skies.is_moonlit_table, night_skies.compare_moonlit_sky),
-    Family(night_skies.is_illuminance_table, night_skies.compare_illuminance),
+    Family(skies.is_moonlit_table, skies.compare_moonlit_sky),
+    Family(skies.is_illuminance_table, skies.compare_illuminance),
     Family(sky_glow.is_sky_glow, sky_glow.compare_sky_glow),
-    Family(night_skies.is_twilight_fit, night_skies.compare_twilight_fit),
+    Family(skies.is_twilight_fit, skies.compare_twilight_fit),
 )
 
 

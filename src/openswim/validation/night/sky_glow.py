@@ -13,9 +13,9 @@ from openswim.lights.units import magnitude_of_luminance
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
-from openswim.validation.metrics import Score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch
+from openswim.validation.reference.metrics import Score
+from openswim.validation.reference.phases import PhaseTables
 
 _WAVELENGTHS_NM = np.array([615.0, 546.0, 450.0])
 _NODES, _STEP_KM, _CLOUD_PER_M = 15, 8.0, 0.02  # stratus from 1 to 1.5 km of depth 15 in the middle

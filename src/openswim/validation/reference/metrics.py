@@ -64,6 +64,18 @@ def score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Sco
     return Score(float(rmse / scale), float((m - r).mean() / scale), _correlation(m, r), int(r.size))
 
 
+def in_marks(error: ArrayLike, mark: float) -> Score:
+    """Errors over what is asked for: 1 is as good as was asked.
+
+    NaN: of what the reference does not know; infinite: of what we do not find.
+    """
+    e = np.asarray(error, float)
+    e = e[~np.isnan(e)] / mark
+    if e.size == 0:
+        return Score(np.nan, np.nan, np.nan, 0)
+    return Score(float(np.sqrt(np.mean(e**2))), float(e.mean()), np.nan, e.size)
+
+
 def image_score(model: ArrayLike, reference: ArrayLike, sigma: ArrayLike = 0.0) -> Score:
     """Compare two images (ni, nj) by their 4x4-pixel means, where that of the reference exceeds L' = 0.02."""
     r, m = _alike(reference, model)

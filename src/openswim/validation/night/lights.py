@@ -16,10 +16,9 @@ from openswim.lights.zodiacal import zodiacal_s10
 from openswim.optics.bent_rays import bent_rays
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import EARTH_RADIUS_M
-from openswim.validation.metrics import score
-from openswim.validation.night_places import in_marks
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validation.reference.metrics import in_marks, score
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 

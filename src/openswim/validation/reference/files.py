@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened, reading, said
-from openswim.validation.metrics import UNKNOWN, Agreement, Score
+from openswim.validation.reference.metrics import UNKNOWN, Agreement, Score
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,9 @@ from openswim.lights.units import magnitude_of_radiance
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.scene.frame import scene_frame
-from openswim.validation.metrics import Score
-from openswim.validation.night_places import in_marks
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validation.reference.metrics import Score, in_marks
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 

@@ -10,23 +10,14 @@ from openswim.lights import moon_position, planet_position, star_positions, sun_
 from openswim.lights.eclipses import lunar_eclipse, obscuration, solar_eclipse
 from openswim.lights.eclipses.solar import discs
 from openswim.scene.frame import horizon_vector
-from openswim.validation.metrics import Score, score
-from openswim.validation.phases import PhaseTables
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
+from openswim.validation.reference.metrics import in_marks, score
+from openswim.validation.reference.phases import PhaseTables
 
 Array = NDArray[np.float64]
 
 PLACE_DEG, LIMB_DEG, CONTACT_S, DURATION_S, UMBRA_S, COVERED = 0.02, 0.2, 3.0, 4.0, 30.0, 0.003  # what is asked for
 _WHERE = ("lat", "lon", "height_m")
-
-
-def in_marks(error: Any, mark: float) -> Score:
-    """Errors over what is asked for: 1 is as good as was asked."""
-    e = np.asarray(error, float)
-    e = e[np.isfinite(e)] / mark
-    if e.size == 0:
-        return Score(np.nan, np.nan, np.nan, 0)
-    return Score(float(np.sqrt(np.mean(e**2))), float(e.mean()), np.nan, e.size)
 
 
 def is_star_table(reference: Reference) -> bool:

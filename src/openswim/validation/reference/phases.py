@@ -7,7 +7,7 @@ import numpy as np
 
 from openswim.errors import UserError
 from openswim.scene.phase import AlbersDHG, HenyeyGreenstein, Mixture, PhaseFunction, Rayleigh, TablePhase
-from openswim.validation.reference import Reference
+from openswim.validation.reference.files import Reference
 
 _NUMBER = r"([-+]?\d*\.?\d+)"
 _LOBE = re.compile(_NUMBER + r"\s*\*?\s*(D?HG)\(\s*" + _NUMBER + r"\s*\)")
