@@ -27,7 +27,7 @@ from openswim.fluxes import (
     spectral_irradiance,
 )
 from openswim.heavens.eyes import Eyes, LitBy
-from openswim.heavens.far_towns import HIGHEST_EYE_M, Air, Domes, domes_of, far_sources
+from openswim.heavens.far_towns import HIGHEST_EYE_M, Air, domes_of, far_sources
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.images import add_errors, add_layers, check_layers, dataset
@@ -39,6 +39,7 @@ from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
+from openswim.scene.around import Around
 from openswim.scene.frame import horizon_vector
 from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of, drawn
@@ -220,9 +221,9 @@ class Viewpoint:
         if domes is None:
             return found
         free = np.where(view.hit, 0.0, np.exp(-view.species_depth.sum(axis=1, dtype=float)))  # of clouds
-        return found + free[:, None] * domes.along(direction) * (4 * np.pi / heavens.toa)
+        return found + free[:, None] * domes.toward(direction) * (4 * np.pi / heavens.toa)
 
-    def _make_domes(self) -> Domes | None:
+    def _make_domes(self) -> Around | None:
         """Of towns beyond the domain; None where there are none, or from where they are not seen."""
         lit, heavens = self.lit, self._heavens
         sky = next((light for light in lit.lights if light.name == "sky"), None)
@@ -242,7 +243,7 @@ class Viewpoint:
             Air.of(sky.field), frame, *heavens.place, heavens.height_m, sky.field.ground_m, heavens.wavelengths_nm,
             sources,
         )  # fmt: skip
-        return Domes(domes.table * (heavens.lamps.in_field / night), domes.axes)
+        return dataclasses.replace(domes, values=domes.values * (heavens.lamps.in_field / night))
 
     def _add_night(self, relative: NDArray, view: Any, pixels: Pixels) -> None:
         """The night's sky behind all else, into radiance (n, nw) of pixels; on single rays the moon as well."""

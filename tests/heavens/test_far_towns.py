@@ -40,13 +40,13 @@ def test_a_dome_is_as_bright_as_that_of_a_town_within(away_km, monkeypatch):
     within = (bright.view(rays).radiance.astype(float) - dark.view(rays).radiance) / 1e9
     sources = far_sources(frame, LAT, LON, lambda lat, lon: np.zeros(np.shape(lat), bool), None)
     domes = domes_of(Air.of(bright), frame, LAT, LON, 2.0, 0.0, WAVELENGTHS, sources)
-    ratio = domes.along(up) / within
+    ratio = domes.toward(up) / within
     assert ratio[:, :2].min() > 0.5
     assert ratio[:, :2].max() < 1.6
     assert ratio[:, 2].min() > 0.4
     assert ratio[:, 2].max() < 1.3
     # away from the town next to nothing comes
-    assert domes.along(frame.direction(180.0, 5.0, LAT, LON)[None])[0, 1] < 0.3 * domes.along(up)[1, 1]
+    assert domes.toward(frame.direction(180.0, 5.0, LAT, LON)[None])[0, 1] < 0.3 * domes.toward(up)[1, 1]
 
 
 def test_what_the_domain_has_is_left_out():

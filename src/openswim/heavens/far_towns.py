@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.cities import city_radiance, lamp_spectrum
-from openswim.scene.frame import Frame, horizon_vector
+from openswim.scene.around import Around, directions_around
+from openswim.scene.frame import Frame
 from openswim.scene.ground import Ground
 from openswim.transport import Field
-from openswim.transport.air.shells import shell_levels
+from openswim.transport.air.shells import fractional_index, shell_levels
 from openswim.transport.engine.pack import PACK
 
 F64 = NDArray[np.float64]
@@ -25,31 +26,10 @@ _RINGS_M = np.geomspace(4e3, 150e3, 11)
 _AROUND, _INSIDE = 24, 3  # sources in a ring; places that each stands for, along and across
 _AZIMUTHS = 24
 _ALTITUDE_DEG = np.array([-0.5, 0.5, 1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0, 36.0, 50.0, 70.0, 90.0])
-_SAMPLES, _FARTHEST_M = 14, 2.5e5
+_SAMPLES, _FARTHEST_M, _THIN_M = 14, 2.5e5, 3e4  # along a ray; its end: so far, or where the air is thin
 _LOW = 0.049  # of z^4 beside cos z in what towns send up at a zenith angle z: 15 % of their light (Garstang 1986)
 _STAYS = 0.3  # of light scattered forward, by which domes are as bright as the transport's, 20 to 60 km away
 _POINTS = np.polynomial.legendre.leggauss(4)
-
-
-@dataclass(frozen=True, eq=False)
-class Domes:
-    """Radiance (altitude, azimuth, nw), W m-2 sr-1 nm-1, around an eye whose east, north and up are ``axes`` (3, 3)."""
-
-    table: F64
-    axes: F64
-
-    def along(self, direction: F64) -> F64:
-        """Of rays (n, 3) in the scene frame."""
-        east, north, up = (direction @ self.axes.T).T
-        height = np.degrees(np.arcsin(np.clip(up, -1, 1)))
-        row = np.interp(height, _ALTITUDE_DEG, np.arange(len(_ALTITUDE_DEG)))
-        column = (np.arctan2(east, north) / (2 * np.pi) * _AZIMUTHS) % _AZIMUTHS
-        j, i = np.minimum(row.astype(int), len(_ALTITUDE_DEG) - 2), column.astype(int) % _AZIMUTHS
-        v, u = (row - j)[:, None], (column - np.floor(column))[:, None]
-        beside = (i + 1) % _AZIMUTHS
-        low = self.table[j, i] + u * (self.table[j, beside] - self.table[j, i])
-        high = self.table[j + 1, i] + u * (self.table[j + 1, beside] - self.table[j + 1, i])
-        return np.asarray(low + v * (high - low))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,27 +97,25 @@ def far_sources(
 def domes_of(
     air: Air, frame: Frame, lat: float, lon: float, height_m: float, ground_m: float, wavelengths_nm: F64,
     sources: tuple[F64, F64],
-) -> Domes:  # fmt: skip
-    """What an eye sees of `far_sources`, whose ground is as high as the scene's."""
-    axes, eye = frame.enu(lat, lon), frame.position(lat, lon, height_m)
+) -> Around:  # fmt: skip
+    """What an eye sees of `far_sources`, whose ground is as high as the scene's: radiance, W m-2 sr-1 nm-1."""
+    axes = frame.enu(lat, lon)
+    way = directions_around(_ALTITUDE_DEG, _AZIMUTHS, axes)
     place, light = sources
-    table = np.zeros((len(_ALTITUDE_DEG), _AZIMUTHS, len(wavelengths_nm)))
     if not len(light):
-        return Domes(table, axes)
+        return Around(np.zeros((*way.shape[:2], len(wavelengths_nm))), _ALTITUDE_DEG, axes)
     centre = np.array([0.0, 0.0, frame.radius_m])
+    eye = frame.position(lat, lon, height_m) + centre
     source = frame.position(place[:, 0], place[:, 1], ground_m) + centre
     up = source / np.linalg.norm(source, axis=1)[:, None]
     power = light[:, None] * lamp_spectrum(wavelengths_nm)
-    turn = np.arange(_AZIMUTHS) * 360.0 / _AZIMUTHS
-    for j, altitude in enumerate(_ALTITUDE_DEG):
-        way = horizon_vector(turn, np.full(_AZIMUTHS, altitude)) @ axes
-        # the last sample where the air is thin
-        end = min(_FARTHEST_M, 3e4 / max(np.sin(np.radians(altitude)), 1e-9))
+    rows = []
+    for altitude, row in zip(_ALTITUDE_DEG, way, strict=True):
+        end = min(_FARTHEST_M, _THIN_M / max(np.sin(np.radians(altitude)), 1e-9))
         edges = np.concatenate([[0.0], np.geomspace(0.01 * end, end, _SAMPLES)])
-        s, length = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
-        x = eye + centre + s[:, None, None] * way
-        table[j] = _scattered(air, x, way, source, up, power, length, eye + centre)
-    return Domes(table, axes)
+        middle, length = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+        rows.append(_scattered(air, eye + middle[:, None, None] * row, row, source, up, power, length, eye))
+    return Around(np.stack(rows), _ALTITUDE_DEG, axes)
 
 
 def _scattered(
@@ -150,25 +128,29 @@ def _scattered(
     rise = np.clip((v * up).sum(axis=-1) / away, -1, 1)
     sends = np.where(rise > 0, rise + _LOW * np.arccos(rise) ** 4, 0.0) / away**2
     cosine = -(v * way[:, None]).sum(axis=-1) / away  # of the angle by which light is turned toward the eye
+    to_eye, to_source = _depth(air, eye, x - eye), _depth(air, source, v)
     out = np.zeros((x.shape[1], power.shape[1]))
-    for w in range(power.shape[1]):
-        through = np.exp(-_depth(air, w, source, v) - _depth(air, w, eye, x - eye)[..., None])
+    for w, g in enumerate(air.asymmetry):
+        through = np.exp(-to_source[w] - to_eye[w][..., None])
         molecules, aerosol = (
             np.interp(height, air.height_m, each[:, w])[..., None] for each in (air.molecules, air.aerosol)
         )
-        g = air.asymmetry[w]
         phase = molecules * 0.75 * (1 + cosine**2) + aerosol * (1 - g**2) / (1 + g**2 - 2 * g * cosine) ** 1.5
         arrives = (sends * through * phase) @ power[:, w] / (4 * np.pi)
         out[:, w] = length_m @ np.where(height > -500.0, arrives, 0.0)
     return out
 
 
-def _depth(air: Air, w: int, start: F64, way: F64) -> F64:
-    """Optical depth (...) of straight ways (..., 3) from a start."""
+def _depth(air: Air, start: F64, way: F64) -> F64:
+    """Optical depth (nw, ...) of straight ways (..., 3) from a start."""
     length = np.linalg.norm(way, axis=-1)
-    nodes, weights = (_POINTS[0] + 1) / 2, _POINTS[1] / 2
-    depth = np.zeros(length.shape)
-    for at, share in zip(nodes, weights, strict=True):
+    low, rise = air.lost[:-1].T, np.diff(air.lost, axis=0).T
+    depth = np.zeros((low.shape[0], *length.shape))
+    for at, share in zip((_POINTS[0] + 1) / 2, _POINTS[1] / 2, strict=True):
         height = np.linalg.norm(start + at * way, axis=-1) - air.radius_m
-        depth += share * np.interp(np.maximum(height, 0.0), air.height_m, air.lost[:, w])
+        level = fractional_index(air.height_m, np.maximum(height, 0.0))
+        k = np.minimum(level.astype(int), low.shape[1] - 1)
+        part = level - k
+        for of, a, b in zip(depth, low, rise, strict=True):
+            of += share * (a[k] + part * b[k])
     return np.asarray(depth * length)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.around import Around, directions_around
 from openswim.transport.air.dimmed import Eclipse
 from openswim.transport.engine.pack import PACK
 from openswim.transport.lit.lit_grid import Once
@@ -28,12 +29,12 @@ def light_around(
     if eye is None:
         return eclipse.dimmed.from_around(origin, direction, lit, _leaves(origin, direction, volume, lit))
     name = f"around {np.asarray(eye, float).tobytes().hex()} {lit.moments.shape[1]}"
-    return _between(*once(name, lambda: _table(eclipse, lit, volume, eye)), direction)
+    found: Around = once(name, lambda: _table(eclipse, lit, volume, eye))
+    return found.toward(direction)
 
 
-def _table(eclipse: Eclipse, lit: Shells, volume: Volume, eye: F64) -> tuple[F64, F64, F64]:
-    """Light (altitude, azimuth, PACK), the altitudes, and the axes east, north, up at an eye: directions are closer
-    together at the horizon, on both sides of it."""
+def _table(eclipse: Eclipse, lit: Shells, volume: Volume, eye: F64) -> Around:
+    """L' around an eye, toward directions that are closer together at the horizon, on both sides of it."""
     up = eye + np.array([0.0, 0.0, lit.radius_m])
     radius = float(np.linalg.norm(up))
     up = up / radius
@@ -43,25 +44,17 @@ def _table(eclipse: Eclipse, lit: Shells, volume: Volume, eye: F64) -> tuple[F64
     east = np.cross([0.0, 1.0, 0.0], up)
     east /= np.linalg.norm(east)
     axes = np.stack([east, np.cross(up, east), up])
-    turn = np.arange(_AZIMUTHS) * 2 * np.pi / _AZIMUTHS
-    rise, around = (v.ravel() for v in np.meshgrid(np.radians(altitude), turn, indexing="ij"))
-    way = np.stack([np.cos(rise) * np.sin(around), np.cos(rise) * np.cos(around), np.sin(rise)], axis=-1) @ axes
+    way = directions_around(altitude, _AZIMUTHS, axes).reshape(-1, 3)
     place = np.broadcast_to(eye, way.shape)
     table = eclipse.dimmed.from_around(place, way, lit, _leaves(place, way, volume, lit))
-    return table.reshape(len(altitude), _AZIMUTHS, PACK), altitude, axes
+    return Around(table.reshape(len(altitude), _AZIMUTHS, PACK), altitude, axes)
 
 
-def _between(table: F64, altitude: F64, axes: F64, direction: F64) -> F64:
-    """Of a `_table` toward directions (n, 3)."""
-    local = direction @ axes.T
-    row = np.interp(np.degrees(np.arcsin(np.clip(local[:, 2], -1, 1))), altitude, np.arange(len(altitude)))
-    column = (np.arctan2(local[:, 0], local[:, 1]) / (2 * np.pi) * _AZIMUTHS) % _AZIMUTHS
-    j = np.minimum(row.astype(int), len(altitude) - 2)
-    i = column.astype(int) % _AZIMUTHS
-    v, u = (row - j)[:, None], (column - np.floor(column))[:, None]
-    low = table[j, i] + u * (table[j, (i + 1) % _AZIMUTHS] - table[j, i])
-    high = table[j + 1, i] + u * (table[j + 1, (i + 1) % _AZIMUTHS] - table[j + 1, i])
-    return np.asarray(low + v * (high - low))
+def within_sides(volume: Volume, radius_m: float, place: F64) -> NDArray[np.bool_]:
+    """Which of places (..., 3) lie between a grid's sides, at any height."""
+    west, east, south, north = volume.sides_m
+    x, y = np.moveaxis(place[..., :2] * (radius_m / np.maximum(place[..., 2:] + radius_m, 0.01 * radius_m)), -1, 0)
+    return np.asarray((x >= west) & (x <= east) & (y >= south) & (y <= north))
 
 
 def _leaves(origin: F64, direction: F64, volume: Volume, lit: Shells) -> F64:
@@ -72,13 +65,8 @@ def _leaves(origin: F64, direction: F64, volume: Volume, lit: Shells) -> F64:
     for a in range(0, len(direction), 20_000):
         some = slice(a, a + 20_000)
         place = origin[some, None] + _PLACES_M[:, None] * direction[some, None]
-        r = place + np.array([0.0, 0.0, lit.radius_m])
-        height = np.linalg.norm(r, axis=-1) - lit.radius_m
-        tangent = r[..., :2] * (lit.radius_m / np.maximum(r[..., 2:], 0.01 * lit.radius_m))
-        west, east, south, north = volume.sides_m
-        inside = (height < volume.top_m) & (height > lit.ground_m - 1e3)
-        inside &= (tangent[..., 0] >= west) & (tangent[..., 0] <= east)
-        inside &= (tangent[..., 1] >= south) & (tangent[..., 1] <= north)
+        height = np.linalg.norm(place + np.array([0.0, 0.0, lit.radius_m]), axis=-1) - lit.radius_m
+        inside = (height < volume.top_m) & (height > lit.ground_m - 1e3) & within_sides(volume, lit.radius_m, place)
         last = len(_PLACES_M) - 1 - np.argmax(inside[:, ::-1], axis=1)
         out[some] = np.where(inside.any(axis=1), _PLACES_M[np.minimum(last + 1, len(_PLACES_M) - 1)], 0.0)
     return out

@@ -30,7 +30,7 @@ from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
-from openswim.transport.view.around_shadow import light_around
+from openswim.transport.view.around_shadow import light_around, within_sides
 from openswim.transport.view.level_ice import level_ice
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
 from openswim.transport.view.seen import Seen, View
@@ -153,10 +153,7 @@ class AimedGrid:
         """Which of places (n, 3) lie within the grid's sides."""
         if self.lit.medium is None or self.volume.periodic:
             return np.full(len(place), self.volume.periodic)
-        west, east, south, north = self.volume.sides_m
-        radius = self.sky.radius_m
-        x, y = (place[:, :2] * (radius / np.maximum(place[:, 2:] + radius, 0.01 * radius))).T
-        return np.asarray((x >= west) & (x <= east) & (y >= south) & (y <= north))
+        return within_sides(self.volume, self.sky.radius_m, place)
 
     def more_of_the_sun(self, place: F64) -> F64 | float:
         """Of places (n, 3) on ground beside the grid, how many times the light they have that the scene's origin has:
