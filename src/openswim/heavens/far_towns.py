@@ -28,7 +28,10 @@ _AZIMUTHS = 24
 _ALTITUDE_DEG = np.array([-0.5, 0.5, 1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0, 36.0, 50.0, 70.0, 90.0])
 _SAMPLES, _FARTHEST_M, _THIN_M = 14, 2.5e5, 3e4  # along a ray; its end: so far, or where the air is thin
 _LOW = 0.049  # of z^4 beside cos z in what towns send up at a zenith angle z: 15 % of their light (Garstang 1986)
-_STAYS = 0.3  # of light scattered forward, by which domes are as bright as the transport's, 20 to 60 km away
+# Of light scattered forward, what is not lost. No physics but one number for all that is scattered more than once: it
+# makes green domes of towns 20 to 60 km away .6 to 1.35 times as bright as the transport's in a haze of .15 (optical
+# depth at 550 nm). The same number gives .97 to 1.55 in one of .03, and .2 to .9 in one of .4.
+_STAYS = 0.3
 _POINTS = np.polynomial.legendre.leggauss(4)
 
 

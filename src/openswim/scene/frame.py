@@ -28,6 +28,12 @@ def horizon_vector(azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Array:
     return np.stack(np.broadcast_arrays(east, north, np.sin(altitude)), axis=-1)
 
 
+def horizon_angles(direction: Array) -> tuple[float, float]:
+    """Azimuth, from 0 to 360 clockwise from north, and altitude (degrees) of a unit vector (3,) east, north, up."""
+    east, north, up = direction
+    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+
+
 def _enu(lat_deg: float, lon_deg: float) -> Array:
     """Rows east, north, up in Earth-centred axes."""
     lat, lon = np.radians([lat_deg, lon_deg])

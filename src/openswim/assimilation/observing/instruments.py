@@ -15,7 +15,7 @@ from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.observer import place_of
-from openswim.scene.frame import Frame
+from openswim.scene.frame import Frame, horizon_angles
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -66,8 +66,7 @@ class Instrument:
 def sun_at(frame: Frame, direction: F64, camera: Camera) -> tuple[float, float]:
     """Azimuth and altitude (degrees) of the sun where a camera stands."""
     lon, lat = place_of(camera)
-    east, north, up = frame.enu(lat, lon) @ direction
-    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+    return horizon_angles(frame.enu(lat, lon) @ direction)
 
 
 def checked_cameras(cameras: Any, frame: Frame) -> tuple[Camera, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from openswim.assimilation.observing.operator import Operator
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
-from openswim.scene.frame import scene_frame
+from openswim.scene.frame import horizon_angles, scene_frame
 
 F64 = NDArray[np.float64]
 
@@ -159,8 +159,7 @@ def _of_camera(op: Operator, n: int) -> _Places:
 def _of_points(op: Operator) -> _Places:
     frame = scene_frame(op.scene)
     lat, lon = _latlon(op, op.points[:, 0], op.points[:, 1])
-    east, north, up = frame.enu(float(op.points[0, 0]), float(op.points[0, 1])) @ op.daylight.direction
-    sun = float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+    sun = horizon_angles(frame.enu(float(op.points[0, 0]), float(op.points[0, 1])) @ op.daylight.direction)
     nothing = np.zeros(len(lat))
     return _Places(lat, lon, nothing, nothing, nothing, sun, "pyranometer")
 
