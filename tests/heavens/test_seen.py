@@ -99,7 +99,7 @@ def test_eyes_below_the_sea_see_refracted_light():
     air = Atmosphere.us_standard()
     low, sea = (Refraction.at(air, height) for height in (-400.0, 0.0))
     bend = [found.apparent_altitude_deg(10.0) - 10.0 for found in (low, sea)]
-    assert bend[0] == pytest.approx(1.04 * bend[1], rel=0.02)
+    assert bend[0] == pytest.approx(1.04 * bend[1], rel=0.0025)
 
 
 @pytest.mark.slow

@@ -18,4 +18,4 @@ def test_no_minute_leaps():
         assert min(zenith.min(), lux.min()) > 0
         step, change = steps(zenith)
         assert step.max() < 0.2
-        assert change.max() < 0.045
+        assert change.max() < 0.008

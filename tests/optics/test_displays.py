@@ -36,7 +36,7 @@ def test_rainbows_stand_where_mie_theory_has_them():
     for row in rows("rainbow"):
         if "radius 500 um" in row["case"] and row["quantity"] in BOWS:
             found = bow_deg(float(row["wavelength_nm"]), BOWS[row["quantity"]])
-            assert found == pytest.approx(float(row["value"]), abs=0.13)
+            assert found == pytest.approx(float(row["value"]), abs=0.08)
             seen += 1
     assert seen >= 3
 
@@ -74,7 +74,7 @@ def test_coronas_and_glories():
         phase = droplets.phase_function(float(row["wavelength_nm"]), radius_um * 1e-6, variance)
         angle = np.arange(0.0, 14.0, 0.05)
         found = rings(angle, phase.value(side * np.cos(np.radians(angle))))[bright][which]
-        assert found == pytest.approx(float(row["value"]), abs=0.12), row  # the mark is .15
+        assert found == pytest.approx(float(row["value"]), abs=0.115), row  # the mark is .15
         seen += 1
     assert seen > 30
 
@@ -94,29 +94,29 @@ def test_glories_of_moderate_spectra():
 def test_usual_droplets_from_rows_of_sizes_are_those_of_the_other_table():
     """Made by different sums over sizes; where the disc of the sun blurs nothing."""
     ours, other = droplets.phase_function(546.0, 10e-6, 0.1), mie.phase_function("liquid", 546.0, 10e-6)
-    assert ours.asymmetry == pytest.approx(other.asymmetry, abs=1e-3)
+    assert ours.asymmetry == pytest.approx(other.asymmetry, abs=5e-5)
     angle = np.arange(3.0, 176.0, 0.5)
-    assert np.sqrt(np.mean(np.log(at(ours, angle) / at(other, angle)) ** 2)) < 0.06
+    assert np.sqrt(np.mean(np.log(at(ours, angle) / at(other, angle)) ** 2)) < 0.019
 
 
 def test_halos_against_other_rays():
-    """A ray tracing of another author; Monte Carlo noise of 2 % on both sides, 3 % at 46 degrees."""
+    """A ray tracing of another author; both are Monte Carlo."""
     off = []
     for row in rows("halo_profile"):
         mixture = crystals.phase_function(float(row["wavelength_nm"]), (row["crystal"].split(",")[0],))
         table, what, value = mixture.phases[1], row["scattering_angle_deg_or_quantity"], float(row["value"])
         angle = np.arange(20.5, 25.0, 0.05)
         if what.startswith("steepest"):
-            assert angle[np.argmax(np.diff(at(table, angle)))] == pytest.approx(value, abs=0.17)
+            assert angle[np.argmax(np.diff(at(table, angle)))] == pytest.approx(value, abs=0.07)
         elif what.startswith("maximum of the 22"):
-            assert angle[np.argmax(at(table, angle))] == pytest.approx(value, abs=0.15)
+            assert angle[np.argmax(at(table, angle))] == pytest.approx(value, abs=0.06)  # steps are .05 wide
         elif what.startswith("maximum of P"):
-            assert at(table, angle).max() / at(table, np.arange(17, 20, 0.1)).mean() == pytest.approx(value, rel=0.08)
+            assert at(table, angle).max() / at(table, np.arange(17, 20, 0.1)).mean() == pytest.approx(value, rel=0.022)
         elif what.startswith("asymmetry"):
-            assert 2 * mixture.asymmetry - 0.998 == pytest.approx(value, abs=0.003)
+            assert 2 * mixture.asymmetry - 0.998 == pytest.approx(value, abs=0.0022)
         elif what.replace(".", "").isdigit() and 25 < float(what) < 170 and not 45 < float(what) < 49:
             off.append(2 * mixture.weights[1] * at(table, float(what)) / value - 1)
-    assert np.sqrt(np.mean(np.square(off))) < 0.06
+    assert np.sqrt(np.mean(np.square(off))) < 0.0225
 
 
 def test_halos_stand_at_minimum_deviation():
@@ -145,7 +145,7 @@ def test_light_through_a_prism_is_kept():
 def test_pristine_ice_keeps_its_mean_cosine(pristine):
     smooth = hydrometeors.phase_function("ice", 546.0, 30e-6)
     mixed = hydrometeors.phase_function("ice", 546.0, 30e-6, Shapes(pristine=pristine))
-    assert mixed.asymmetry == pytest.approx(smooth.asymmetry, abs=0.005)
+    assert mixed.asymmetry == pytest.approx(smooth.asymmetry, abs=1e-6)
     step = at(mixed, 22.4) / at(mixed, 21.0) / (at(smooth, 22.4) / at(smooth, 21.0))
     assert step > 1 + 2.5 * pristine
     assert 25 < 4 * np.pi / mixed.value(-1.0) < 43  # lidar ratio of cirrus, sr
