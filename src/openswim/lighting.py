@@ -14,10 +14,11 @@ from openswim.arguments import check_kind
 from openswim.errors import UserError
 from openswim.ground.surface import settled
 from openswim.heavens.eyes import LitBy
-from openswim.heavens.lamps import Lamps, lamps_of
+from openswim.heavens.lamps import Lamps, lamps_of, shadow_over
 from openswim.kept_light import read_light
 from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
+from openswim.lights.eclipses import MoonShadow
 from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
@@ -115,11 +116,24 @@ def light(
 
 def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
+    towns = scene.levels[-1].grid is not None
+    return lamps_of(when, _middle(scene), scene_frame(scene), day, wavelengths, scene.ground, _reach_deg(scene), towns)
+
+
+def moon_shadow(scene: Scene, when: Any) -> MoonShadow | None:
+    """The moon's shadow in an eclipse of the sun, where it is on the scene or near it; a time is known."""
+    return shadow_over(when, _middle(scene), _reach_deg(scene))
+
+
+def _middle(scene: Scene) -> tuple[float, float]:
     frame = scene_frame(scene)
-    place = (frame.lat, frame.lon) if frame.curved else scene.place
+    return (frame.lat, frame.lon) if frame.curved else scene.place
+
+
+def _reach_deg(scene: Scene) -> float:
+    """How far a scene goes from its middle, over the Earth."""
     grid = scene.levels[-1].grid
-    reach_deg = 0.0 if grid is None else float(np.degrees(0.5 * np.hypot(*grid.size_m()) / grid.earth_radius_m))
-    return lamps_of(when, place, frame, day, wavelengths, scene.ground, reach_deg, towns=grid is not None)
+    return 0.0 if grid is None else float(np.degrees(0.5 * np.hypot(*grid.size_m()) / grid.earth_radius_m))
 
 
 def _is_day(lamps: Lamps) -> bool:

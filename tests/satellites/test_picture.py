@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from openswim.errors import UserError
+from openswim.lights.eclipses import light_left
+from openswim.lights.eclipses.solar import discs
 from openswim.satellites import FixedGrid, band, imagers, reflectance
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -52,6 +54,19 @@ def test_the_sea_away_from_glint_and_deep_cloud_below_a_high_sun() -> None:
     assert float(sea.max()) < 0.06
     storm = reflectance(_scene(1e-3, 3e-4), _grid(), [red]).bidirectional_reflectance
     assert 0.95 < float(storm.mean()) < 1.15
+
+
+def test_in_an_eclipse_the_ground_has_what_the_moon_leaves() -> None:
+    """Of white ground without air, against sun and moon where each pixel is."""
+    time, lat, lon = "2024-04-08T18:00", 31.0, -99.0
+    row, column = (round(float(v)) for v in WHOLE.index(lat, lon))
+    grid = WHOLE.part(slice(row - 20, row + 21, 20), slice(column - 20, column + 21, 20))
+    found = reflectance(Scene.clear(lat, lon, None, 0.6), grid, [band("goes-16 abi", "C02")], time)
+    there, over = grid.latlon()
+    each = [discs(time, float(a), float(b)) for a, b in zip(there.ravel(), over.ravel(), strict=True)]
+    left = np.reshape([light_left(one, [640.0])[0, 0] for one in each], there.shape)
+    assert np.ptp(left) > 0.1
+    np.testing.assert_allclose(found.bidirectional_reflectance[0], 0.6 * left, rtol=0.002)
 
 
 def test_rows_have_the_light_of_their_own_time() -> None:

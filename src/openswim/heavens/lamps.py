@@ -83,6 +83,11 @@ def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:
     return np.asarray(solar_irradiance(wavelengths_nm) / day.distance_au**2)
 
 
+def shadow_over(time: Time, place: tuple[float, float], reach_deg: float) -> MoonShadow | None:
+    """The moon's, where it is on a scene or near it; the scene as in `lamps_of`."""
+    return MoonShadow.near(np.radians(reach_deg) * EARTH_RADIUS_M + _BESIDE_M, time, *place)
+
+
 def lamps_of(
     time: Time, place: tuple[float, float], frame: Frame, day: Daylight, wavelengths_nm: F64,
     ground: Ground | None = None, reach_deg: float = 0.0, towns: bool = True,
@@ -95,7 +100,7 @@ def lamps_of(
     """
     toa = toa_irradiance(wavelengths_nm, day)
     altitude = float(np.degrees(np.arcsin(np.clip(day.direction[2], -1, 1))))
-    shadow = MoonShadow.near(np.radians(reach_deg) * EARTH_RADIUS_M + _BESIDE_M, time, *place)
+    shadow = shadow_over(time, place, reach_deg)
     left = 1.0 if shadow is None else float(shadow.left(np.zeros((1, 3)), wavelengths_nm).mean())
     none, whole = np.zeros(len(wavelengths_nm)), np.ones(len(wavelengths_nm))
     sun = sun_lux(altitude) * max(left, _TOTALITY)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from openswim.arguments import check_kind
 from openswim.cameras import Rays
 from openswim.errors import UserError
-from openswim.lighting import daylight, solver_of
+from openswim.lighting import daylight, moon_shadow, solver_of
 from openswim.lights import subsolar_point
 from openswim.satellites.bands import Band
 from openswim.satellites.fixed_grid import FixedGrid
@@ -68,7 +68,8 @@ def reflectance(
     parts = []
     for when in times:
         # the sun's light alone: reflectance is of that, also at night
-        field = solver_of(solver).solve(scene, daylight(scene, when).direction, list(wavelengths))
+        shadow = moon_shadow(scene, when)
+        field = solver_of(solver).solve(scene, daylight(scene, when).direction, list(wavelengths), shadow=shadow)
         parts.append(_factor(field, lat[seen], lon[seen], zenith[seen], azimuth[seen]))
     row = np.broadcast_to(np.linspace(0.0, 1.0, len(grid.y))[:, None], lat.shape)[seen]
     share = row[:, None] if len(parts) == 2 else 0.0

@@ -50,6 +50,8 @@ def solve(
     if options.name == "reference":
         if matter.wider is not None:
             warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=3)
+        if shadow is not None:
+            warnings.warn("solver reference does not know the moon's shadow, and takes the whole sun", stacklevel=3)
         return solve_reference(options, plan.medium, matter, surface, sun)
     packs: list[LitGrid | LitDomain] = []
     for pack, first in enumerate(range(0, matter.wavelengths_nm.size, PACK)):

@@ -103,9 +103,12 @@ class Dimmed:
         glow = np.minimum(self.flux / whole, 1.0)
         return (self.left(place_m) + glow) / (self.here + glow)
 
-    def from_around(self, origin: F64, direction: F64, lit: Shells, start_m: F64 | None = None) -> F64:
+    def from_around(
+        self, origin: F64, direction: F64, lit: Shells, start_m: F64 | None = None, ground: bool = True
+    ) -> F64:
         """L' (n, PACK) that clear air and ground around send along rays (n, 3) beyond what they would if they had the
-        sun of the scene's origin; from a distance on (n,), where that is given; ``lit``: without a shadow."""
+        sun of the scene's origin; from a distance on (n,), where that is given; ``lit``: without a shadow. ground:
+        whether that of the ground, too."""
         n = len(direction)
         out, through = np.zeros((n, PACK)), np.ones((n, PACK))
         before = np.zeros(n) if start_m is None else np.asarray(start_m, float)
@@ -131,9 +134,9 @@ class Dimmed:
             met = o[hit] + way[hit] * seen.distance_m[hit, None]
             more = self._more(o, way, np.minimum(far - near, 2e5))
             light *= more
-            if hit.size:
-                ground = seen.scaled[hit] * ground_radiance_rows(met, self.sun, lit)
-                light[hit] += ground * (self.left(met) - self.here)
+            if hit.size and ground:
+                below = seen.scaled[hit] * ground_radiance_rows(met, self.sun, lit)
+                light[hit] += below * (self.left(met) - self.here)
             out[going] += through[going] * light
             through[going] *= seen.scaled
             going = going[~ended & (through[going].max(axis=1) > 1e-6)]

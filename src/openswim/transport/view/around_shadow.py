@@ -23,11 +23,14 @@ _PLACES_M = np.concatenate([[0.0], np.geomspace(50.0, 3e6, 160)])  # along rays,
 def light_around(
     eclipse: Eclipse, lit: Shells, volume: Volume, origin: F64, direction: F64, eye: F64 | None, once: Once
 ) -> F64:
-    """L' (n, PACK) to be added to what rays (n, 3) see that end in space or on ground beside the grid, but for what
-    dims it in the grid's clouds. ``lit``: shells that know no shadow, under every sun that the rays meet; ``eye``:
-    where all rays begin, from which those between are told by those beside."""
+    """L' (n, PACK) of air to be added to what rays (n, 3) see that end in space or on ground beside the grid, but for
+    what dims it in the grid's clouds; that of the ground is in `AimedGrid.more_of_the_sun`.
+
+    lit: shells that know no shadow, under every sun that the rays meet. eye: where all rays begin, from which those
+    between are told by those beside.
+    """
     if eye is None:
-        return eclipse.dimmed.from_around(origin, direction, lit, _leaves(origin, direction, volume, lit))
+        return eclipse.dimmed.from_around(origin, direction, lit, _leaves(origin, direction, volume, lit), False)
     name = f"around {np.asarray(eye, float).tobytes().hex()} {lit.moments.shape[1]}"
     found: Around = once(name, lambda: _table(eclipse, lit, volume, eye))
     return found.toward(direction)
@@ -46,7 +49,7 @@ def _table(eclipse: Eclipse, lit: Shells, volume: Volume, eye: F64) -> Around:
     axes = np.stack([east, np.cross(up, east), up])
     way = directions_around(altitude, _AZIMUTHS, axes).reshape(-1, 3)
     place = np.broadcast_to(eye, way.shape)
-    table = eclipse.dimmed.from_around(place, way, lit, _leaves(place, way, volume, lit))
+    table = eclipse.dimmed.from_around(place, way, lit, _leaves(place, way, volume, lit), False)
     return Around(table.reshape(len(altitude), _AZIMUTHS, PACK), altitude, axes)
 
 
