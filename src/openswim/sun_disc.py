@@ -12,7 +12,7 @@ from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.lights import disc_points, disc_profile
 from openswim.lights.eclipses import MoonShadow
-from openswim.scene.frame import horizon_vector
+from openswim.scene.frame import horizon_angles, horizon_vector
 
 F64 = NDArray[np.float64]
 
@@ -24,6 +24,12 @@ _LIFTS_DEG = np.append(0.0, np.geomspace(0.02, 90.0, 31))  # above a hidden sun,
 # Transmittance (n, nw) of all there is along directions (n, 3) in the horizon frame, as rays so wide (rad) see it, and
 # whether they end on the ground (n,)
 Through = Callable[[F64, float], tuple[NDArray[np.floating], NDArray[np.bool_]]]
+
+
+def across(azimuth_deg: float, altitude_deg: float) -> F64:
+    """Unit vectors (3, 2) to the right and up about a direction in the horizon frame."""
+    right = horizon_vector(azimuth_deg + 90, 0.0)
+    return np.stack([right, np.cross(right, horizon_vector(azimuth_deg, altitude_deg))], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +50,7 @@ class Bite:
             away = axes @ (body - origin_m)
             toward.append(away / np.linalg.norm(away))
         at = shadow.discs(origin_m[None])
-        right, up = _across(toward[0])
+        right, up = across(*horizon_angles(toward[0])).T
         sun = np.radians(at.sun_deg[0])
         return cls(
             float(toward[1] @ right / sun), float(toward[1] @ up / sun), float(at.moon_deg[0] / at.sun_deg[0]), left
@@ -76,9 +82,8 @@ class Disc:
 
     def directions(self, place: F64) -> F64:
         """Unit vectors (n, 3), east, north, up, of places (n, 2) on the disc in its radii, right and up."""
-        ahead, right = horizon_vector(self.azimuth_deg, self.altitude_deg), horizon_vector(self.azimuth_deg + 90, 0.0)
-        offset = np.radians(self.radius_deg) * place
-        away = ahead + offset[:, :1] * right + offset[:, 1:] * np.cross(right, ahead)
+        at = self.azimuth_deg, self.altitude_deg
+        away = horizon_vector(*at) + np.radians(self.radius_deg) * place @ across(*at).T
         return np.asarray(away / np.linalg.norm(away, axis=-1, keepdims=True))
 
 
@@ -95,13 +100,6 @@ class Beam:
     visible: float
     open: F64
     altitude_deg: float
-
-
-def _across(toward: F64) -> tuple[F64, F64]:
-    """Unit vectors to the right and up about a direction in the horizon frame."""
-    right = np.array([toward[1], -toward[0], 0.0])
-    right /= max(np.linalg.norm(right), 1e-12)
-    return right, np.cross(right, toward)
 
 
 def beam_of(disc: Disc, through: Through) -> Beam:
@@ -193,10 +191,9 @@ def _in_small_pixels(
     within = (row < pixels.inside.shape[0]) & (column < pixels.inside.shape[1])
     row, column = row[within], column[within]
     radiance = np.zeros((len(row), len(disc.wavelengths_nm)))
-    ahead, right = horizon_vector(disc.azimuth_deg, disc.altitude_deg), horizon_vector(disc.azimuth_deg + 90, 0.0)
-    for down, across in np.ndindex(4, 4):
-        at = camera.direction_of(row + (down - 1.5) / 4, column + (across - 1.5) / 4)
-        off = horizon_vector(*at) @ np.stack([right, np.cross(right, ahead)], axis=-1) / np.radians(disc.radius_deg)
+    for down, over in np.ndindex(4, 4):
+        at = camera.direction_of(row + (down - 1.5) / 4, column + (over - 1.5) / 4)
+        off = horizon_vector(*at) @ across(disc.azimuth_deg, disc.altitude_deg) / np.radians(disc.radius_deg)
         radius = np.nan_to_num(np.hypot(*off.T), nan=2.0)
         near = np.flatnonzero((radius <= 1) & disc.free(off))
         radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[_nearest(ray, off[near])] / 16

@@ -9,7 +9,7 @@ from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.points import Drawn, Through, gathered
 from openswim.scene.frame import horizon_vector
-from openswim.sun_disc import Disc, pixels_of
+from openswim.sun_disc import Disc, across, pixels_of
 
 F64 = NDArray[np.float64]
 
@@ -53,9 +53,8 @@ def drawn_corona(
     if not known.any():
         return none
     width = float(np.sqrt(np.nanmedian(pixels.solid_angle_sr[row[known], column[known]])))
-    ahead, right = horizon_vector(disc.azimuth_deg, disc.altitude_deg), horizon_vector(disc.azimuth_deg + 90, 0.0)
-    across = np.stack([right, np.cross(right, ahead)], axis=-1)
-    north = pole @ across
+    ahead, sideways = horizon_vector(disc.azimuth_deg, disc.altitude_deg), across(disc.azimuth_deg, disc.altitude_deg)
+    north = pole @ sideways
     north = north / max(float(np.linalg.norm(north)), 1e-9)
     mean = 4 / np.radians(disc.radius_deg) ** 2  # L' of the sun's disc
 
@@ -75,7 +74,7 @@ def drawn_corona(
         for down, over in np.ndindex(_WITHIN, _WITHIN):
             part = ((down, over) - np.array(_WITHIN // 2)) / _WITHIN
             toward = horizon_vector(*camera.direction_of(rows + part[0], columns + part[1]))
-            off = np.where((toward @ ahead > 0)[:, None], toward @ across, 1.0) / np.radians(disc.radius_deg)
+            off = np.where((toward @ ahead > 0)[:, None], toward @ sideways, 1.0) / np.radians(disc.radius_deg)
             found += np.nan_to_num(light(off)) / _WITHIN**2
         lit = np.flatnonzero(found)
         ways = pixels.direction[rows[lit], columns[lit]]

@@ -20,7 +20,7 @@ from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
 from openswim.srgb import from_srgb
-from openswim.sun_disc import pixels_of
+from openswim.sun_disc import Disc, pixels_of
 
 F64 = NDArray[np.float64]
 
@@ -108,11 +108,8 @@ def drawn_moon(
 
     def seen(place: F64) -> tuple[F64, F64]:
         """Azimuth and apparent altitude."""
-        right = horizon_vector(moon.azimuth_deg + 90, 0.0)
-        ahead = horizon_vector(moon.azimuth_deg, moon.altitude_deg)
-        offset = np.tan(np.radians(radius)) * place
-        direction = ahead + offset[:, :1] * right + offset[:, 1:] * np.cross(right, ahead)
-        at = Pixels(direction / np.linalg.norm(direction, axis=-1, keepdims=True), np.empty(len(place)))
+        disc = Disc(moon.azimuth_deg, moon.altitude_deg, radius, wavelengths_nm)
+        at = Pixels(disc.directions(place), np.empty(len(place)))
         true = at.altitude_deg
         return at.azimuth_deg, true if refraction is None else refraction.apparent_altitude_deg(true)
 
