@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -74,12 +73,11 @@ def analyse(
     guess = op.controls.lifted(op.first() if first is None else first, 1.0)
     space = Space(op, guess, background, transform)
     cost = Cost.of(op, space, observed)
-    kept = Checkpoint.of(checkpoint, op, observed, guess, background, (transform, method, loops, iterations))
-    run = _Run(cost, kept, told)
+    kept = Checkpoint.of(checkpoint, space, observed, (method, loops, iterations, solver))
     each = max(1, -(-iterations // loops))
     spectrum = Spectrum()
     with job("analysis", iterations) as meter:
-        run.advance = meter.advance
+        run = _Run(cost, kept, told, meter.advance)
         meter.advance(kept.done)
         try:
             run.begin(solver)
@@ -95,7 +93,7 @@ def analyse(
                 kept.v, kept.loop = v, kept.loop + 1
                 kept.save()
         except KeyboardInterrupt:
-            if checkpoint is None:
+            if checkpoint is None or not run.before.size:  # nothing new has been found yet
                 raise
             claim()
             kept.save()
@@ -106,10 +104,11 @@ def analyse(
 class _Run:
     """The way of one analysis."""
 
-    def __init__(self, cost: Cost, kept: Checkpoint, told: Callable[[int, float], None] | None) -> None:
-        self.cost, self.kept, self.told = cost, kept, told
+    def __init__(
+        self, cost: Cost, kept: Checkpoint, told: Callable[[int, float], None] | None, advance: Callable[[float], None]
+    ) -> None:
+        self.cost, self.kept, self.told, self.advance = cost, kept, told, advance
         self.interrupted = False
-        self.advance: Callable[[float], None] = _nothing
         self.before = np.empty(0)
 
     def begin(self, solver: Solver | None) -> None:
@@ -146,12 +145,8 @@ class _Run:
         name = "linear" if solver is None else solver.name
         return Analysis(
             rows, state, self.cost.space.first, observed, np.array(self.kept.costs), rows.row(self.before),
-            rows.row(seen), name, self.cost.count, self.interrupted,
+            rows.row(seen), name, self.interrupted,
         )  # fmt: skip
-
-
-def _nothing(steps: float) -> None:
-    """Of no meter."""
 
 
 def _check_observed(op: Operator, observed: xr.Dataset) -> None:
@@ -163,8 +158,3 @@ def _check_observed(op: Operator, observed: xr.Dataset) -> None:
     good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
     if not use.any() or not good[use].all():
         raise UserError("observed: none may be used, or one that may has no value or no positive error")
-
-
-def default_checkpoint(output: Path) -> Path:
-    """Beside an output, hidden."""
-    return output.with_name(f".{output.stem}.analysis.npz")

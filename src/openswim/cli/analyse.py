@@ -22,7 +22,7 @@ class AnalyseRequest:
 def run(request: AnalyseRequest) -> None:
     """Analyse and write; what can be wrong with the request is found before any light is solved."""
     from openswim.assimilation import analyse, observe, write_back, write_observations
-    from openswim.assimilation.analysing import default_checkpoint
+    from openswim.assimilation.checkpoint import default_checkpoint
     from openswim.assimilation.config import read_config
     from openswim.assimilation.writing_back import check_write_back
     from openswim.ground.earth import preload
