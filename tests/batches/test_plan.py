@@ -92,7 +92,7 @@ def _written(folder: Path, text: str) -> Path:
     ("openswim_batch = [[[[\n", "TOML"),
     ("openswim_batch = 1\n" + CAMERA, "names no files"),
     (HEAD, "no camera"),
-    (HEAD + "colour = 1\n" + CAMERA, "no 'colour'"),
+    (HEAD + "colour = 1\n" + CAMERA, "unknown 'colour'"),
     (HEAD + CAMERA + CAMERA, "two [[camera]]"),
     (HEAD + CAMERA.replace("roof", "../roof"), "letters"),
     (HEAD + CAMERA.replace('"roof"', "3"), "letters"),

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, shown
+from openswim.arguments import check_keys, check_kind, shown
 from openswim.batches.names import Names
-from openswim.batches.values import check_keys, check_name
+from openswim.batches.values import check_name
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.colour.picture import DATA, LIGHTS, PICTURES, check_bits

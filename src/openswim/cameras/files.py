@@ -1,6 +1,5 @@
 """A camera in a TOML file: read, checked, and written (docs/cameras.md)."""
 
-import difflib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import check_keys, check_kind, number, numbers, shown
 from openswim.cameras.camera import Camera
 from openswim.cameras.checks import check_shape
 from openswim.cameras.given import from_map
@@ -154,17 +153,17 @@ def _camera(tables: dict[str, Any], path: Path, place: dict[str, Any]) -> Camera
     version = tables.get("openswim_camera")
     if version != VERSION or isinstance(version, bool):
         raise UserError(f"is no camera's file: its first line says openswim_camera = {VERSION}")
-    _check_keys(tables, ("openswim_camera", "name", *_TABLES), "the file")
+    check_keys(tables, ("openswim_camera", "name", *_TABLES), "the file")
     for name, keys in _TABLES.items():
         if not isinstance(tables.get(name, {}), dict):
             raise UserError(f"{name} is {shown(tables[name])}: write a table [{name}]")
         if keys is not None:
-            _check_keys(tables.get(name, {}), keys, f"[{name}]")
+            check_keys(tables.get(name, {}), keys, f"[{name}]")
     view, frame = dict(tables.get("view", {})), tables.get("frame", {})
     kind = view.pop("kind", None)
     if not isinstance(kind, str) or kind not in _VIEWS:
         raise UserError(f"[view] kind is {shown(kind)}: choose one of {', '.join(_VIEWS)}")
-    _check_keys(view, _VIEWS[kind], f"[view] of kind {kind}")
+    check_keys(view, _VIEWS[kind], f"[view] of kind {kind}")
     where = dict(tables.get("place", {})) if not {"x_m", "y_m"} & set(place) else {}
     if {"lat", "lon"} & set(place):
         where = {key: value for key, value in where.items() if key not in ("x_m", "y_m")}
@@ -324,11 +323,3 @@ def _needed(table: dict[str, Any], key: str, where: str) -> Any:
     if key not in table:
         raise UserError(f"{where} needs {key}")
     return table[key]
-
-
-def _check_keys(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, 1)
-            meant = f"did you mean {close[0]}?" if close else f"it takes {', '.join(known)}"
-            raise UserError(f"{where} has an unknown {shown(key)}: {meant}")
