@@ -89,7 +89,7 @@ class Controls:
             else:
                 value = self._own(each.name)
                 if each.kind in ("effective_radius", "number"):
-                    value = np.where(value > 0, value, np.median(value[value > 0]) if (value > 0).any() else 1e-5)
+                    value = np.where(value > 0, value, np.median(value[value > 0]))
             data[each.name] = (each.dims, value, {"units": each.units})
         state = xr.Dataset(data, coords={"wavelength": self.wavelengths_nm})
         return self.lifted(state, 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -72,6 +72,7 @@ def sun_at(frame: Frame, direction: F64, camera: Camera) -> tuple[float, float]:
 
 def checked_cameras(cameras: Any, frame: Frame) -> tuple[Camera, ...]:
     """One camera or several, that stand in the scene; raises UserError."""
+    check_kind("cameras", cameras, (Camera, Iterable), "give one, or a list of them")
     listed = [cameras] if isinstance(cameras, Camera) else list(cameras)
     for each in listed:
         check_kind("camera", each, Camera, "give one, such as Camera.allsky(lat, lon)")
