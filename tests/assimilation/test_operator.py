@@ -188,7 +188,7 @@ def test_wrong_requests_are_one_line() -> None:
         op(op.first().isel(z=slice(0, 2)))
     with pytest.raises(UserError, match="no numbers"):
         op(op.first() * np.nan)
-    with pytest.raises(UserError, match="such as operator.first"):
+    with pytest.raises(UserError, match="Dataset such as"):
         op(3)
     with pytest.raises(UserError, match="like a state"):
         op.linearize(op.first()).jvp(np.zeros(3))

@@ -103,6 +103,28 @@ def test_the_command_line(operator: Operator, tmp_path: Path, capsys: pytest.Cap
     assert not list(tmp_path.glob(".*.npz"))
 
 
+def test_no_file_that_is_read_is_written_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_camera(CAMERAS[0], tmp_path / "roof.toml")
+    for name in ("model.nc", "seen.nc"):
+        (tmp_path / name).write_bytes(b"x")
+    config = tmp_path / "analysis.toml"
+    config.write_text(
+        'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
+        '[[camera]]\nfile = "roof.toml"\nimage = "seen.nc"\n'
+    )
+    for output, more in (
+        ("model.nc", []), ("seen.nc", []), ("found.nc", ["--observations", "model.nc"]),
+        ("found.nc", ["--observations", "seen.nc"]), ("found.nc", ["--observations", "found.nc"]),
+    ):  # fmt: skip
+        paths = [str(tmp_path / each) if each.endswith(".nc") else each for each in more]
+        assert run(["analyse", str(config), "-o", str(tmp_path / output), *paths]) == 2
+        said = capsys.readouterr().err.strip()
+        assert "would replace" in said
+        assert "\n" not in said
+    assert run(["analyse", str(config), "-o", str(tmp_path / "found.nc")]) == 2  # pictures are read before the model
+    assert "seen.nc" in capsys.readouterr().err
+
+
 def test_configurations_that_are_refused(tmp_path: Path) -> None:
     (tmp_path / "model.nc").write_bytes(b"x")
     head = 'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'

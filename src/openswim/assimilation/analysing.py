@@ -15,6 +15,7 @@ from openswim.assimilation.checkpoint import Checkpoint
 from openswim.assimilation.cost import Cost
 from openswim.assimilation.departures import checked_solver, seen_by
 from openswim.assimilation.minimising import Spectrum, gauss_newton, lbfgs
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.report import write_report
 from openswim.assimilation.result import Found
@@ -69,7 +70,7 @@ def analyse(
         raise UserError("analyse: outer and iterations must be 1 or more")
     if method not in METHODS:
         raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    _check_observed(op, observed)
+    check_observed(op, observed)
     guess = op.controls.lifted(op.first() if first is None else first, 1.0)
     space = Space(op, guess, background, transform)
     cost = Cost.of(op, space, observed)
@@ -147,14 +148,3 @@ class _Run:
             rows, state, self.cost.space.first, observed, np.array(self.kept.costs), rows.row(self.before),
             rows.row(seen), name, self.interrupted,
         )  # fmt: skip
-
-
-def _check_observed(op: Operator, observed: xr.Dataset) -> None:
-    check_kind("observed", observed, xr.Dataset, "give what operator.observations(...) makes")
-    for name in ("value", "error", "use"):
-        if name not in observed or observed[name].shape != (op.size,):
-            raise UserError(f"observed: {name} is missing or not a row of {op.size} observations")
-    use = observed["use"].values.astype(bool)
-    good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
-    if not use.any() or not good[use].all():
-        raise UserError("observed: none may be used, or one that may has no value or no positive error")

@@ -43,7 +43,9 @@ class Configuration:
     time: str | None
     sun: tuple[float, float] | None
     background: Background
-    cameras: tuple[tuple[Camera, Path], ...]
+    cameras: tuple[Camera, ...]
+    camera_files: tuple[Path, ...]
+    image_files: tuple[Path, ...]
     points: tuple[tuple[float, float], ...]
     w_m2: tuple[float, ...]
     observe: dict[str, Any] = field(default_factory=dict)
@@ -52,7 +54,12 @@ class Configuration:
 
     def images(self) -> list[xr.Dataset]:
         """Of each camera what was seen: ``radiance`` (y, x, wavelength), W m-2 sr-1 nm-1."""
-        return [_image(name) for _, name in self.cameras]
+        return [_image(name) for name in self.image_files]
+
+    @property
+    def inputs(self) -> list[Path]:
+        """All files that are read, this one too."""
+        return [self.path, self.model, *self.camera_files, *self.image_files]
 
 
 def read_config(path: Path) -> Configuration:
@@ -71,10 +78,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     if tables.get("openswim_analysis") != VERSION:
         raise UserError(f"openswim_analysis = {VERSION} is missing at its top: is this an analysis?")
     parts = {name: _table(tables, name) for name in ("observe", "observations", "background", "analyse")}
-    cameras = []
-    for entry in _entries(tables, "camera"):
-        camera = load_camera(_file(entry, "file", path))
-        cameras.append((camera, _file(entry, "image", path)))
+    listed = _entries(tables, "camera")
+    files, images = (tuple(_file(entry, key, path) for entry in listed) for key in ("file", "image"))
     points, watts = [], []
     for entry in _entries(tables, "pyranometer"):
         north, east = (("lat", "lon") if "lat" in entry else ("y_m", "x_m"))
@@ -93,7 +98,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     time = tables.get("time")
     return Configuration(
         path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
-        tuple(cameras), tuple(points), tuple(watts), parts["observe"], parts["observations"], parts["analyse"],
+        tuple(map(load_camera, files)), files, images, tuple(points), tuple(watts), parts["observe"],
+        parts["observations"], parts["analyse"],
     )  # fmt: skip
 
 

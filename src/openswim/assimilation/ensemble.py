@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.assimilation.background import Background, Piece, Space
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
@@ -49,6 +50,7 @@ def ensemble_filter(
         raise UserError("ensemble_filter: give three members or more")
     if not number("ensemble_filter: length_m", length_m) > 0 or not number("inflation", inflation) >= 1:
         raise UserError("ensemble_filter: length_m must be positive, inflation 1 or more")
+    check_observed(op, observed)
     lifted = [op.controls.lifted(state) for state in states]
     rows = (op.ensemble(lifted) if seen is None else seen).values
     if rows.shape != (len(states), op.size):

@@ -14,7 +14,6 @@ from openswim.arguments import check_kind, number
 from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
-from openswim.observer import place_of
 from openswim.scene.frame import Frame
 
 F64 = NDArray[np.float64]
@@ -63,9 +62,8 @@ class Instrument:
         return self.camera.pixels().image(np.ascontiguousarray(values.T))
 
 
-def sun_at(frame: Frame, direction: F64, camera: Camera) -> tuple[float, float]:
-    """Azimuth and altitude (degrees) of the sun where a camera stands."""
-    lon, lat = place_of(camera)
+def sun_at(frame: Frame, direction: F64, lat: float, lon: float) -> tuple[float, float]:
+    """Azimuth and altitude (degrees) of the sun at a place; in flat scenes its y and x."""
     east, north, up = frame.enu(lat, lon) @ direction
     return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 

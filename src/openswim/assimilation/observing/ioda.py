@@ -11,6 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.assimilation.observing.instruments import sun_at
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
@@ -49,20 +51,26 @@ def write_observations(
     where a ray meets the ground at height 0; of one that looks up, where the camera stands, and sensorZenithAngle and
     sensorAzimuthAngle are those of the ray's direction.
     """
+    files = observation_files(path, op)
+    check_observed(op, observed)
+    for name, cameras in files.items():
+        check_target(name)
+        with written_whole(name) as partial:
+            _write(partial, op, observed, seen, cameras)
+    return list(files)
+
+
+def observation_files(path: str | os.PathLike[str], op: Operator) -> dict[Path, bool]:
+    """The files that `write_observations` makes, and whether each is that of cameras; raises UserError where IODA has
+    no names for what is observed."""
     target = Path(path)
     if op.time is None:
         raise UserError(f"{target}: the observations have no time: observe(..., time=...) gives them one")
     names = {each.quantity.name for each in op.instruments}
     if len(names) > 1 or not names <= NAMES.keys():
         raise UserError(f"{target}: IODA has no name for {', '.join(sorted(names))}: observe radiance, or all the same")
-    written = []
-    for which, name in ((True, target), (False, target.with_name(f"{target.stem}_irradiance.nc"))):
-        if (op.instruments if which else len(op.points)):
-            check_target(name)
-            with written_whole(name) as partial:
-                _write(partial, op, observed, seen, which)
-            written.append(name)
-    return written
+    files = {target: True} if op.instruments else {}
+    return files | ({target.with_name(f"{target.stem}_irradiance.nc"): False} if len(op.points) else {})
 
 
 def _write(path: Path, op: Operator, observed: xr.Dataset, seen: xr.DataArray | None, cameras: bool) -> None:
@@ -159,8 +167,7 @@ def _of_camera(op: Operator, n: int) -> _Places:
 def _of_points(op: Operator) -> _Places:
     frame = scene_frame(op.scene)
     lat, lon = _latlon(op, op.points[:, 0], op.points[:, 1])
-    east, north, up = frame.enu(float(op.points[0, 0]), float(op.points[0, 1])) @ op.daylight.direction
-    sun = float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+    sun = sun_at(frame, op.daylight.direction, float(op.points[0, 0]), float(op.points[0, 1]))
     nothing = np.zeros(len(lat))
     return _Places(lat, lon, nothing, nothing, nothing, sun, "pyranometer")
 

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import number, numbers
+from openswim.arguments import check_kind, number, numbers
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
@@ -69,6 +69,18 @@ def observations(
         _add_irradiance(rows, irradiance_w_m2, irradiance_noise, value, error, usable)
     data = {"value": rows.row(value), "error": rows.row(error), "use": rows.row(usable).astype(bool)}
     return xr.Dataset(data)
+
+
+def check_observed(rows: Rows, observed: xr.Dataset) -> None:
+    """Raise UserError unless this is a row of an operator's observations, some of which may be used."""
+    check_kind("observed", observed, xr.Dataset, "give what operator.observations(...) makes")
+    for name in ("value", "error", "use"):
+        if name not in observed or observed[name].shape != (rows.size,):
+            raise UserError(f"observed: {name} is missing or not a row of {rows.size} observations")
+    use = observed["use"].values.astype(bool)
+    good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
+    if not use.any() or not good[use].all():
+        raise UserError("observed: none may be used, or one that may has no value or no positive error")
 
 
 def _add_irradiance(

@@ -95,10 +95,11 @@ def observe(
         raise UserError(f"observe: {len(names)} quantities are given for {len(listed)} cameras")
     near, low = checked_angle("near_sun_deg", near_sun_deg), checked_angle("lowest_deg", lowest_deg)
     toa = solar_irradiance(wavelengths) / day.distance_au**2
-    instruments = tuple(
-        Instrument(camera, Quantity(name, toa), sun_at(frame, day.direction, camera), near, low)
-        for camera, name in zip(listed, names, strict=True)
-    )
+    instruments = []
+    for camera, name in zip(listed, names, strict=True):
+        lon, lat = place_of(camera)
+        place = sun_at(frame, day.direction, lat, lon)
+        instruments.append(Instrument(camera, Quantity(name, toa), place, near, low))
     if not 0 < number("observe: tolerance", tolerance) < 1:
         raise UserError(f"observe: tolerance = {tolerance:g}: give a small positive share, such as .003")
     floor = number("observe: floor_per_km", floor_per_km) / 1e3
@@ -111,7 +112,7 @@ def observe(
     when = None if sun is not None else (scene.time if time is None else parse_time(time))
     watts = watts_of(scene, wavelengths, day) if len(points) else np.zeros(wavelengths.size)
     relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
-    return Operator(scene, made, held, instruments, points, relative, watts, day, when, sun)
+    return Operator(scene, made, held, tuple(instruments), points, relative, watts, day, when, sun)
 
 
 def _core(
