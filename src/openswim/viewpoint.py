@@ -39,7 +39,7 @@ from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
-from openswim.scene.frame import horizon_vector
+from openswim.scene.frame import azimuth_altitude, horizon_vector
 from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
@@ -170,8 +170,7 @@ class Viewpoint:
     @cached_property
     def sun(self) -> tuple[float, float]:
         """Azimuth and altitude (degrees) of the sun at the camera."""
-        east, north, up = self._axes @ self.lit.daylight.direction
-        return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+        return azimuth_altitude(self._axes @ self.lit.daylight.direction)
 
     @property
     def gases(self) -> dict[str, float]:

@@ -95,6 +95,12 @@ class Frame:
         return horizon_vector(azimuth_deg, altitude_deg) @ self.enu(lat, lon)
 
 
+def azimuth_altitude(toward: ArrayLike) -> tuple[float, float]:
+    """Degrees, of a unit vector (3,) to east, north and up."""
+    east, north, up = np.asarray(toward, float)
+    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+
+
 def scene_frame(scene: Scene) -> Frame:
     """The frame of a scene: at the centre of its grid, or at the place of a clear-sky scene."""
     grid = scene.grid

@@ -14,7 +14,7 @@ from openswim.arguments import check_kind, number
 from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
-from openswim.scene.frame import Frame
+from openswim.scene.frame import Frame, azimuth_altitude
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -64,8 +64,7 @@ class Instrument:
 
 def sun_at(frame: Frame, direction: F64, lat: float, lon: float) -> tuple[float, float]:
     """Azimuth and altitude (degrees) of the sun at a place; in flat scenes its y and x."""
-    east, north, up = frame.enu(lat, lon) @ direction
-    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
+    return azimuth_altitude(frame.enu(lat, lon) @ direction)
 
 
 def checked_cameras(cameras: Any, frame: Frame) -> tuple[Camera, ...]:

@@ -16,7 +16,7 @@ from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
-from openswim.scene.frame import scene_frame
+from openswim.scene.frame import azimuth_altitude, scene_frame
 
 F64 = NDArray[np.float64]
 
@@ -158,8 +158,8 @@ def _of_camera(op: Operator, n: int) -> _Places:
     zenith, azimuth = np.empty(count), np.empty(count)
     for k in range(count):
         toward = frame.enu(float(ground_north[k]), float(ground_east[k])) @ -direction[k]
-        zenith[k] = np.degrees(np.arccos(np.clip(toward[2], -1, 1)))
-        azimuth[k] = np.degrees(np.arctan2(toward[0], toward[1])) % 360
+        azimuth[k], up = azimuth_altitude(toward)
+        zenith[k] = 90 - up
     lat, lon = _latlon(op, ground_north, ground_east)
     return _Places(lat, lon, np.maximum(height, 0.0), zenith, azimuth, each.sun, f"camera {n}")
 
