@@ -65,5 +65,7 @@ class Found:
         for name in ("value", "error", "use"):
             out[f"observed_{name}"] = self.observed[name]
         out["seen_before"], out["seen_after"] = self.before, self.after
+        # beside "wavelength", which is an axis of albedo
+        out = out.assign_coords(observed_wavelength=("observation", self.before["wavelength"].values))
         out.attrs = {"departures": self.departures, "observations_used": self.used}
         return out
