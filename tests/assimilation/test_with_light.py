@@ -41,8 +41,8 @@ def operator() -> Operator:
 def test_the_linear_core_is_linearised(operator: Operator) -> None:
     found = operator.linearize(operator.first()).check()
     assert found.zero == 0
-    assert found.linear < 1e-8
-    assert found.dot < 1e-8
+    assert found.linear < 1e-10  # the tolerance of the light
+    assert found.dot < 1e-10
     assert found.remainder[1] < 0.12 * found.remainder[0]
     assert found.remainder[2] < 0.12 * found.remainder[1]
 
@@ -57,16 +57,15 @@ def test_departures_by_fast_and_an_outer_loop(operator: Operator) -> None:
     for part in operator.parts[:2]:
         use = operator.instruments[0].usable if part.start == 0 else operator.instruments[1].usable
         one, other = seen[part.here][use], own[part.here][use]
-        assert np.corrcoef(one, other)[0, 1] > 0.98
-        assert np.abs(one.mean() / other.mean() - 1) < 0.1
-    assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.1)
+        assert np.corrcoef(one, other)[0, 1] > 0.9985  # .9988 of the second camera
+        assert np.abs(one.mean() / other.mean() - 1) < 0.0175  # .0135 of it
+    assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.022)  # .017
     images = [image.values for image in operator.pictures(seen)]
     observed = operator.observations(images, operator.irradiance_w_m2(seen), noise=0.05)
     found = analyse(operator, observed, background=Background(70.0), departures="fast", outer=2, iterations=16)
     assert max(found.rms(found.after)[:2]) < 0.35 * min(found.rms(found.before)[:2])
     shares = representation_error(operator, truth)
-    assert len(shares) == 2
-    assert all(0.02 < share < 1 for share in shares)
+    assert shares == pytest.approx([0.236, 0.315], rel=0.2)
 
 
 @pytest.mark.slow
@@ -90,7 +89,7 @@ def test_the_command_line(operator: Operator, tmp_path: Path, capsys: pytest.Cap
         + "".join(entries)
     )
     target = tmp_path / "found.nc"
-    assert run(["analyse", str(config), "-o", str(target), "--check"]) == 0
+    assert run(["analyse", str(config), "--check"]) == 0
     assert "dot product" in capsys.readouterr().out
     assert run(["analyse", str(config), "-o", str(target)]) == 0
     said = capsys.readouterr().out
@@ -112,6 +111,8 @@ def test_no_file_that_is_read_is_written_to(tmp_path: Path, capsys: pytest.Captu
         'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
         '[[camera]]\nfile = "roof.toml"\nimage = "seen.nc"\n'
     )
+    assert run(["analyse", str(config)]) == 2
+    assert "name a scene" in capsys.readouterr().err
     for output, more in (
         ("model.nc", []), ("seen.nc", []), ("found.nc", ["--observations", "model.nc"]),
         ("found.nc", ["--observations", "seen.nc"]), ("found.nc", ["--observations", "found.nc"]),
