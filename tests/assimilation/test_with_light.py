@@ -128,6 +128,9 @@ def test_no_file_that_is_read_is_written_to(tmp_path: Path, capsys: pytest.Captu
 
 def test_configurations_that_are_refused(tmp_path: Path) -> None:
     (tmp_path / "model.nc").write_bytes(b"x")
+    save_camera(CAMERAS[0], tmp_path / "roof.toml")
+    with (tmp_path / "roof.toml").open("a") as roof:
+        roof.write('[obstacles]\nmask = "../black.png"\n')
     head = 'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
     for text, match in (
         ('model = "model.nc"', "openswim_analysis"),
@@ -140,6 +143,7 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
         (head + "[[pyranometer]]\nlat = 1\n", "lon is missing"),
         (head + "[[pyranometer]]\nlat = 'a'\nlon = 1\n", "must be a number"),
         (head + "[[camera]]\nfile = 3\n", "name a file"),
+        (head + '[[camera]]\nfile = "roof.toml"\nimage = "model.nc"\n', r"mask '../black.png' leads out of"),
         (head + "[camera]\n", "for each camera"),
         (head + "[analyse]\niterations = 'many'\n", "whole number"),
     ):

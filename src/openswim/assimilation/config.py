@@ -98,8 +98,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     time = tables.get("time")
     return Configuration(
         path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
-        tuple(map(load_camera, files)), files, images, tuple(points), tuple(watts), parts["observe"],
-        parts["observations"], parts["analyse"],
+        tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
+        parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
 
 

@@ -95,7 +95,8 @@ def _camera(options: dict[str, Any], what: str, names: Names) -> Camera:
     if "file" in options:
         check_kind(f"{what} file", options["file"], str, "give a file's name in quotes")
         check_keys(options, ("file", "size", *_PLACE), what)
-        real = load_camera(names.beside(options["file"], f"{what} file"), **{key: options.get(key) for key in _PLACE})
+        place, within = {key: options.get(key) for key in _PLACE}, None if names.anywhere else names.folder
+        real = load_camera(names.beside(options["file"], f"{what} file"), within, **place)
         return real if "size" not in options else real.resized(options["size"])
     view = options.pop("view", "allsky")
     if not isinstance(view, str) or view not in _VIEWS:

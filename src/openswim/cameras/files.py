@@ -19,6 +19,7 @@ from openswim.cameras.sizes import shape_of
 from openswim.cameras.toml_text import read_toml, toml_text
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
+from openswim.system.inputs import check_within
 
 VERSION = 1
 _PLACE = ("lat", "lon", "x_m", "y_m", "height_m", "above")
@@ -80,21 +81,27 @@ class CameraFile:
     response: ResponseSettings = ResponseSettings()
 
 
-def read_camera(path: str | os.PathLike[str], **place: Any) -> CameraFile:
-    """Read a camera's file; `place` (lat, lon, height_m ...) goes before what the file says, where not None."""
+def read_camera(path: str | os.PathLike[str], within: Path | None = None, **place: Any) -> CameraFile:
+    """Read a camera's file; `place` (lat, lon, height_m ...) goes before what the file says, where not None. within: a
+    folder out of which the file, a stranger's, may name no other."""
     check_kind("camera file", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     tables = read_toml(path)
     try:
+        if within is not None:
+            _check_named(tables, path, within)
         return _camera(tables, path, {key: value for key, value in place.items() if value is not None})
     except UserError as error:
         text = str(error)
         raise UserError(text if str(path) in text else f"{path}: {text}") from None
 
 
-def load_camera(path: str | os.PathLike[str], **place: Any) -> Camera:
-    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's."""
-    return read_camera(path, **place).camera
+def load_camera(path: str | os.PathLike[str], within: Path | None = None, **place: Any) -> Camera:
+    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's.
+
+    within: see `read_camera`.
+    """
+    return read_camera(path, within, **place).camera
 
 
 def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
@@ -273,6 +280,16 @@ def _beside(name: Any, what: str, path: Path) -> Path:
     """A file named in the camera's file, which counts from there."""
     check_kind(what, name, str, "give a file's name in quotes")
     return path.parent / name
+
+
+def _check_named(tables: dict[str, Any], path: Path, within: Path) -> None:
+    """Raise UserError where a map or mask of a camera lies out of a folder."""
+    for table, keys in (("view", ("directions", "azimuth", "zenith")), ("obstacles", ("mask",))):
+        found = tables.get(table)
+        for key in keys:
+            if isinstance(found, dict) and isinstance(found.get(key), str):
+                label = f"[{table}] {key} {shown(found[key])}"
+                check_within(path.parent / found[key], within, label, f"{within}; copy the file into it")
 
 
 def _array(path: Path) -> np.ndarray:
