@@ -148,9 +148,6 @@ def _through(op: Rows, origin: F64, direction: F64, low: float, high: float) -> 
     for height in (low, high):
         place = origin + direction * np.clip((height - origin[:, 2]) / steep, 0, None)[:, None]
         north, east, _ = frame.latlon(place)
-        if grid.curved:
-            ix, iy = grid.index(east, north)
-        else:
-            ix, iy = (east - grid.x[0]) / dx, (north - grid.y[0]) / dy
+        ix, iy = grid.place(east, north)
         ends.append(np.stack([np.clip(ix, -1e3, 1e4) * dx, np.clip(iy, -1e3, 1e4) * dy], axis=-1))
     return np.stack(ends, axis=1)
