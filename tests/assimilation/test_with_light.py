@@ -12,7 +12,11 @@ from openswim import Background, Camera, Scene, Solver, UserError, analyse, obse
 from openswim.assimilation import Operator, representation_error
 from openswim.assimilation.config import read_config
 from openswim.assimilation.departures import seen_by
+from openswim.assimilation.observing.watts import watts_of
 from openswim.cli.main import run
+from openswim.lighting import daylight, light
+from openswim.lights.spectrum import solar_irradiance
+from openswim.scene.atmosphere import Atmosphere
 
 SUN = (140.0, 50.0)
 SHAPE = (9, 10, 11)
@@ -66,6 +70,23 @@ def test_departures_by_fast_and_an_outer_loop(operator: Operator) -> None:
     assert max(found.rms(found.after)[:2]) < 0.35 * min(found.rms(found.before)[:2])
     shares = representation_error(operator, truth)
     assert shares == pytest.approx([0.236, 0.315], rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("extinction_per_m", "excess"), [(0.0, -0.0049), (0.05, 0.0766)])
+def test_watts_by_fixed_weights_beside_the_real_ones(extinction_per_m: float, excess: float) -> None:
+    """Weights of a clear sky leave out what cloud absorbs in the near infrared (docs/assimilation.md)."""
+    field, wavelengths = np.zeros((14, 16, 16)), np.array([615.0, 546.0, 450.0])
+    field[6:10] = extinction_per_m  # an optical depth of 20
+    axes = (1000.0 * np.arange(16), 1000.0 * np.arange(16), 100.0 * np.arange(14))
+    even = Scene.from_arrays(field, *axes, surface_albedo=0.15, place=(47.0, 8.0), atmosphere=Atmosphere.us_standard())
+    day = daylight(even, None, (150.0, 50.0))
+    lit = light(even, "fast", wavelengths.tolist(), None, (150.0, 50.0))
+    attrs = lit.viewpoint(Camera.allsky(x_m=7500.0, y_m=7500.0, height_m=1.0, size=8)).attrs
+    spectral = np.array(attrs["global_horizontal_spectral_irradiance_w_m2_nm"])
+    relative = spectral / (solar_irradiance(wavelengths) / day.distance_au**2)
+    found = watts_of(even, wavelengths, day) @ relative / attrs["global_horizontal_irradiance_w_m2"] - 1
+    assert found == pytest.approx(excess, rel=0.3)
 
 
 @pytest.mark.slow
