@@ -61,3 +61,7 @@ def test_a_twin_comes_nearer() -> None:
         ensemble_filter(op, observed, states[:2], 100.0)
     with pytest.raises(UserError, match="positive"):
         ensemble_filter(op, observed, states, -1.0)
+    with pytest.raises(UserError, match="not a row"):
+        ensemble_filter(op, observed.isel(observation=slice(0, 3)), states, 100.0)
+    with pytest.raises(UserError, match="1 or more"):
+        ensemble_of(op, BELIEF, 0)

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import number
+from openswim.arguments import number, whole
 from openswim.assimilation.background import Background, Piece, Space
 from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
@@ -26,6 +26,8 @@ _CUT = 2.0  # Gaspari and Cohn's function is nothing beyond twice its length
 def ensemble_of(op: Operator, background: Background, members: int, first: xr.Dataset | None = None,
                 transform: str = "softplus", seed: int = 0) -> list[xr.Dataset]:  # fmt: skip
     """States as far from a first guess, and as alike, as a background says."""
+    if whole("ensemble_of: members", members) < 1:
+        raise UserError("ensemble_of: members must be 1 or more")
     space = Space(op, op.controls.lifted(op.first() if first is None else first), background, transform)
     return [space.state(space.sample(seed + n)) for n in range(members)]
 
@@ -48,8 +50,10 @@ def ensemble_filter(
     """
     if len(states) < 3:
         raise UserError("ensemble_filter: give three members or more")
-    if not number("ensemble_filter: length_m", length_m) > 0 or not number("inflation", inflation) >= 1:
-        raise UserError("ensemble_filter: length_m must be positive, inflation 1 or more")
+    if not 0 < number("ensemble_filter: length_m", length_m) < np.inf:
+        raise UserError("ensemble_filter: length_m must be positive")
+    if not 1 <= number("ensemble_filter: inflation", inflation) < np.inf:
+        raise UserError("ensemble_filter: inflation must be 1 or more")
     check_observed(op, observed)
     lifted = [op.controls.lifted(state) for state in states]
     rows = (op.ensemble(lifted) if seen is None else seen).values
