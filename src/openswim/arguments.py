@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,15 @@ def check_kind(what: str, value: Any, kind: type | tuple[type, ...], remedy: str
     """Raise UserError unless the value is of a kind."""
     if not isinstance(value, kind):
         raise UserError(f"{what} is {shown(value)}: {remedy}")
+
+
+def check_keys(table: Iterable[str], known: Sequence[str], what: str) -> None:
+    """Raise UserError where a table of a file says what nobody understands."""
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            remedy = f"did you mean {near[0]}?" if near else f"it may have {', '.join(known)}"
+            raise UserError(f"{what} has an unknown {shown(key)}: {remedy}")
 
 
 def paths(what: str, given: Any) -> list[str | os.PathLike[str]]:

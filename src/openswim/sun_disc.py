@@ -12,7 +12,7 @@ from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.lights import disc_points, disc_profile
 from openswim.lights.eclipses import MoonShadow
-from openswim.scene.frame import horizon_angles, horizon_vector
+from openswim.scene.frame import azimuth_altitude, horizon_vector
 
 F64 = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Bite:
             away = axes @ (body - origin_m)
             toward.append(away / np.linalg.norm(away))
         at = shadow.discs(origin_m[None])
-        right, up = across(*horizon_angles(toward[0])).T
+        right, up = across(*azimuth_altitude(toward[0])).T
         sun = np.radians(at.sun_deg[0])
         return cls(
             float(toward[1] @ right / sun), float(toward[1] @ up / sun), float(at.moon_deg[0] / at.sun_deg[0]), left

@@ -40,7 +40,7 @@ from openswim.optics.limits import stated
 from openswim.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.around import Around
-from openswim.scene.frame import horizon_angles, horizon_vector
+from openswim.scene.frame import azimuth_altitude, horizon_vector
 from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
@@ -171,7 +171,7 @@ class Viewpoint:
     @cached_property
     def sun(self) -> tuple[float, float]:
         """Azimuth and altitude (degrees) of the sun at the camera."""
-        return horizon_angles(self._axes @ self.lit.daylight.direction)
+        return azimuth_altitude(self._axes @ self.lit.daylight.direction)
 
     @property
     def gases(self) -> dict[str, float]:

@@ -52,12 +52,16 @@ def test_a_twin_comes_nearer() -> None:
     for name in mean:
         mean[name] = sum(state[name] for state in after) / len(after)
     before = sum(state["extinction_cloud"] for state in states) / len(states)
-    assert error(mean, truth) < 0.95 * error(mean.assign(extinction_cloud=before), truth)
+    assert error(mean, truth) < 0.75 * error(mean.assign(extinction_cloud=before), truth)  # .62
     misfits = [float(np.mean(((op.ensemble(group).mean("member") - observed["value"]) / observed["error"])
                              .values[observed["use"].values] ** 2)) for group in (states, after)]  # fmt: skip
-    assert misfits[1] < 0.2 * misfits[0]
+    assert misfits[1] < 0.145 * misfits[0]  # .115
     assert (after[0]["extinction_cloud"].values[op.controls.where] > 0).all()
     with pytest.raises(UserError, match="three members"):
         ensemble_filter(op, observed, states[:2], 100.0)
     with pytest.raises(UserError, match="positive"):
         ensemble_filter(op, observed, states, -1.0)
+    with pytest.raises(UserError, match="not a row"):
+        ensemble_filter(op, observed.isel(observation=slice(0, 3)), states, 100.0)
+    with pytest.raises(UserError, match="1 or more"):
+        ensemble_of(op, BELIEF, 0)

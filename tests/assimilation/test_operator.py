@@ -167,6 +167,16 @@ def test_wrong_requests_are_one_line() -> None:
         ({"heights_m": (5000.0, 6000.0)}, "no node"),
         ({"floor_per_km": 0.0}, "small positive"),
         ({"where": np.ones((2, 2, 2))}, "where has shape"),
+        ({"where": np.zeros((8, 10, 12))}, "nowhere true"),
+        ({"where": "cloud"}, "must be numbers"),
+        ({"wavelengths_nm": ["red"]}, "must be numbers"),
+        ({"heights_m": 500.0}, "lowest, highest"),
+        ({"heights_m": ("a", "b")}, "must be numbers"),
+        ({"controls": 3}, "in a list"),
+        ({"quantity": 3}, "name one"),
+        ({"quantity": ["radiance"]}, "1 quantities"),
+        ({"tolerance": "small"}, "must be a number"),
+        ({"tolerance": 0.0}, "small positive"),
     ):
         given = {"sun": SUN, "controls": ("extinction_cloud",), **words}
         with pytest.raises(UserError, match=match):
@@ -178,3 +188,61 @@ def test_wrong_requests_are_one_line() -> None:
         op(op.first().isel(z=slice(0, 2)))
     with pytest.raises(UserError, match="no numbers"):
         op(op.first() * np.nan)
+    with pytest.raises(UserError, match="Dataset such as"):
+        op(3)
+    with pytest.raises(UserError, match="like a state"):
+        op.linearize(op.first()).jvp(np.zeros(3))
+    with pytest.raises(UserError, match="cameras is 3"):
+        observe(scene, 3, sun=SUN, core=core)
+    images = [image.values for image in op.pictures(op(op.first()))]
+    for given, match in (
+        ({"noise": -0.1}, "share of 0 or more"),
+        ({"representation": "much"}, "must be numbers"),
+        ({"representation": [0.1]}, "for each of 2"),
+        ({"saturated": "white"}, "must be a number"),
+        ({"use": [np.zeros((9, 9)), None]}, "no pixel of camera 0"),
+    ):
+        with pytest.raises(UserError, match=match):
+            op.observations(images, [1.0, 2.0], **given)
+
+
+def test_albedo_alone_may_change_below_clear_air() -> None:
+    clear = flat_scene(0 * cloud())
+    op = observe(clear, CAMERAS, POINTS, sun=SUN, controls="albedo", core=toy_core(flat_scene(), CAMERAS, POINTS))
+    assert list(op.first()) == ["surface_albedo"]
+    assert op.linearize(op.first()).check().passed()
+
+
+def test_all_controls_and_kinds_of_observations_together() -> None:
+    """Contents, sizes, numbers, extinction, the aerosol's factor, albedo and scales, by four quantities and watts."""
+    field, rng = cloud(), np.random.default_rng(1)
+    some = field > 0
+    fields = {
+        "liquid_content": 1e-2 * field, "liquid_number": np.where(some, 1e8, 0.0),
+        "ice_content": 2e-2 * field, "ice_effective_radius": np.where(some, 3.1e-5, 0.0),
+        "aerosol_extinction": 1e-4 * (0.5 + rng.random(field.shape)),
+    }  # fmt: skip
+    scene = flat_scene(0.3 * field, fields=fields)
+    cameras = [*CAMERAS, *(type(one)(**{**one.__dict__, "x_m": one.x_m + 40.0}) for one in CAMERAS)]
+    controls = ("cloud_liquid", "liquid_number", "cloud_ice", "ice_effective_radius", "extinction_cloud",
+                "aerosol_factor", "albedo", "scale")  # fmt: skip
+    quantities = ["radiance", "log_radiance", "reflectance_factor", "ratio"]
+    op = observe(scene, cameras, POINTS, (550.0, 650.0), sun=SUN, controls=controls, quantity=quantities,
+                 core=toy_core(scene, cameras, POINTS, 2))  # fmt: skip
+    state = op.first()
+    state["camera_scale"].values[:] = 0.8 + 0.4 * rng.random((4, 2))
+    state["aerosol_factor"] = 1.3 + 0 * state["aerosol_factor"]
+    lin = op.linearize(state)
+    found = lin.check()
+    assert found.zero == 0
+    assert found.linear < 1e-13
+    assert found.dot < 1e-13
+    assert found.remainder[-1] < 0.11 * found.remainder[-2] < 0.013 * found.remainder[-3]
+    row = rng.standard_normal(op.size)
+    back = lin.vjp(row)
+    for name in back:  # and each by itself
+        change = state[[name]] * rng.random(state[name].shape)
+        right = float((change[name] * back[name]).sum())
+        seen = lin.jvp(change).values
+        assert np.abs(seen).max() > 0, name
+        assert float(seen @ row) == pytest.approx(right, abs=1e-13 * float(np.abs(seen) @ np.abs(row))), name

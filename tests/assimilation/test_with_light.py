@@ -12,7 +12,11 @@ from openswim import Background, Camera, Scene, Solver, UserError, analyse, obse
 from openswim.assimilation import Operator, representation_error
 from openswim.assimilation.config import read_config
 from openswim.assimilation.departures import seen_by
+from openswim.assimilation.observing.watts import watts_of
 from openswim.cli.main import run
+from openswim.lighting import daylight, light
+from openswim.lights.spectrum import solar_irradiance
+from openswim.scene.atmosphere import Atmosphere
 
 SUN = (140.0, 50.0)
 SHAPE = (9, 10, 11)
@@ -41,8 +45,8 @@ def operator() -> Operator:
 def test_the_linear_core_is_linearised(operator: Operator) -> None:
     found = operator.linearize(operator.first()).check()
     assert found.zero == 0
-    assert found.linear < 1e-8
-    assert found.dot < 1e-8
+    assert found.linear < 1e-10  # the tolerance of the light
+    assert found.dot < 1e-10
     assert found.remainder[1] < 0.12 * found.remainder[0]
     assert found.remainder[2] < 0.12 * found.remainder[1]
 
@@ -57,16 +61,32 @@ def test_departures_by_fast_and_an_outer_loop(operator: Operator) -> None:
     for part in operator.parts[:2]:
         use = operator.instruments[0].usable if part.start == 0 else operator.instruments[1].usable
         one, other = seen[part.here][use], own[part.here][use]
-        assert np.corrcoef(one, other)[0, 1] > 0.98
-        assert np.abs(one.mean() / other.mean() - 1) < 0.1
-    assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.1)
+        assert np.corrcoef(one, other)[0, 1] > 0.9985  # .9988 of the second camera
+        assert np.abs(one.mean() / other.mean() - 1) < 0.0175  # .0135 of it
+    assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.022)  # .017
     images = [image.values for image in operator.pictures(seen)]
     observed = operator.observations(images, operator.irradiance_w_m2(seen), noise=0.05)
     found = analyse(operator, observed, background=Background(70.0), departures="fast", outer=2, iterations=16)
     assert max(found.rms(found.after)[:2]) < 0.35 * min(found.rms(found.before)[:2])
     shares = representation_error(operator, truth)
-    assert len(shares) == 2
-    assert all(0.02 < share < 1 for share in shares)
+    assert shares == pytest.approx([0.236, 0.315], rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("extinction_per_m", "excess"), [(0.0, -0.0049), (0.05, 0.0766)])
+def test_watts_by_fixed_weights_beside_the_real_ones(extinction_per_m: float, excess: float) -> None:
+    """Weights of a clear sky leave out what cloud absorbs in the near infrared (docs/assimilation.md)."""
+    field, wavelengths = np.zeros((14, 16, 16)), np.array([615.0, 546.0, 450.0])
+    field[6:10] = extinction_per_m  # an optical depth of 20
+    axes = (1000.0 * np.arange(16), 1000.0 * np.arange(16), 100.0 * np.arange(14))
+    even = Scene.from_arrays(field, *axes, surface_albedo=0.15, place=(47.0, 8.0), atmosphere=Atmosphere.us_standard())
+    day = daylight(even, None, (150.0, 50.0))
+    lit = light(even, "fast", wavelengths.tolist(), None, (150.0, 50.0))
+    attrs = lit.viewpoint(Camera.allsky(x_m=7500.0, y_m=7500.0, height_m=1.0, size=8)).attrs
+    spectral = np.array(attrs["global_horizontal_spectral_irradiance_w_m2_nm"])
+    relative = spectral / (solar_irradiance(wavelengths) / day.distance_au**2)
+    found = watts_of(even, wavelengths, day) @ relative / attrs["global_horizontal_irradiance_w_m2"] - 1
+    assert found == pytest.approx(excess, rel=0.3)
 
 
 @pytest.mark.slow
@@ -90,7 +110,7 @@ def test_the_command_line(operator: Operator, tmp_path: Path, capsys: pytest.Cap
         + "".join(entries)
     )
     target = tmp_path / "found.nc"
-    assert run(["analyse", str(config), "-o", str(target), "--check"]) == 0
+    assert run(["analyse", str(config), "--check"]) == 0
     assert "dot product" in capsys.readouterr().out
     assert run(["analyse", str(config), "-o", str(target)]) == 0
     said = capsys.readouterr().out
@@ -103,20 +123,48 @@ def test_the_command_line(operator: Operator, tmp_path: Path, capsys: pytest.Cap
     assert not list(tmp_path.glob(".*.npz"))
 
 
+def test_no_file_that_is_read_is_written_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_camera(CAMERAS[0], tmp_path / "roof.toml")
+    for name in ("model.nc", "seen.nc"):
+        (tmp_path / name).write_bytes(b"x")
+    config = tmp_path / "analysis.toml"
+    config.write_text(
+        'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
+        '[[camera]]\nfile = "roof.toml"\nimage = "seen.nc"\n'
+    )
+    assert run(["analyse", str(config)]) == 2
+    assert "name a scene" in capsys.readouterr().err
+    for output, more in (
+        ("model.nc", []), ("seen.nc", []), ("found.nc", ["--observations", "model.nc"]),
+        ("found.nc", ["--observations", "seen.nc"]), ("found.nc", ["--observations", "found.nc"]),
+    ):  # fmt: skip
+        paths = [str(tmp_path / each) if each.endswith(".nc") else each for each in more]
+        assert run(["analyse", str(config), "-o", str(tmp_path / output), *paths]) == 2
+        said = capsys.readouterr().err.strip()
+        assert "would replace" in said
+        assert "\n" not in said
+    assert run(["analyse", str(config), "-o", str(tmp_path / "found.nc")]) == 2  # pictures are read before the model
+    assert "seen.nc" in capsys.readouterr().err
+
+
 def test_configurations_that_are_refused(tmp_path: Path) -> None:
     (tmp_path / "model.nc").write_bytes(b"x")
+    save_camera(CAMERAS[0], tmp_path / "roof.toml")
+    with (tmp_path / "roof.toml").open("a") as roof:
+        roof.write('[obstacles]\nmask = "../black.png"\n')
     head = 'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
     for text, match in (
         ('model = "model.nc"', "openswim_analysis"),
         (head + "[obsrve]\n", "did you mean observe"),
         (head + "[observe]\ncontrol = 1\n", "did you mean controls"),
-        (head.replace("model.nc", "../../etc/passwd"), "outside of"),
-        (head.replace("model.nc", "/dev/zero"), "outside of"),
+        (head.replace("model.nc", "../../etc/passwd"), "leads out of"),
+        (head.replace("model.nc", "/dev/zero"), "leads out of"),
         (head.replace("model.nc", "none.nc"), "no such file"),
         (head.replace("length_m = 70", ""), "length_m is missing"),
         (head + "[[pyranometer]]\nlat = 1\n", "lon is missing"),
         (head + "[[pyranometer]]\nlat = 'a'\nlon = 1\n", "must be a number"),
         (head + "[[camera]]\nfile = 3\n", "name a file"),
+        (head + '[[camera]]\nfile = "roof.toml"\nimage = "model.nc"\n', r"mask '../black.png' leads out of"),
         (head + "[camera]\n", "for each camera"),
         (head + "[analyse]\niterations = 'many'\n", "whole number"),
     ):

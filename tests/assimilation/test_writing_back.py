@@ -44,7 +44,7 @@ def analysis_of(scene: Scene, changes: dict[str, Any], controls: tuple[str, ...]
         state[name].values[:] = change(state[name].values)
     rows: Any = SimpleNamespace(scene=scene, controls=held, wavelengths_nm=wavelengths)
     nothing: Any = None
-    return Analysis(rows, state, first, nothing, np.zeros(1), nothing, nothing, "linear", 0)
+    return Analysis(rows, state, first, nothing, np.zeros(1), nothing, nothing, "linear")
 
 
 def fields(path: Path) -> dict[str, np.ndarray]:

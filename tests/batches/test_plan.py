@@ -22,6 +22,7 @@ def folder(tmp_path: Path) -> Path:
         (tmp_path / name).write_text("weather")
     (inside / "link.nc").symlink_to(tmp_path / "run_0.nc")
     (tmp_path / "camera.toml").write_text("openswim_camera = 1\n")
+    (inside / "roof.toml").write_text('openswim_camera = 1\n[obstacles]\nmask = "../black.png"\n')
     return inside
 
 
@@ -92,7 +93,7 @@ def _written(folder: Path, text: str) -> Path:
     ("openswim_batch = [[[[\n", "TOML"),
     ("openswim_batch = 1\n" + CAMERA, "names no files"),
     (HEAD, "no camera"),
-    (HEAD + "colour = 1\n" + CAMERA, "no 'colour'"),
+    (HEAD + "colour = 1\n" + CAMERA, "unknown 'colour'"),
     (HEAD + CAMERA + CAMERA, "two [[camera]]"),
     (HEAD + CAMERA.replace("roof", "../roof"), "letters"),
     (HEAD + CAMERA.replace('"roof"', "3"), "letters"),
@@ -105,6 +106,7 @@ def _written(folder: Path, text: str) -> Path:
     (HEAD + CAMERA + "outputs = []\n", "outputs"),
     (HEAD + '[[camera]]\nname = "a"\nfile = "../camera.toml"\n', "leads out"),
     (HEAD + '[[camera]]\nname = "a"\nfile = "none.toml"\n', "none.toml"),
+    (HEAD + '[[camera]]\nname = "a"\nfile = "roof.toml"\n', "mask '../black.png' leads out"),
     (HEAD.replace("run_*.nc", "../run_*.nc") + CAMERA, "leads out"),
     (HEAD.replace("run_*.nc", "../run_0.nc") + CAMERA, "leads out"),
     (HEAD.replace("run_*.nc", "link.nc") + CAMERA, "leads out"),

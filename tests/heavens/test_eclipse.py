@@ -14,7 +14,7 @@ from openswim.lights.eclipses import MoonShadow, light_left, solar_eclipse
 from openswim.lights.eclipses import shadow as shadows
 from openswim.lights.eclipses.solar import discs
 from openswim.scene import Scene
-from openswim.scene.frame import Frame, horizon_angles, horizon_vector, scene_frame
+from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector, scene_frame
 from openswim.solver import Solver
 from openswim.sun_disc import Bite, Disc, beam_of, drawn
 
@@ -87,7 +87,7 @@ def test_the_disc_is_bitten_on_the_side_of_the_moon():
     origin = np.zeros(3)
     left = shadow.left(origin[None], WAVELENGTHS)[0]
     bite = Bite.of(shadow, origin, np.eye(3), left)
-    sun = horizon_angles(shadow.to_sun_m / np.linalg.norm(shadow.to_sun_m))
+    sun = azimuth_altitude(shadow.to_sun_m / np.linalg.norm(shadow.to_sun_m))
     disc = Disc(*sun, float(shadow.discs(origin[None]).sun_deg[0]), WAVELENGTHS, bite)
     camera = Camera.perspective(lat, lon, azimuth_deg=sun[0], altitude_deg=sun[1], fov_deg=2.0, size=(160, 160))
     pixels = camera.pixels()
@@ -99,7 +99,7 @@ def test_the_disc_is_bitten_on_the_side_of_the_moon():
     got = (radiance * pixels.solid_angle_sr[row, column][:, None]).sum(axis=0) / (4 * np.pi)
     assert got == pytest.approx(left, rel=0.01)
     assert beam_of(disc, open_sky).direct == pytest.approx(left, rel=1e-6)
-    moon = camera.pixel_of(*horizon_angles(shadow.to_moon_m / np.linalg.norm(shadow.to_moon_m)))
+    moon = camera.pixel_of(*azimuth_altitude(shadow.to_moon_m / np.linalg.norm(shadow.to_moon_m)))
     at = (row == round(float(moon[0]))) & (column == round(float(moon[1])))
     assert at.sum() == 1
     assert not radiance[at].any()

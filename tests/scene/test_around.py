@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from openswim.scene.around import Around, directions_around
-from openswim.scene.frame import Frame, horizon_angles, horizon_vector
+from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector
 
 ALTITUDE = np.array([-5.0, 10.0, 90.0])
 
@@ -24,4 +24,4 @@ def test_between_directions_values_are_linear_also_across_the_north():
 
 def test_angles_are_those_of_the_vector():
     for azimuth, altitude in ((0.0, 0.0), (200.0, -30.0), (359.0, 89.0)):
-        assert horizon_angles(horizon_vector(azimuth, altitude)) == pytest.approx((azimuth, altitude))
+        assert azimuth_altitude(horizon_vector(azimuth, altitude)) == pytest.approx((azimuth, altitude))

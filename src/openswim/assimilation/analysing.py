@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -16,6 +15,7 @@ from openswim.assimilation.checkpoint import Checkpoint
 from openswim.assimilation.cost import Cost
 from openswim.assimilation.departures import checked_solver, seen_by
 from openswim.assimilation.minimising import Spectrum, gauss_newton, lbfgs
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.report import write_report
 from openswim.assimilation.result import Found
@@ -70,16 +70,15 @@ def analyse(
         raise UserError("analyse: outer and iterations must be 1 or more")
     if method not in METHODS:
         raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    _check_observed(op, observed)
+    check_observed(op, observed)
     guess = op.controls.lifted(op.first() if first is None else first, 1.0)
     space = Space(op, guess, background, transform)
     cost = Cost.of(op, space, observed)
-    kept = Checkpoint.of(checkpoint, op, observed, guess, background, (transform, method, loops, iterations))
-    run = _Run(cost, kept, told)
+    kept = Checkpoint.of(checkpoint, space, observed, (method, loops, iterations, solver))
     each = max(1, -(-iterations // loops))
     spectrum = Spectrum()
     with job("analysis", iterations) as meter:
-        run.advance = meter.advance
+        run = _Run(cost, kept, told, meter.advance)
         meter.advance(kept.done)
         try:
             run.begin(solver)
@@ -95,7 +94,7 @@ def analyse(
                 kept.v, kept.loop = v, kept.loop + 1
                 kept.save()
         except KeyboardInterrupt:
-            if checkpoint is None:
+            if checkpoint is None or not run.before.size:  # nothing new has been found yet
                 raise
             claim()
             kept.save()
@@ -106,10 +105,11 @@ def analyse(
 class _Run:
     """The way of one analysis."""
 
-    def __init__(self, cost: Cost, kept: Checkpoint, told: Callable[[int, float], None] | None) -> None:
-        self.cost, self.kept, self.told = cost, kept, told
+    def __init__(
+        self, cost: Cost, kept: Checkpoint, told: Callable[[int, float], None] | None, advance: Callable[[float], None]
+    ) -> None:
+        self.cost, self.kept, self.told, self.advance = cost, kept, told, advance
         self.interrupted = False
-        self.advance: Callable[[float], None] = _nothing
         self.before = np.empty(0)
 
     def begin(self, solver: Solver | None) -> None:
@@ -146,25 +146,5 @@ class _Run:
         name = "linear" if solver is None else solver.name
         return Analysis(
             rows, state, self.cost.space.first, observed, np.array(self.kept.costs), rows.row(self.before),
-            rows.row(seen), name, self.cost.count, self.interrupted,
+            rows.row(seen), name, self.interrupted,
         )  # fmt: skip
-
-
-def _nothing(steps: float) -> None:
-    """Of no meter."""
-
-
-def _check_observed(op: Operator, observed: xr.Dataset) -> None:
-    check_kind("observed", observed, xr.Dataset, "give what operator.observations(...) makes")
-    for name in ("value", "error", "use"):
-        if name not in observed or observed[name].shape != (op.size,):
-            raise UserError(f"observed: {name} is missing or not a row of {op.size} observations")
-    use = observed["use"].values.astype(bool)
-    good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
-    if not use.any() or not good[use].all():
-        raise UserError("observed: none may be used, or one that may has no value or no positive error")
-
-
-def default_checkpoint(output: Path) -> Path:
-    """Beside an output, hidden."""
-    return output.with_name(f".{output.stem}.analysis.npz")

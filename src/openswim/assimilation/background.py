@@ -14,8 +14,8 @@ from openswim.arguments import number
 from openswim.assimilation.filters import Filter
 from openswim.assimilation.observing.controls import LEAST_SHARE
 from openswim.assimilation.observing.rows import Rows
-from openswim.assimilation.observing.variables import ALIASES, Variable
-from openswim.assimilation.transforms import Transform
+from openswim.assimilation.observing.variables import ALIASES, Variable, variable_of
+from openswim.assimilation.transforms import OF_LEVELS, Transform
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -45,6 +45,8 @@ class Background:
             raise UserError(f"background: filter {self.filter!r} is unknown: choose gaussian or diffusion")
         for name in ("length_m", "spread", "height_m"):
             given = getattr(self, name)
+            for key in given if isinstance(given, Mapping) else ():
+                variable_of(str(key))
             for value in given.values() if isinstance(given, Mapping) else [] if given is None else [given]:
                 if not 0 < number(f"background: {name}", value) < np.inf:
                     raise UserError(f"background: {name} = {value!r}: give a positive number")
@@ -75,6 +77,10 @@ class Space:
     first: xr.Dataset
     background: Background
     transform: str = "softplus"
+
+    def __post_init__(self) -> None:
+        if self.transform not in OF_LEVELS:
+            raise UserError(f"transform {self.transform!r} is unknown: choose one of {', '.join(OF_LEVELS)}")
 
     @cached_property
     def pieces(self) -> list[Piece]:

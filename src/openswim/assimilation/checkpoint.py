@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,15 +15,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.assimilation.background import Background, Space
-from openswim.assimilation.observing.rows import Rows
+from openswim.assimilation.background import Space
 from openswim.errors import UserError
+from openswim.observer import place_of
 from openswim.scene.files import written_whole
+from openswim.system.inputs import check_ordinary
 
 F64 = NDArray[np.float64]
 
+_OTHER = "{}: is the checkpoint of another analysis; remove it, or name another file"
 EVERY_S = 30.0
-_LARGEST = 2**31  # bytes of an array that is read
+_BESIDE = 2**20  # bytes of all that is kept beside v, at most
 
 
 @dataclass
@@ -37,26 +41,30 @@ class Checkpoint:
     _saved: float = field(default_factory=time.monotonic)
 
     @classmethod
-    def of(cls, path: str | os.PathLike[str] | None, rows: Rows, observed: xr.Dataset, first: xr.Dataset,
-           background: Background, settings: tuple[Any, ...]) -> Checkpoint:  # fmt: skip
+    def of(
+        cls, path: str | os.PathLike[str] | None, space: Space, observed: xr.Dataset, settings: tuple[Any, ...]
+    ) -> Checkpoint:
         """That of a file, if there is one; raises UserError where it is of another analysis."""
-        v = np.zeros(Space(rows, first, background, str(settings[0])).size)
-        mark = _mark(rows, observed, first, background, settings)
+        v, mark = np.zeros(space.size), _mark(space, observed, settings)
         if path is None:
             return cls(v, mark)
         target = Path(path)
         if not target.exists():
             return cls(v, mark, target)
+        check_ordinary(target, "checkpoint")
         try:
-            with target.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
-                found = {name: kept[name] for name in ("v", "mark", "loop", "done", "costs")}
-        except (OSError, ValueError, KeyError, EOFError) as error:
-            raise UserError(f"{target}: is no checkpoint of an analysis ({error}); remove it") from None
-        except Exception as error:  # a broken ZIP
-            raise UserError(f"{target}: is no checkpoint of an analysis ({type(error).__name__}); remove it") from None
-        if str(found["mark"]) != mark or found["v"].shape != v.shape:
-            raise UserError(f"{target}: is the checkpoint of another analysis; remove it, or name another file")
-        return cls(found["v"], mark, target, int(found["loop"]), int(found["done"]), found["costs"].tolist())
+            with zipfile.ZipFile(target) as packed:
+                fits = sum(each.file_size for each in packed.infolist()) <= v.nbytes + _BESIDE
+            if not fits:
+                raise UserError(_OTHER.format(target))
+            with np.load(target, allow_pickle=False) as kept:
+                if str(kept["mark"]) != mark or kept["v"].shape != v.shape:
+                    raise UserError(_OTHER.format(target))
+                return cls(kept["v"], mark, target, int(kept["loop"]), int(kept["done"]), kept["costs"].tolist())
+        except (OSError, ValueError, TypeError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile,
+                zlib.error) as error:  # fmt: skip
+            why = " ".join(str(error).split())[:120] or type(error).__name__
+            raise UserError(f"{target}: is no checkpoint of an analysis ({why}); remove it") from None
 
     def save(self) -> None:
         if self.path is None:
@@ -70,11 +78,24 @@ class Checkpoint:
             self.save()
 
 
-def _mark(rows: Rows, observed: xr.Dataset, first: xr.Dataset, background: Background, settings: Any) -> str:
+def default_checkpoint(output: Path) -> Path:
+    """Beside an output, hidden."""
+    return output.with_name(f".{output.stem}.analysis.npz")
+
+
+def _mark(space: Space, observed: xr.Dataset, settings: tuple[Any, ...]) -> str:
     """What the way depends on."""
-    digest = hashlib.blake2b(repr((background, settings, rows.wavelengths_nm.tolist())).encode(), digest_size=16)
-    for name in ("value", "error", "use"):
-        digest.update(np.ascontiguousarray(observed[name].values).tobytes())
-    for variable in rows.controls.variables:
-        digest.update(np.ascontiguousarray(first[variable.name].values).tobytes())
+    rows = space.rows
+    names = [each.name for each in rows.controls.variables]
+    quantities = [each.quantity.name for each in rows.instruments]
+    plain = (space.background, space.transform, settings, names, quantities, rows.controls.floor_per_m)
+    digest = hashlib.blake2b(repr(plain).encode(), digest_size=16)
+    arrays = [rows.wavelengths_nm, rows.daylight.direction, rows.points, rows.controls.where, *rows.base]
+    for each in rows.instruments:
+        camera, pixels = each.camera, each.camera.pixels()
+        arrays += [np.array([*place_of(camera), camera.height_m]), pixels.azimuth_deg, pixels.altitude_deg]
+    arrays += [observed[name].values for name in ("value", "error", "use")]
+    arrays += [space.first[name].values for name in names]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

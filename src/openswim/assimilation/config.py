@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,13 +9,14 @@ from typing import Any
 
 import xarray as xr
 
-from openswim.arguments import number, whole
+from openswim.arguments import check_keys, number, shown, whole
 from openswim.assimilation.background import Background
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
 from openswim.errors import UserError
-from openswim.system.inputs import check_ordinary
+from openswim.readers.common.opening import opened, reading
+from openswim.system.inputs import check_ordinary, check_within
 
 VERSION = 1
 MOST_INSTRUMENTS = 1000
@@ -43,7 +43,9 @@ class Configuration:
     time: str | None
     sun: tuple[float, float] | None
     background: Background
-    cameras: tuple[tuple[Camera, Path], ...]
+    cameras: tuple[Camera, ...]
+    camera_files: tuple[Path, ...]
+    image_files: tuple[Path, ...]
     points: tuple[tuple[float, float], ...]
     w_m2: tuple[float, ...]
     observe: dict[str, Any] = field(default_factory=dict)
@@ -52,13 +54,18 @@ class Configuration:
 
     def images(self) -> list[xr.Dataset]:
         """Of each camera what was seen: ``radiance`` (y, x, wavelength), W m-2 sr-1 nm-1."""
-        return [_image(name) for _, name in self.cameras]
+        return [_image(name) for name in self.image_files]
+
+    @property
+    def inputs(self) -> list[Path]:
+        """All files that are read, this one too."""
+        return [self.path, self.model, *self.camera_files, *self.image_files]
 
 
 def read_config(path: Path) -> Configuration:
     """Read and check; raises UserError. Files that it names lie in its own folder, or below it."""
     check_ordinary(path, "analysis")
-    tables = read_toml(path)
+    tables = read_toml(path, "an analysis")
     try:
         return _configuration(tables, path)
     except UserError as error:
@@ -67,14 +74,12 @@ def read_config(path: Path) -> Configuration:
 
 
 def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
-    _known(tables, _TOP, "the file")
+    check_keys(tables, _TOP, "the file")
     if tables.get("openswim_analysis") != VERSION:
         raise UserError(f"openswim_analysis = {VERSION} is missing at its top: is this an analysis?")
     parts = {name: _table(tables, name) for name in ("observe", "observations", "background", "analyse")}
-    cameras = []
-    for entry in _entries(tables, "camera"):
-        camera = load_camera(_file(entry, "file", path))
-        cameras.append((camera, _file(entry, "image", path)))
+    listed = _entries(tables, "camera")
+    files, images = (tuple(_file(entry, key, path) for entry in listed) for key in ("file", "image"))
     points, watts = [], []
     for entry in _entries(tables, "pyranometer"):
         north, east = (("lat", "lon") if "lat" in entry else ("y_m", "x_m"))
@@ -93,7 +98,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     time = tables.get("time")
     return Configuration(
         path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
-        tuple(cameras), tuple(points), tuple(watts), parts["observe"], parts["observations"], parts["analyse"],
+        tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
+        parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
 
 
@@ -101,7 +107,7 @@ def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
     found = tables.get(name, {})
     if not isinstance(found, dict):
         raise UserError(f"[{name}] is no table")
-    _known(found, _TABLES[name], f"[{name}]")
+    check_keys(found, _TABLES[name], f"[{name}]")
     return dict(found)
 
 
@@ -112,15 +118,8 @@ def _entries(tables: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
     if len(found) > MOST_INSTRUMENTS:
         raise UserError(f"[[{name}]]: {len(found)} of them; {MOST_INSTRUMENTS} are the most")
     for each in found:
-        _known(each, _TABLES[name], f"[[{name}]]")
+        check_keys(each, _TABLES[name], f"[[{name}]]")
     return found
-
-
-def _known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in names:
-            near = difflib.get_close_matches(key, names, n=1)
-            raise UserError(f"{where}: {key} is unknown" + (f"; did you mean {near[0]}?" if near else ""))
 
 
 def _number(table: Mapping[str, Any], key: str, where: str) -> float:
@@ -135,25 +134,18 @@ def _file(table: Mapping[str, Any], key: str, path: Path) -> Path:
     if not isinstance(given, str) or not given:
         raise UserError(f"{key} is missing: name a file beside this one")
     folder = path.absolute().parent
-    try:
-        found = (folder / given).resolve()
-        inside = found.is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):
-        raise UserError(f"{key} = {given!r}: no file can have this name") from None
-    if not inside:
-        raise UserError(f"{key} = {given!r}: lies outside of {folder}; copy the file into it")
+    found = folder / given
+    check_within(found, folder, f"{key} {shown(given)}", f"{folder}; copy the file into it")
     check_ordinary(found, key)
     return found
 
 
 def _image(path: Path) -> xr.Dataset:
-    try:
-        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as file:
-            if "radiance" not in file or set(file["radiance"].dims) != {"y", "x", "wavelength"}:
-                raise UserError(f"{path}: has no radiance (y, x, wavelength), as `openswim render -o ....nc` writes it")
-            if file["radiance"].size > _LARGEST_IMAGE or file.sizes["wavelength"] != file["wavelength"].size:
-                raise UserError(f"{path}: is larger than pictures of an analysis can be; average its pixels first")
-            return file[["radiance"]].load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        why = " ".join(str(error).split())[:120]
-        raise UserError(f"{path}: cannot be read as a picture ({why})") from None
+    with opened(path, decode=False) as file, reading(path, "give a picture as `openswim render -o ....nc` writes it"):
+        if "radiance" not in file or set(file["radiance"].dims) != {"y", "x", "wavelength"}:
+            raise UserError(f"{path}: has no radiance (y, x, wavelength), as `openswim render -o ....nc` writes it")
+        if file["radiance"].size > _LARGEST_IMAGE:
+            raise UserError(f"{path}: is larger than pictures of an analysis can be; average its pixels first")
+        if any(file[name].dtype.kind not in "fiu" for name in ("radiance", "wavelength")):
+            raise UserError(f"{path}: its radiance or wavelength are no numbers")
+        return file[["radiance"]].load()

@@ -20,7 +20,6 @@ class Cost:
     """J of one analysis; keeps its last linearisation, from which the next one is begun.
 
     weight: 1/sigma, 0 of what is not used. shift: added to H(x), what a better model sees more than the linear one.
-    count: of observations that are used. seen: the last H(x) + shift.
     """
 
     rows: Rows
@@ -28,9 +27,8 @@ class Cost:
     value: F64
     weight: F64
     shift: F64 | float = 0.0
-    last: Linearization | None = None
-    seen: F64 = field(default_factory=lambda: np.empty(0))
-    calls: int = 0
+    _last: Linearization | None = field(default=None, repr=False)
+    _at: F64 = field(default_factory=lambda: np.empty(0), repr=False)  # the v of it
 
     @classmethod
     def of(cls, rows: Rows, space: Space, observed: xr.Dataset) -> Cost:
@@ -38,14 +36,12 @@ class Cost:
         weight = np.where(use, 1.0 / observed["error"].values, 0.0)
         return cls(rows, space, observed["value"].values.astype(float), weight)
 
-    @property
-    def count(self) -> int:
-        return int((self.weight > 0).sum())
-
     def linearized(self, v: F64) -> Linearization:
-        self.last = Linearization.about(self.rows, self.space.state(v), self.last)
-        self.calls += 1
-        return self.last
+        """About a v; made once where it is asked for again, since light is solved for it."""
+        if self._last is None or not np.array_equal(v, self._at):
+            self._last = Linearization.about(self.rows, self.space.state(v), self._last)
+            self._at = np.array(v)
+        return self._last
 
     def misfit(self, seen: F64) -> float:
         """Half the sum of squared departures over their errors."""
@@ -54,13 +50,12 @@ class Cost:
     def __call__(self, v: F64) -> tuple[float, F64]:
         """J and its gradient."""
         lin = self.linearized(v)
-        self.seen = lin.value.values + self.shift
-        departure = self.weight * (self.seen - self.value)
+        departure = self.weight * (lin.value.values + self.shift - self.value)
         bars = lin.vjp(self.weight * departure)
         return 0.5 * float(v @ v) + 0.5 * float(departure @ departure), v + self.space.adjoint(v, bars)
 
     def hessian(self, v: F64, change: F64) -> F64:
-        """(1 + S^T J^T R^-1 J S) times a change, about the last linearisation, which must be of v."""
-        assert self.last is not None
-        row = self.last.jvp(self.space.tangent(v, change)).values
-        return change + self.space.adjoint(v, self.last.vjp(self.weight**2 * row))
+        """(1 + S^T J^T R^-1 J S) about v times a change."""
+        lin = self.linearized(v)
+        row = lin.jvp(self.space.tangent(v, change)).values
+        return change + self.space.adjoint(v, lin.vjp(self.weight**2 * row))

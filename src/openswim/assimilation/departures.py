@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,10 +41,7 @@ def scene_of(rows: Rows, state: xr.Dataset) -> Scene:
                 clear = rows.controls.where & (values <= _JUST_ABOVE * rows.controls.floors[each.name])
                 values = np.where(clear, 0.0, values)
             data[each.name] = (LEVEL_DIMS, values.astype(np.float32), scene.data[each.name].attrs)
-    return Scene(
-        scene.grid, data, scene.atmosphere, dict(scene.optics), scene.time, scene.source, list(scene.notes),
-        scene.ground, scene.wider, scene.cut,
-    )  # fmt: skip
+    return replace(scene, data=data, optics=dict(scene.optics), notes=list(scene.notes))
 
 
 def checked_solver(departures: str | Solver) -> Solver | None:
@@ -58,11 +56,9 @@ def checked_solver(departures: str | Solver) -> Solver | None:
 
 def seen_by(rows: Rows, state: xr.Dataset, solver: Solver) -> F64:
     """H(x) by another solver: a row of observations. Sub-grid noise is left out, which no analysis can see."""
-    from dataclasses import replace
-
     quiet = replace(solver, detail=False) if solver.name == "fast" else solver
     lit = light(scene_of(rows, state), quiet, rows.wavelengths_nm.tolist(), rows.time, rows.sun)
-    scale = np.asarray(state["camera_scale"].values) if "camera_scale" in state else None
+    scale = rows.scale(state)
     out = []
     for n, each in enumerate(rows.instruments):
         pixels = each.camera.pixels()

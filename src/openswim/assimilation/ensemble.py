@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import number
+from openswim.arguments import number, whole
 from openswim.assimilation.background import Background, Piece, Space
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
@@ -25,6 +26,8 @@ _CUT = 2.0  # Gaspari and Cohn's function is nothing beyond twice its length
 def ensemble_of(op: Operator, background: Background, members: int, first: xr.Dataset | None = None,
                 transform: str = "softplus", seed: int = 0) -> list[xr.Dataset]:  # fmt: skip
     """States as far from a first guess, and as alike, as a background says."""
+    if whole("ensemble_of: members", members) < 1:
+        raise UserError("ensemble_of: members must be 1 or more")
     space = Space(op, op.controls.lifted(op.first() if first is None else first), background, transform)
     return [space.state(space.sample(seed + n)) for n in range(members)]
 
@@ -47,8 +50,11 @@ def ensemble_filter(
     """
     if len(states) < 3:
         raise UserError("ensemble_filter: give three members or more")
-    if not number("ensemble_filter: length_m", length_m) > 0 or not number("inflation", inflation) >= 1:
-        raise UserError("ensemble_filter: length_m must be positive, inflation 1 or more")
+    if not 0 < number("ensemble_filter: length_m", length_m) < np.inf:
+        raise UserError("ensemble_filter: length_m must be positive")
+    if not 1 <= number("ensemble_filter: inflation", inflation) < np.inf:
+        raise UserError("ensemble_filter: inflation must be 1 or more")
+    check_observed(op, observed)
     lifted = [op.controls.lifted(state) for state in states]
     rows = (op.ensemble(lifted) if seen is None else seen).values
     if rows.shape != (len(states), op.size):
@@ -146,9 +152,6 @@ def _through(op: Rows, origin: F64, direction: F64, low: float, high: float) -> 
     for height in (low, high):
         place = origin + direction * np.clip((height - origin[:, 2]) / steep, 0, None)[:, None]
         north, east, _ = frame.latlon(place)
-        if grid.curved:
-            ix, iy = grid.index(east, north)
-        else:
-            ix, iy = (east - grid.x[0]) / dx, (north - grid.y[0]) / dy
+        ix, iy = grid.place(east, north)
         ends.append(np.stack([np.clip(ix, -1e3, 1e4) * dx, np.clip(iy, -1e3, 1e4) * dy], axis=-1))
     return np.stack(ends, axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,7 +85,7 @@ class Filter:
     def of(cls, places_m: Sequence[ArrayLike], lengths_m: Sequence[float], kind: str) -> Filter:
         return cls(tuple(axis_filter(p, length, kind) for p, length in zip(places_m, lengths_m, strict=True)))
 
-    @property
+    @cached_property
     def norm(self) -> F64:
         out = np.ones(())
         for axis in self.axes:

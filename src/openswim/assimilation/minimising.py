@@ -90,8 +90,10 @@ def gauss_newton(cost: Cost, v: F64, inner: int, spectrum: Spectrum, told: Told)
         spectrum.cosines = cosines_of(cost, v)
     cosines = replace(spectrum.cosines, origin=v)
     value, by_v = cost(v)
-    lin, gradient = cost.last, cosines.gradient(by_v)
-    step, residual = np.zeros_like(v), -gradient
+    step, residual = np.zeros_like(v), -cosines.gradient(by_v)
+    if not residual.any():
+        told(v, value)
+        return v
     z = spectrum.apply(residual)
     p, rz = z.copy(), float(residual @ z)
     goal, kept, steps, ratios = _GOAL**2 * rz, [residual / np.linalg.norm(residual)], [], []
@@ -118,6 +120,5 @@ def gauss_newton(cost: Cost, v: F64, inner: int, spectrum: Spectrum, told: Told)
             told(there, after)
             return there
         scale *= 0.5
-    cost.last = lin
     told(v, value)
     return v

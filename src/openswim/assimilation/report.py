@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from html import escape
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.assimilation.result import Found
-from openswim.comparison.report.page import document
-from openswim.comparison.report.pictures import data_uri
+from openswim.comparison.report.page import COLOURS, document
+from openswim.comparison.report.pictures import GREY, data_uri, signed
 from openswim.comparison.report.plots import Plot
 from openswim.scene.files import written_whole
 
@@ -20,7 +19,6 @@ U8 = NDArray[np.uint8]
 
 _MOST_ROWS = 400  # of a picture on the page
 _LEAST_ROWS = 200
-_GREY = np.array([120, 126, 132.0])
 _STYLE = """<style>
 figure { display: inline-block; margin: 0 14px 14px 0; vertical-align: top; }
 figure img { image-rendering: pixelated; display: block; border: 1px solid #ccc; }
@@ -59,9 +57,9 @@ def _costs(analysis: Found) -> str:
     count = max(len(each) - 1, 1)
     ticks = [(float(n), str(n)) for n in np.unique(np.linspace(0, count, 6).astype(int))]
     plot = Plot("iteration", "log10 of the cost", (0.0, float(count)), (float(low), float(max(high, low + 1))), ticks)
-    plot.line(np.arange(len(each), dtype=float), each, "#2866c4")
+    plot.line(np.arange(len(each), dtype=float), each, COLOURS["blue"])
     noise = float(np.log10(max(analysis.used, 1) / 2))
-    plot.line(np.array([0.0, count]), np.array([noise, noise]), "#888", dashed=True)
+    plot.line(np.array([0.0, count]), np.array([noise, noise]), COLOURS["grey"], dashed=True)
     return plot.svg
 
 
@@ -89,7 +87,7 @@ def _camera(analysis: Found, n: int) -> list[str]:
            for image, name in zip(images, names, strict=True)]  # fmt: skip
     for row, name in ((analysis.before.values, "before"), (analysis.after.values, "after")):
         left = rows.pictures(np.where(use, (value - row) / error, np.nan))[n].values.mean(axis=-1)
-        out.append(_figure(_signed(left, 5.0), f"observed less {name}, ±5 errors"))
+        out.append(_figure(signed(left, 5.0), f"observed less {name}, ±5 errors"))
     return out
 
 
@@ -98,8 +96,8 @@ def _irradiance(analysis: Found) -> str:
     value = rows.irradiance_w_m2(analysis.observed["value"])
     most = 100 * float(np.ceil(max(value.max(initial=0.0), 100.0) / 100 * 1.2))
     plot = Plot("observed, W/m2", "seen, W/m2", (0.0, most), (0.0, most), [(0.0, "0"), (most / 2, f"{most / 2:.0f}")])
-    plot.line(np.array([0.0, most]), np.array([0.0, most]), "#bbb")
-    for row, colour in ((analysis.before, "#c8402a"), (analysis.after, "#2866c4")):
+    plot.line(np.array([0.0, most]), np.array([0.0, most]), COLOURS["grey"])
+    for row, colour in ((analysis.before, COLOURS["red"]), (analysis.after, COLOURS["blue"])):
         plot.points(value, rows.irradiance_w_m2(row), colour, 3.0, 0.7)
     return plot.svg + "<p>Red: before, blue: after.</p>"
 
@@ -129,20 +127,12 @@ def _rgb(image: F64) -> F64:
 
 def _shades(image: F64, low: float, high: float) -> U8:
     grey = np.clip((image - low) / max(high - low, 1e-12), 0, 1) ** (1 / 2.2)
-    return np.where(np.isfinite(image), 255 * np.nan_to_num(grey), _GREY).astype(np.uint8)
-
-
-def _signed(value: F64, most: float) -> U8:
-    share = np.nan_to_num(np.clip(value / most, -1, 1))[..., None]
-    up, down, white = np.array([202, 62, 42.0]), np.array([36, 92, 190.0]), np.array([246, 246, 246.0])
-    colour = np.where(share > 0, white + share * (up - white), white - share * (down - white))
-    return np.where(np.isfinite(value)[..., None], colour, _GREY).astype(np.uint8)
+    return np.where(np.isfinite(image), 255 * np.nan_to_num(grey), GREY).astype(np.uint8)
 
 
 def _figure(picture: U8, caption: str) -> str:
     """A picture as large as one sees: small ones have their pixels repeated."""
-    rows: Any = picture.shape[0]
-    times = max(1, -(-_LEAST_ROWS // rows))
-    every = max(1, rows // _MOST_ROWS)
+    rows = len(picture)
+    times, every = max(1, -(-_LEAST_ROWS // rows)), max(1, -(-rows // _MOST_ROWS))
     shown = np.repeat(np.repeat(picture[::every, ::every], times, axis=0), times, axis=1)
     return f'<figure><img src="{data_uri(shown, lossless=True)}"><figcaption>{escape(caption)}</figcaption></figure>'

@@ -20,7 +20,7 @@ class Found:
     """What `Analysis` is but for its page.
 
     state: the analysis, with less than the floor where there is no cloud; first: the guess before. costs: of the guess
-    and after each iteration. before, after: what is seen of both, by ``departures``. used: how many observations count.
+    and after each iteration. before, after: what is seen of both, by ``departures``.
     interrupted: whether it was stopped, to go on from its checkpoint.
     """
 
@@ -32,8 +32,12 @@ class Found:
     before: xr.DataArray
     after: xr.DataArray
     departures: str
-    used: int
     interrupted: bool = False
+
+    @property
+    def used(self) -> int:
+        """How many observations count."""
+        return int(self.observed["use"].values.astype(bool).sum())
 
     @property
     def scene(self) -> Scene:
@@ -61,5 +65,7 @@ class Found:
         for name in ("value", "error", "use"):
             out[f"observed_{name}"] = self.observed[name]
         out["seen_before"], out["seen_after"] = self.before, self.after
+        # beside "wavelength", which is an axis of albedo
+        out = out.assign_coords(observed_wavelength=("observation", self.before["wavelength"].values))
         out.attrs = {"departures": self.departures, "observations_used": self.used}
         return out

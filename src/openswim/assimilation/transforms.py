@@ -11,7 +11,8 @@ from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
 
-NAMES = ("softplus", "sqrt", "log", "linear")
+OF_LEVELS = ("softplus", "sqrt", "log")  # that make nothing below the floor
+NAMES = (*OF_LEVELS, "linear")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ import numpy as np
 
 from openswim.arguments import shown
 from openswim.errors import UserError
+from openswim.system.inputs import check_within
 
 MOST_FILES = 100_000
 _TRUST = "give --allow-references, if you trust the plan"
@@ -58,12 +59,8 @@ class Names:
         return tuple(dict.fromkeys(found))
 
     def _check(self, path: Path, name: str, what: str) -> None:
-        try:
-            inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
-        except (OSError, ValueError):
-            raise UserError(f"{what} {shown(name)}: no file can have this name") from None
-        if not (inside or self.anywhere):
-            raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
+        folder = None if self.anywhere else self.folder
+        check_within(path, folder, f"{what} {shown(name)}", f"the plan's folder: {_TRUST}")
 
 
 def stamp_of(time: np.datetime64 | None, member: int | None) -> str:

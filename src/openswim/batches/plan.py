@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, number, numbers, shown, whole
+from openswim.arguments import check_keys, check_kind, number, numbers, shown, whole
 from openswim.batches.names import Names
 from openswim.batches.plan_cameras import PlannedCamera, planned_cameras
-from openswim.batches.values import check_keys, check_name, text_of, texts
+from openswim.batches.values import check_name, text_of, texts
 from openswim.cameras.toml_text import read_toml
 from openswim.colour.exposure import check_exposure, check_gamma
 from openswim.colour.picture import check_caption

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, shown
+from openswim.arguments import check_keys, check_kind, shown
 from openswim.batches.names import Names
-from openswim.batches.values import check_keys, check_name
+from openswim.batches.values import check_name
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.colour.picture import DATA, LIGHTS, PICTURES, check_bits
@@ -95,7 +95,8 @@ def _camera(options: dict[str, Any], what: str, names: Names) -> Camera:
     if "file" in options:
         check_kind(f"{what} file", options["file"], str, "give a file's name in quotes")
         check_keys(options, ("file", "size", *_PLACE), what)
-        real = load_camera(names.beside(options["file"], f"{what} file"), **{key: options.get(key) for key in _PLACE})
+        place, within = {key: options.get(key) for key in _PLACE}, None if names.anywhere else names.folder
+        real = load_camera(names.beside(options["file"], f"{what} file"), within, **place)
         return real if "size" not in options else real.resized(options["size"])
     view = options.pop("view", "allsky")
     if not isinstance(view, str) or view not in _VIEWS:

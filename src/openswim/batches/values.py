@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Any
 
 from openswim.arguments import check_kind, shown
 from openswim.errors import UserError
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-
-
-def check_keys(table: dict[str, Any], known: Sequence[str], what: str) -> None:
-    """Raise UserError where a table says what nobody understands."""
-    for key in table:
-        if key not in known:
-            raise UserError(f"{what} has no {shown(key)}: it may have {', '.join(known)}")
 
 
 def text_of(table: dict[str, Any], key: str, default: Any) -> Any:

@@ -1,6 +1,5 @@
 """A camera in a TOML file: read, checked, and written (docs/cameras.md)."""
 
-import difflib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import check_keys, check_kind, number, numbers, shown
 from openswim.cameras.camera import Camera
 from openswim.cameras.checks import check_shape
 from openswim.cameras.given import from_map
@@ -20,6 +19,7 @@ from openswim.cameras.sizes import shape_of
 from openswim.cameras.toml_text import read_toml, toml_text
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
+from openswim.system.inputs import check_within
 
 VERSION = 1
 _PLACE = ("lat", "lon", "x_m", "y_m", "height_m", "above")
@@ -81,21 +81,27 @@ class CameraFile:
     response: ResponseSettings = ResponseSettings()
 
 
-def read_camera(path: str | os.PathLike[str], **place: Any) -> CameraFile:
-    """Read a camera's file; `place` (lat, lon, height_m ...) goes before what the file says, where not None."""
+def read_camera(path: str | os.PathLike[str], within: Path | None = None, **place: Any) -> CameraFile:
+    """Read a camera's file; `place` (lat, lon, height_m ...) goes before what the file says, where not None. within: a
+    folder out of which the file, a stranger's, may name no other."""
     check_kind("camera file", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     tables = read_toml(path)
     try:
+        if within is not None:
+            _check_named(tables, path, within)
         return _camera(tables, path, {key: value for key, value in place.items() if value is not None})
     except UserError as error:
         text = str(error)
         raise UserError(text if str(path) in text else f"{path}: {text}") from None
 
 
-def load_camera(path: str | os.PathLike[str], **place: Any) -> Camera:
-    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's."""
-    return read_camera(path, **place).camera
+def load_camera(path: str | os.PathLike[str], within: Path | None = None, **place: Any) -> Camera:
+    """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's.
+
+    within: see `read_camera`.
+    """
+    return read_camera(path, within, **place).camera
 
 
 def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
@@ -154,17 +160,17 @@ def _camera(tables: dict[str, Any], path: Path, place: dict[str, Any]) -> Camera
     version = tables.get("openswim_camera")
     if version != VERSION or isinstance(version, bool):
         raise UserError(f"is no camera's file: its first line says openswim_camera = {VERSION}")
-    _check_keys(tables, ("openswim_camera", "name", *_TABLES), "the file")
+    check_keys(tables, ("openswim_camera", "name", *_TABLES), "the file")
     for name, keys in _TABLES.items():
         if not isinstance(tables.get(name, {}), dict):
             raise UserError(f"{name} is {shown(tables[name])}: write a table [{name}]")
         if keys is not None:
-            _check_keys(tables.get(name, {}), keys, f"[{name}]")
+            check_keys(tables.get(name, {}), keys, f"[{name}]")
     view, frame = dict(tables.get("view", {})), tables.get("frame", {})
     kind = view.pop("kind", None)
     if not isinstance(kind, str) or kind not in _VIEWS:
         raise UserError(f"[view] kind is {shown(kind)}: choose one of {', '.join(_VIEWS)}")
-    _check_keys(view, _VIEWS[kind], f"[view] of kind {kind}")
+    check_keys(view, _VIEWS[kind], f"[view] of kind {kind}")
     where = dict(tables.get("place", {})) if not {"x_m", "y_m"} & set(place) else {}
     if {"lat", "lon"} & set(place):
         where = {key: value for key, value in where.items() if key not in ("x_m", "y_m")}
@@ -276,6 +282,16 @@ def _beside(name: Any, what: str, path: Path) -> Path:
     return path.parent / name
 
 
+def _check_named(tables: dict[str, Any], path: Path, within: Path) -> None:
+    """Raise UserError where a map or mask of a camera lies out of a folder."""
+    for table, keys in (("view", ("directions", "azimuth", "zenith")), ("obstacles", ("mask",))):
+        found = tables.get(table)
+        for key in keys:
+            if isinstance(found, dict) and isinstance(found.get(key), str):
+                label = f"[{table}] {key} {shown(found[key])}"
+                check_within(path.parent / found[key], within, label, f"{within}; copy the file into it")
+
+
 def _array(path: Path) -> np.ndarray:
     try:
         with path.open("rb") as stream:  # mapped: a header may claim what is not there
@@ -324,11 +340,3 @@ def _needed(table: dict[str, Any], key: str, where: str) -> Any:
     if key not in table:
         raise UserError(f"{where} needs {key}")
     return table[key]
-
-
-def _check_keys(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, 1)
-            meant = f"did you mean {close[0]}?" if close else f"it takes {', '.join(known)}"
-            raise UserError(f"{where} has an unknown {shown(key)}: {meant}")

@@ -1,11 +1,20 @@
 """`openswim analyse`: from a configuration to an analysis of clouds, its scene and its page."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from openswim.assimilation import Analysis, Operator
+    from openswim.assimilation.config import Configuration
 
 
 @dataclass(frozen=True)
@@ -13,7 +22,7 @@ class AnalyseRequest:
     """The options of `openswim analyse`."""
 
     config: Path
-    output: Path
+    output: Path | None = None
     check: bool = False
     observations: Path | None = None
     write_back: Path | None = None
@@ -21,57 +30,94 @@ class AnalyseRequest:
 
 def run(request: AnalyseRequest) -> None:
     """Analyse and write; what can be wrong with the request is found before any light is solved."""
-    from openswim.assimilation import analyse, observe, write_back, write_observations
-    from openswim.assimilation.analysing import default_checkpoint
+    from openswim.assimilation import observe
     from openswim.assimilation.config import read_config
-    from openswim.assimilation.writing_back import check_write_back
     from openswim.ground.earth import preload
     from openswim.readers import open_scene
-    from openswim.scene.files import check_target
 
     config = read_config(request.config)
-    if request.output.suffix not in (".nc", ".zarr"):
-        raise UserError(f"--output {request.output}: name a scene, .nc or .zarr; its page is written beside it")
-    page, rows = request.output.with_suffix(".html"), request.output.with_suffix(".departures.nc")
-    for target in (request.output, page, rows):
-        check_target(target, [config.path, config.model])
-    if request.write_back is not None:
-        check_write_back(config.model, config.observe.get("controls", "cloud_liquid"))
-        others = [config.path, config.model, request.output, page, rows, *(image for _, image in config.cameras)]
-        check_target(request.write_back, others, "--write-back")
+    files = None if request.check else _files(request, config)
     images = config.images()
     preload()
     scene = open_scene(config.model) if config.time is None else open_scene(config.model, time=config.time)
-    cameras = [camera for camera, _ in config.cameras]
-    op = observe(scene, cameras, config.points, time=config.time, sun=config.sun, **config.observe)
+    op = observe(scene, config.cameras, config.points, time=config.time, sun=config.sun, **config.observe)
     click.echo(f"{op}", err=True)
-    observed = op.observations(images, config.w_m2 or None, **config.observations)
-    if request.check:
+    if files is None:
         click.echo(f"{op.linearize(op.first()).check()}")
         return
-    kept = default_checkpoint(request.output)
-    found = analyse(op, observed, background=config.background, checkpoint=kept, **config.analyse)
-    if found.interrupted:
-        click.echo(f"stopped; the same command goes on from {kept}", err=True)
-    else:
-        kept.unlink(missing_ok=True)
-    (found.scene.to_zarr if request.output.suffix == ".zarr" else found.scene.to_netcdf)(request.output)
-    found.report(page)
-    _write_rows(found.to_dataset(), rows)
-    if request.observations is not None:
-        write_observations(request.observations, op, observed, found.after)
+    files.check_observations(op)
+    observed = op.observations(images, config.w_m2 or None, **config.observations)
+    _analyse(op, observed, config, files)
+
+
+@dataclass(frozen=True)
+class _Files:
+    """What is written, and what is read and may not be replaced: ``taken``."""
+
+    scene: Path
+    page: Path
+    departures: Path
+    checkpoint: Path
+    write_back: Path | None
+    observations: Path | None
+    taken: list[Path]
+
+    def check_observations(self, op: Operator) -> None:
+        from openswim.assimilation.observing.ioda import observation_files
+        from openswim.scene.files import check_target
+
+        for target in () if self.observations is None else observation_files(self.observations, op):
+            check_target(target, self.taken, "--observations")
+
+
+def _files(request: AnalyseRequest, config: Configuration) -> _Files:
+    """Checked: all can be written, and none replaces another or an input."""
+    from openswim.assimilation.checkpoint import default_checkpoint
+    from openswim.assimilation.writing_back import check_write_back
+    from openswim.scene.files import check_target
+
+    output = request.output
+    if output is None or output.suffix not in (".nc", ".zarr"):
+        raise UserError(f"--output {output or 'is missing'}: name a scene, .nc or .zarr; its page is written beside it")
+    page, departures = output.with_suffix(".html"), output.with_suffix(".departures.nc")
+    own = [output, page, departures, default_checkpoint(output)]
+    for target in own:
+        check_target(target, config.inputs)
+    taken = [*config.inputs, *own]
     if request.write_back is not None:
-        changed = write_back(found, config.model, request.write_back)
-        told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
-        click.echo(f"{request.write_back}: {told or 'nothing'} changed")
-    before, after = found.rms(found.before), found.rms(found.after)
-    for part, one, two in zip(op.parts, before, after, strict=True):
-        click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")
-    click.echo(f"{request.output}: {found.used} observations, {len(found.costs) - 1} iterations; page {page}")
+        check_write_back(config.model, config.observe.get("controls", "cloud_liquid"))
+        check_target(request.write_back, taken, "--write-back")
+        taken.append(request.write_back)
+    if request.observations is not None:
+        check_target(request.observations, taken, "--observations")
+    return _Files(output, page, departures, own[-1], request.write_back, request.observations, taken)
 
 
-def _write_rows(rows: object, path: Path) -> None:
+def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _Files) -> None:
+    from openswim.assimilation import analyse, write_back, write_observations
     from openswim.scene.files import written_whole
 
-    with written_whole(path) as partial:
-        rows.to_netcdf(partial)  # type: ignore[attr-defined]
+    found = analyse(op, observed, background=config.background, checkpoint=files.checkpoint, **config.analyse)
+    if found.interrupted:
+        click.echo(f"stopped; the same command goes on from {files.checkpoint}", err=True)
+    scene = found.scene
+    (scene.to_zarr if files.scene.suffix == ".zarr" else scene.to_netcdf)(files.scene)
+    found.report(files.page)
+    with written_whole(files.departures) as partial:
+        found.to_dataset().to_netcdf(partial)
+    if files.observations is not None:
+        write_observations(files.observations, op, observed, found.after)
+    if files.write_back is not None:
+        changed = write_back(found, config.model, files.write_back)
+        told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
+        click.echo(f"{files.write_back}: {told or 'nothing'} changed")
+    if not found.interrupted:
+        files.checkpoint.unlink(missing_ok=True)  # all that was found has been written
+    _tell(found, files)
+
+
+def _tell(found: Analysis, files: _Files) -> None:
+    before, after = found.rms(found.before), found.rms(found.after)
+    for part, one, two in zip(found.rows.parts, before, after, strict=True):
+        click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")
+    click.echo(f"{files.scene}: {found.used} observations, {len(found.costs) - 1} iterations; page {files.page}")

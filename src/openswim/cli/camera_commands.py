@@ -91,7 +91,7 @@ def correct_clouds(**options: Any) -> None:
 
 @click.command()
 @click.argument("config", type=PATH)
-@click.option("-o", "--output", type=PATH, required=True,
+@click.option("-o", "--output", type=PATH,
               help="The analysed scene, .nc or .zarr; a page and the departures are written beside it.")  # fmt: skip
 @click.option("--check", is_flag=True, help="Only test the linearisation: tangent linear and adjoint, by four numbers.")
 @click.option("--observations", type=PATH,

@@ -28,12 +28,6 @@ def horizon_vector(azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Array:
     return np.stack(np.broadcast_arrays(east, north, np.sin(altitude)), axis=-1)
 
 
-def horizon_angles(direction: Array) -> tuple[float, float]:
-    """Azimuth, from 0 to 360 clockwise from north, and altitude (degrees) of a unit vector (3,) east, north, up."""
-    east, north, up = direction
-    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
-
-
 def _enu(lat_deg: float, lon_deg: float) -> Array:
     """Rows east, north, up in Earth-centred axes."""
     lat, lon = np.radians([lat_deg, lon_deg])
@@ -99,6 +93,12 @@ class Frame:
     def direction(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike, lat: float, lon: float) -> Array:
         """Unit vectors (..., 3) of an azimuth (clockwise from north) and altitude seen from a place."""
         return horizon_vector(azimuth_deg, altitude_deg) @ self.enu(lat, lon)
+
+
+def azimuth_altitude(toward: ArrayLike) -> tuple[float, float]:
+    """Degrees, of a unit vector (3,) to east, north and up."""
+    east, north, up = np.asarray(toward, float)
+    return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(np.clip(up, -1, 1))))
 
 
 def scene_frame(scene: Scene) -> Frame:

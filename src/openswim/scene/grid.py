@@ -160,6 +160,11 @@ class Grid:
         north = np.stack([-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)])
         return np.asarray(np.arctan2((along * north).sum(axis=0), (along * east).sum(axis=0)))
 
+    @property
+    def axis_angles(self) -> NDArray[np.float64]:
+        """Those (ny, nx) at all columns."""
+        return self.axis_angle(np.arange(self.x.size), np.arange(self.y.size)[:, None])
+
 
 def _unit_vector(lon: ArrayLike, lat: ArrayLike) -> NDArray[np.float64]:
     lon, lat = np.radians(lon), np.radians(lat)

@@ -33,6 +33,20 @@ def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:
         raise UserError(f"{label}: empty: copy or download it again")
 
 
+def check_within(path: Path, folder: Path | None, label: str, remedy: str) -> None:
+    """Raise UserError where no file can have a name, or where it, links followed, leads out of a folder.
+
+    folder: None where it may lead anywhere; remedy: which folder that is, and what to do.
+    """
+    try:
+        found = Path(os.path.realpath(path))
+        inside = folder is None or found.is_relative_to(os.path.realpath(folder))
+    except (OSError, ValueError):
+        raise UserError(f"{label}: no file can have this name") from None
+    if not inside:
+        raise UserError(f"{label} leads out of {remedy}")
+
+
 def _why(path: Path, error: OSError) -> str:
     if error.errno == errno.ELOOP:
         return "a link that leads to itself: give the file that is meant"

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import check_kind
 from openswim.assimilation.observing.particles import Particles
 from openswim.assimilation.observing.variables import Variable, variables_of
 from openswim.errors import UserError
@@ -88,7 +89,7 @@ class Controls:
             else:
                 value = self._own(each.name)
                 if each.kind in ("effective_radius", "number"):
-                    value = np.where(value > 0, value, np.median(value[value > 0]) if (value > 0).any() else 1e-5)
+                    value = np.where(value > 0, value, np.median(value[value > 0]))
             data[each.name] = (each.dims, value, {"units": each.units})
         state = xr.Dataset(data, coords={"wavelength": self.wavelengths_nm})
         return self.lifted(state, 1.0)
@@ -103,6 +104,7 @@ class Controls:
 
     def checked(self, state: xr.Dataset) -> xr.Dataset:
         """The state's controls as float64, in their order and shape; raises UserError."""
+        check_kind("state", state, xr.Dataset, "give an xarray.Dataset such as operator.first()")
         shapes = dict(zip(LEVEL_DIMS, self.where.shape, strict=True))
         shapes |= {"wavelength": self.wavelengths_nm.size, "camera": self.cameras}
         data = {}
@@ -124,7 +126,7 @@ class Controls:
     def fill(self, state: xr.Dataset) -> Fill:
         """Of a lifted state."""
         out = {}
-        for species in self._species:
+        for species in self.species:
             out[species] = self._extinction(species, state)
         albedo = state["surface_albedo"].values if "surface_albedo" in state else None
         scale = state["camera_scale"].values if "camera_scale" in state else None
@@ -177,7 +179,8 @@ class Controls:
     # pieces
 
     @cached_property
-    def _species(self) -> list[str]:
+    def species(self) -> list[str]:
+        """Of which something may change."""
         return list(dict.fromkeys(v.species for v in self.variables if v.species))
 
     def _extinction(self, species: str, state: xr.Dataset) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,8 +14,7 @@ from openswim.arguments import check_kind, number
 from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
-from openswim.observer import place_of
-from openswim.scene.frame import Frame, horizon_angles
+from openswim.scene.frame import Frame, azimuth_altitude
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -63,14 +62,14 @@ class Instrument:
         return self.camera.pixels().image(np.ascontiguousarray(values.T))
 
 
-def sun_at(frame: Frame, direction: F64, camera: Camera) -> tuple[float, float]:
-    """Azimuth and altitude (degrees) of the sun where a camera stands."""
-    lon, lat = place_of(camera)
-    return horizon_angles(frame.enu(lat, lon) @ direction)
+def sun_at(frame: Frame, direction: F64, lat: float, lon: float) -> tuple[float, float]:
+    """Azimuth and altitude (degrees) of the sun at a place; in flat scenes its y and x."""
+    return azimuth_altitude(frame.enu(lat, lon) @ direction)
 
 
 def checked_cameras(cameras: Any, frame: Frame) -> tuple[Camera, ...]:
     """One camera or several, that stand in the scene; raises UserError."""
+    check_kind("cameras", cameras, (Camera, Iterable), "give one, or a list of them")
     listed = [cameras] if isinstance(cameras, Camera) else list(cameras)
     for each in listed:
         check_kind("camera", each, Camera, "give one, such as Camera.allsky(lat, lon)")

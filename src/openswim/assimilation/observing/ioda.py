@@ -11,10 +11,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.assimilation.observing.instruments import sun_at
+from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
-from openswim.scene.frame import horizon_angles, scene_frame
+from openswim.scene.frame import azimuth_altitude, scene_frame
 
 F64 = NDArray[np.float64]
 
@@ -49,20 +51,26 @@ def write_observations(
     where a ray meets the ground at height 0; of one that looks up, where the camera stands, and sensorZenithAngle and
     sensorAzimuthAngle are those of the ray's direction.
     """
+    files = observation_files(path, op)
+    check_observed(op, observed)
+    for name, cameras in files.items():
+        check_target(name)
+        with written_whole(name) as partial:
+            _write(partial, op, observed, seen, cameras)
+    return list(files)
+
+
+def observation_files(path: str | os.PathLike[str], op: Operator) -> dict[Path, bool]:
+    """The files that `write_observations` makes, and whether each is that of cameras; raises UserError where IODA has
+    no names for what is observed."""
     target = Path(path)
     if op.time is None:
         raise UserError(f"{target}: the observations have no time: observe(..., time=...) gives them one")
     names = {each.quantity.name for each in op.instruments}
     if len(names) > 1 or not names <= NAMES.keys():
         raise UserError(f"{target}: IODA has no name for {', '.join(sorted(names))}: observe radiance, or all the same")
-    written = []
-    for which, name in ((True, target), (False, target.with_name(f"{target.stem}_irradiance.nc"))):
-        if (op.instruments if which else len(op.points)):
-            check_target(name)
-            with written_whole(name) as partial:
-                _write(partial, op, observed, seen, which)
-            written.append(name)
-    return written
+    files = {target: True} if op.instruments else {}
+    return files | ({target.with_name(f"{target.stem}_irradiance.nc"): False} if len(op.points) else {})
 
 
 def _write(path: Path, op: Operator, observed: xr.Dataset, seen: xr.DataArray | None, cameras: bool) -> None:
@@ -150,8 +158,8 @@ def _of_camera(op: Operator, n: int) -> _Places:
     zenith, azimuth = np.empty(count), np.empty(count)
     for k in range(count):
         toward = frame.enu(float(ground_north[k]), float(ground_east[k])) @ -direction[k]
-        zenith[k] = np.degrees(np.arccos(np.clip(toward[2], -1, 1)))
-        azimuth[k] = np.degrees(np.arctan2(toward[0], toward[1])) % 360
+        azimuth[k], up = azimuth_altitude(toward)
+        zenith[k] = 90 - up
     lat, lon = _latlon(op, ground_north, ground_east)
     return _Places(lat, lon, np.maximum(height, 0.0), zenith, azimuth, each.sun, f"camera {n}")
 
@@ -159,7 +167,7 @@ def _of_camera(op: Operator, n: int) -> _Places:
 def _of_points(op: Operator) -> _Places:
     frame = scene_frame(op.scene)
     lat, lon = _latlon(op, op.points[:, 0], op.points[:, 1])
-    sun = horizon_angles(frame.enu(float(op.points[0, 0]), float(op.points[0, 1])) @ op.daylight.direction)
+    sun = sun_at(frame, op.daylight.direction, float(op.points[0, 0]), float(op.points[0, 1]))
     nothing = np.zeros(len(lat))
     return _Places(lat, lon, nothing, nothing, nothing, sun, "pyranometer")
 

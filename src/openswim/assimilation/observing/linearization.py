@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import check_kind
 from openswim.assimilation.observing.checking import Check, check
 from openswim.assimilation.observing.core import Images
 from openswim.assimilation.observing.rows import Rows
@@ -37,7 +39,6 @@ class Linearization:
     @classmethod
     def about(cls, operator: Rows, state: xr.Dataset, near: Linearization | None = None) -> Linearization:
         """See `Operator.linearize`."""
-        operator.checked_state(state)
         lifted = operator.controls.lifted(state)
         start = None if near is None else near._light
         images, light = operator.core.forward(*operator.filled(operator.controls.fill(lifted)), start=start)
@@ -46,7 +47,7 @@ class Linearization:
 
     @property
     def _scale(self) -> F64 | None:
-        return np.asarray(self.state["camera_scale"].values) if "camera_scale" in self.state else None
+        return self.operator.scale(self.state)
 
     @cached_property
     def value(self) -> xr.DataArray:
@@ -57,7 +58,7 @@ class Linearization:
         """J v: what a change of the state changes, to first order. Controls that are left out do not change."""
         self._check_fresh()
         op = self.operator
-        whole = op.checked_state(self._whole(change))
+        whole = op.controls.checked(self._whole(change))
         fill = op.controls.tangent(self.slopes, whole)
         images = op.core.tangent(self._light, *op.filled(fill, change=True))
         return op.row(op.tangent_values(self.images, images, self._scale, fill.scale))
@@ -70,7 +71,7 @@ class Linearization:
         images, scale = op.adjoint_values(self.images, row, self._scale)
         extinction, albedo = op.core.adjoint(self._light, images)
         fill = op.gathered(extinction, albedo)
-        return op.controls.adjoint(self.slopes, type(fill)(fill.extinction, fill.albedo, scale))
+        return op.controls.adjoint(self.slopes, replace(fill, scale=scale))
 
     def jacobian(self, pixels: Iterable[int]) -> xr.Dataset:
         """Rows of J of some observations (numbers in the row of all), by an adjoint each: for a look, not for use."""
@@ -101,6 +102,7 @@ class Linearization:
         )  # fmt: skip
 
     def _whole(self, change: xr.Dataset) -> xr.Dataset:
+        check_kind("change", change, xr.Dataset, "give an xarray.Dataset like a state")
         missing = [v.name for v in self.operator.controls.variables if v.name not in change]
         return change.assign({name: xr.zeros_like(self.state[name]) for name in missing})
 
@@ -110,7 +112,5 @@ class Linearization:
 
 
 def _mark(state: xr.Dataset, operator: Rows) -> tuple[bytes, ...]:
-    import hashlib
-
     names = [v.name for v in operator.controls.variables]
     return tuple(hashlib.blake2b(state[n].values.tobytes(), digest_size=16).digest() for n in names)

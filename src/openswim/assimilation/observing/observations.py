@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import number
+from openswim.arguments import check_kind, number, numbers
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 
@@ -39,7 +39,9 @@ def observations(
     """
     if len(images) != len(rows.instruments):
         raise UserError(f"observations: {len(images)} images for {len(rows.instruments)} cameras")
-    shares = [representation] * len(images) if np.ndim(representation) == 0 else list(representation)  # type: ignore
+    each_share = numbers("observations: representation", representation)
+    shares = np.broadcast_to(each_share, len(images)) if each_share.ndim == 0 else each_share
+    of_noise, saturates = _share("noise", noise), None if saturated is None else number("saturated", saturated)
     masks = [None] * len(images) if use is None else list(use)
     if len(shares) != len(images) or len(masks) != len(images):
         raise UserError(f"observations: representation and use must be given for each of {len(images)} cameras")
@@ -48,16 +50,16 @@ def observations(
         radiance = _radiance(images[n], rows, n)[:, each.inside]  # (w, n)
         light = each.quantity.relative(radiance)
         good = each.usable & np.isfinite(light).all(axis=0)
-        if saturated is not None:
-            good &= (radiance < number("observations: saturated", saturated)).all(axis=0)
+        if saturates is not None:
+            good &= (radiance < saturates).all(axis=0)
         mask = masks[n]
         if mask is not None:
             good &= np.asarray(mask, bool)[each.inside]
-        if good.any() is np.False_:
+        if not good.any():
             raise UserError(f"observations: no pixel of camera {n} may be used")
         light = np.where(good, light, 0.0)
         mean = light[:, good].mean(axis=1, keepdims=True)
-        total = np.hypot(number("observations: noise", noise), number("observations: representation", shares[n]))
+        total = np.hypot(of_noise, _share("representation", shares[n]))
         sigma = total * np.sqrt(0.5 * (light**2 + mean**2))
         light = np.where(good, light, mean)
         value[part.here] = each.quantity.value(light).ravel()
@@ -69,6 +71,18 @@ def observations(
     return xr.Dataset(data)
 
 
+def check_observed(rows: Rows, observed: xr.Dataset) -> None:
+    """Raise UserError unless this is a row of an operator's observations, some of which may be used."""
+    check_kind("observed", observed, xr.Dataset, "give what operator.observations(...) makes")
+    for name in ("value", "error", "use"):
+        if name not in observed or observed[name].shape != (rows.size,):
+            raise UserError(f"observed: {name} is missing or not a row of {rows.size} observations")
+    use = observed["use"].values.astype(bool)
+    good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
+    if not use.any() or not good[use].all():
+        raise UserError("observed: none may be used, or one that may has no value or no positive error")
+
+
 def _add_irradiance(
     rows: Rows, given: ArrayLike | None, noise: float, value: F64, error: F64, use: NDArray[np.bool_]
 ) -> None:
@@ -77,18 +91,25 @@ def _add_irradiance(
         raise UserError(f"observations: {measured.size} values of irradiance for {len(rows.points)} pyranometers")
     here, known = rows.parts[-1].here, np.isfinite(measured)
     value[here] = np.where(known, measured, 0.0)
-    share = number("observations: irradiance_noise", noise)
+    share = _share("irradiance_noise", noise)
     mean = measured[known].mean() if known.any() else 1.0
     error[here] = np.maximum(share * np.sqrt(0.5 * (value[here] ** 2 + mean**2)), 1e-6)
     use[here] = known
+
+
+def _share(what: str, value: Any) -> float:
+    """A share of a signal that is its error."""
+    if not 0 <= number(f"observations: {what}", value) < np.inf:
+        raise UserError(f"observations: {what} = {value:g}: give a share of 0 or more, such as .02")
+    return float(value)
 
 
 def _radiance(image: Any, rows: Rows, n: int) -> F64:
     """(w, ny, nx) at the operator's wavelengths."""
     shape = rows.instruments[n].camera.shape
     if isinstance(image, xr.Dataset):
-        if "radiance" not in image:
-            raise UserError(f"observations: image {n} has no radiance")
+        if "radiance" not in image or set(image["radiance"].dims) != {"y", "x", "wavelength"}:
+            raise UserError(f"observations: image {n} has no radiance (y, x, wavelength)")
         at = np.asarray(image["wavelength"].values, float)
         nearest = np.abs(at[:, None] - rows.wavelengths_nm).argmin(axis=0)
         if np.abs(at[nearest] - rows.wavelengths_nm).max() > 1.0:

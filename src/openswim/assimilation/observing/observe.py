@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind, number
+from openswim.arguments import check_kind, number, numbers, shown
 from openswim.assimilation.observing.controls import FLOOR_PER_M, Controls
 from openswim.assimilation.observing.core import Core
 from openswim.assimilation.observing.instruments import (
@@ -22,6 +22,7 @@ from openswim.assimilation.observing.instruments import (
 )
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.observing.quantities import Quantity
+from openswim.assimilation.observing.variables import Variable, variables_of
 from openswim.assimilation.observing.watts import watts_of
 from openswim.cameras import Camera
 from openswim.errors import UserError
@@ -34,6 +35,7 @@ from openswim.optics.species import scene_optics
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
+from openswim.scene.variables import DIRECT_PREFIX, LEVEL_DIMS
 from openswim.solver import Solver
 from openswim.transport.engine.interpolation import bilinear
 
@@ -76,7 +78,7 @@ def observe(
         above are then some 7 % too bright (docs/linear.md).
     """
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
-    wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
+    wavelengths = np.atleast_1d(numbers("observe: wavelengths_nm", wavelengths_nm)).astype(float)
     check_wavelengths(wavelengths)
     scene = settled(scene)
     if scene.grid is None:
@@ -87,25 +89,30 @@ def observe(
         raise UserError("observe: there are neither cameras nor pyranometers")
     if day.direction[2] <= 0:
         raise UserError("observe: the sun is down; the linear core knows the light of day alone")
+    check_kind("quantity", quantity, (str, list, tuple), "name one, or a list of them, such as radiance")
     names = [quantity] * len(listed) if isinstance(quantity, str) else list(quantity)
     if len(names) != len(listed):
         raise UserError(f"observe: {len(names)} quantities are given for {len(listed)} cameras")
     near, low = checked_angle("near_sun_deg", near_sun_deg), checked_angle("lowest_deg", lowest_deg)
     toa = solar_irradiance(wavelengths) / day.distance_au**2
-    instruments = tuple(
-        Instrument(camera, Quantity(name, toa), sun_at(frame, day.direction, camera), near, low)
-        for camera, name in zip(listed, names, strict=True)
-    )
+    instruments = []
+    for camera, name in zip(listed, names, strict=True):
+        lon, lat = place_of(camera)
+        place = sun_at(frame, day.direction, lat, lon)
+        instruments.append(Instrument(camera, Quantity(name, toa), place, near, low))
+    if not 0 < number("observe: tolerance", tolerance) < 1:
+        raise UserError(f"observe: tolerance = {tolerance:g}: give a small positive share, such as .003")
     floor = number("observe: floor_per_km", floor_per_km) / 1e3
     if not 0 < floor < 1:
         raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")
+    allowed = _where(scene, variables_of(scene, controls), where, heights_m)
     made = core if core is not None else _core(scene, listed, points, wavelengths, day.direction, tolerance, lean)
     albedo = np.asarray(made.albedo, float)
-    held = Controls.of(scene, controls, wavelengths, _where(scene, where, heights_m), albedo, len(listed), floor)
+    held = Controls.of(scene, controls, wavelengths, allowed, albedo, len(listed), floor)
     when = None if sun is not None else (scene.time if time is None else parse_time(time))
-    watts = watts_of(scene, wavelengths, day) if len(points) else np.empty(wavelengths.size)
+    watts = watts_of(scene, wavelengths, day) if len(points) else np.zeros(wavelengths.size)
     relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
-    return Operator(scene, made, held, instruments, points, relative, watts, day, when, sun)
+    return Operator(scene, made, held, tuple(instruments), points, relative, watts, day, when, sun)
 
 
 def _core(
@@ -129,18 +136,28 @@ def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float
     return float(bilinear(np.ascontiguousarray(terrain_m), np.array([found[1]]), np.array([found[2]]))[0])
 
 
-def _where(scene: Scene, where: ArrayLike | None, heights_m: tuple[float, float] | None) -> NDArray[np.bool_]:
-    """Nodes (nz, ny, nx) at which fields on levels may change; none on the outermost columns of an open grid."""
+def _where(
+    scene: Scene, variables: tuple[Variable, ...], where: ArrayLike | None, heights_m: tuple[float, float] | None
+) -> NDArray[np.bool_]:
+    """Nodes (nz, ny, nx) at which fields on levels may change: those that are given, or those between heights, but for
+    the outermost columns of an open grid. All where no control is on levels."""
     assert scene.grid is not None
     shape = scene.grid.shape
     if where is not None:
-        out = np.asarray(where, bool)
+        out = numbers("observe: where", where).astype(bool)
         if out.shape != shape:
             raise UserError(f"observe: where has shape {out.shape}; the scene has {shape}")
+        if not out.any():
+            raise UserError("observe: where is nowhere true")
         return out
+    if not any("z" in each.dims for each in variables):
+        return np.ones(shape, bool)
     height = scene.grid.height_m.reshape(shape[0], *(scene.grid.height_m.shape[1:] or (1, 1)))
     if heights_m is not None:
-        low, high = (number("observe: heights_m", each) for each in heights_m)
+        between = numbers("observe: heights_m", heights_m)
+        if between.shape != (2,):
+            raise UserError(f"observe: heights_m is {shown(heights_m)}: give (lowest, highest) in metres")
+        low, high = between
         inside = (height >= low) & (height <= high)
     else:
         inside = np.zeros((shape[0], 1, 1), bool)
@@ -161,6 +178,6 @@ def _cloudy(scene: Scene) -> NDArray[np.bool_]:
     """(nz,) levels with any cloud or other particles."""
     out = np.zeros(0 if scene.grid is None else scene.grid.shape[0], bool)
     for name, values in scene.data.data_vars.items():
-        if str(name).endswith("_content") or str(name).startswith("extinction_"):
-            out |= values.transpose("z", "y", "x").values.any(axis=(1, 2))
+        if str(name).endswith("_content") or str(name).startswith(DIRECT_PREFIX):
+            out |= values.transpose(*LEVEL_DIMS).values.any(axis=(1, 2))
     return out

@@ -53,6 +53,9 @@ class Particles:
         """The content (kg m-3) with so little extinction, nodes' own sizes given: by Newton's steps in logarithms."""
         q = np.full(np.shape(self.fields["content"]), extinction_per_m * 2e3 / 3 * 5e-6)
         for _ in range(12):
-            beta, slope = self.extinction_per_m(content=q), self.slope("content", content=q)
+            beta = self.extinction_per_m(content=q)
+            if np.abs(beta - extinction_per_m).max() <= 1e-12 * extinction_per_m:
+                break
+            slope = self.slope("content", content=q)
             q = q * np.exp(np.clip(np.log(extinction_per_m / beta) * beta / np.maximum(slope * q, 1e-300), -3, 3))
         return q

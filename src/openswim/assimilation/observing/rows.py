@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind
 from openswim.assimilation.observing.controls import Controls, Fill
 from openswim.assimilation.observing.core import Core, Images
 from openswim.assimilation.observing.instruments import Instrument
@@ -81,7 +80,7 @@ class Rows:
     def __call__(self, state: xr.Dataset) -> xr.DataArray:
         """H(x), a row of observations."""
         images, _ = self.core.forward(*self.filled(self.controls.fill(self.controls.lifted(state))))
-        return self.row(self.values(images, self._scale(state)))
+        return self.row(self.values(images, self.scale(state)))
 
     # rows of observations
 
@@ -156,7 +155,7 @@ class Rows:
     def gathered(self, extinction: F64, albedo: F64) -> Fill:
         """The transpose of `filled` for changes."""
         out = {}
-        for species in dict.fromkeys(v.species for v in self.controls.variables if v.species):
+        for species in self.controls.species:
             bar = np.zeros(self.core.shape)
             for k, share in self.shares(species):
                 bar += share * np.einsum("w,wzyx->zyx", self._relative(k), extinction[:, k])
@@ -183,7 +182,8 @@ class Rows:
     def _relative(self, k: int) -> F64:
         return self.relative[self.core.names[k]]
 
-    def _scale(self, state: xr.Dataset) -> F64 | None:
+    def scale(self, state: xr.Dataset) -> F64 | None:
+        """(cameras, w) factors of the cameras' calibration, where a state has them."""
         return np.asarray(state["camera_scale"].values, float) if "camera_scale" in state else None
 
     def values(self, images: Images, scale: F64 | None) -> F64:
@@ -219,7 +219,3 @@ class Rows:
         if len(self.points):
             ghi += self.watts[:, None] * bar[self.parts[-1].here]
         return Images(lights, ghi), None if scale is None else np.array(scales)
-
-    def checked_state(self, state: xr.Dataset) -> xr.Dataset:
-        check_kind("state", state, xr.Dataset, "give an xarray.Dataset such as operator.first()")
-        return self.controls.checked(state)

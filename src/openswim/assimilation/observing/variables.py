@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from openswim.arguments import check_kind
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
@@ -62,6 +63,7 @@ def variables_of(scene: Scene, controls: Sequence[str]) -> tuple[Variable, ...]:
     """The controls of a scene, checked: each once, and each of something that the scene has."""
     if isinstance(controls, str):
         controls = (controls,)
+    check_kind("controls", controls, (list, tuple), "name them in a list, such as cloud_liquid, albedo")
     found = tuple(variable_of(str(name)) for name in controls)
     names = [each.name for each in found]
     if not found or len(set(names)) < len(names):
@@ -70,10 +72,12 @@ def variables_of(scene: Scene, controls: Sequence[str]) -> tuple[Variable, ...]:
         raise UserError("controls: aerosol_factor and aerosol_extinction change the same thing: leave one out")
     for each in found:
         content = f"{each.species}_content"
-        if each.kind in ("content", "effective_radius", "number") and content not in scene.data:
+        if each.kind in _SIZES and content not in scene.data:
             raise UserError(f"control {each.name}: the scene has no {content}; it has {', '.join(scene.species)}")
         if each.kind in ("effective_radius", "number") and each.name not in scene.data:
             raise UserError(f"control {each.name}: the scene has no such field: put one in, as a first guess")
+        if each.kind in ("effective_radius", "number") and not (scene.data[each.name] > 0).any():
+            raise UserError(f"control {each.name}: the scene's is nowhere above 0: put a first guess in")
         if each.kind == "number" and f"{each.species}_effective_radius" in scene.data:
             raise UserError(f"control {each.name}: the scene's {each.species}_effective_radius goes before it")
         own = "aerosol_extinction" if each.kind == "factor" else each.name

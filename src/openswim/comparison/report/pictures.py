@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 
 U8 = NDArray[np.uint8]
-_GREY = np.array([120, 126, 132], np.uint8)  # no score here
+GREY = np.array([120, 126, 132], np.uint8)  # no score here
 CLOUD_COLOURS = {
     "cloud in both": (244, 246, 248),
     "observed only": (224, 96, 60),
@@ -28,12 +28,15 @@ def pair(comparison: xr.Dataset) -> tuple[U8, U8]:
 def difference(comparison: xr.Dataset) -> U8:
     """Observed less simulated brightness as stored: red where the frame is brighter, blue where it is darker."""
     seen, shown = (comparison[name].values.mean(axis=-1) for name in ("stored", "simulated_as_stored"))
-    valid = comparison["valid"].values
-    value = np.nan_to_num(np.clip((seen - shown) / 0.3, -1, 1))[..., None]
-    up, down = np.array([202, 62, 42.0]), np.array([36, 92, 190.0])
-    white = np.array([246, 246, 246.0])
-    colour = np.where(value > 0, white + value * (up - white), white - value * (down - white))
-    return np.where(valid[..., None], colour, _GREY).astype(np.uint8)
+    return signed(np.where(comparison["valid"].values, seen - shown, np.nan), 0.3)
+
+
+def signed(value: NDArray[np.floating], most: float) -> U8:
+    """Values (ny, nx) as red above 0 and blue below, in full colour at ``most``; grey where there is none."""
+    share = np.nan_to_num(np.clip(value / most, -1, 1))[..., None]
+    up, down, white = np.array([202, 62, 42.0]), np.array([36, 92, 190.0]), np.array([246, 246, 246.0])
+    colour = np.where(share > 0, white + share * (up - white), white - share * (down - white))
+    return np.where(np.isfinite(value)[..., None], colour, GREY).astype(np.uint8)
 
 
 def clouds(comparison: xr.Dataset) -> U8 | None:
@@ -43,7 +46,7 @@ def clouds(comparison: xr.Dataset) -> U8 | None:
     seen, shown = comparison["observed_cloud"].values, comparison["simulated_cloud"].values
     number = np.where(seen, np.where(shown, 0, 1), np.where(shown, 2, 3))
     colours = np.array(list(CLOUD_COLOURS.values()), np.uint8)[number]
-    return np.where(comparison["valid"].values[..., None], colours, _GREY)
+    return np.where(comparison["valid"].values[..., None], colours, GREY)
 
 
 def reprojected(picture: U8, camera: Camera, view: Camera, order: int = 1) -> U8:

@@ -343,7 +343,7 @@ def _turn_wind(surface: dict[str, F32], columns: Columns, grid: Grid) -> None:
     east = columns.find(SURFACE["wind_east_10m"], on_levels=False)
     if "wind_east_10m" not in surface or east is None or not _along_axes(east):
         return
-    surface |= air.wind_along_axes(surface["wind_east_10m"], surface["wind_north_10m"], _axis_angle(grid))
+    surface |= air.wind_along_axes(surface["wind_east_10m"], surface["wind_north_10m"], grid.axis_angles)
 
 
 def _wind(columns: Columns, grid: Grid) -> dict[str, F32]:
@@ -355,17 +355,12 @@ def _wind(columns: Columns, grid: Grid) -> dict[str, F32]:
     u, v = (air.filled_wind(columns.read("wind", each, "m s-1")) for each in (east, north))
     if not _along_axes(east):
         return {"wind_east": u, "wind_north": v}
-    return air.wind_along_axes(u, v, _axis_angle(grid), "")
+    return air.wind_along_axes(u, v, grid.axis_angles, "")
 
 
 def _along_axes(wind: xr.DataArray) -> bool:
     """Whether a wind counts along the grid's axes."""
     return wind.attrs.get("standard_name") in ("x_wind", "grid_eastward_wind")
-
-
-def _axis_angle(grid: Grid) -> NDArray[np.float64]:
-    """Of the grid's axes to the east, radians (ny, nx)."""
-    return grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None])
 
 
 def _say_absent(columns: Columns, surface: dict[str, F32], fields: dict[str, F32], grid: Grid) -> None:

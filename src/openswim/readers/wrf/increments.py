@@ -46,15 +46,14 @@ def put_increments(
         here = wrf_grid(file, [])
         window = _window(grid, here, path)
         own = {name: _on_levels(field, grid, here, window) for name, field in increments.items() if field.any()}
-        new = _changed(file, own) if own else {}
-        old = {name: file.field(name, MASS_LEVELS) for name in new}
+        changed = _changed(file, own) if own else {}
         where = file.time_index
-    counts = {name: int(np.count_nonzero(values != old[name])) for name, values in new.items()}
+    counts = {name: int(np.count_nonzero(after != before)) for name, (before, after) in changed.items()}
     counts = {name: count for name, count in counts.items() if count}
     with written_whole(out) as partial:
         shutil.copyfile(path, partial)
         if counts:
-            _write(partial, {name: new[name] for name in counts}, where)
+            _write(partial, {name: changed[name][1] for name in counts}, where)
     return counts
 
 
@@ -97,10 +96,10 @@ def _on_levels(field: F64, grid: Grid, here: Grid, window: tuple[slice, slice]) 
     return out
 
 
-def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, F32]:
-    """The file's variables with increments on its own levels in them, by name."""
+def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, tuple[F32, F32]]:
+    """The file's variables without and with increments on its own levels, by name."""
     levels, dry_density, _, _ = air_of(file, [])
-    out: dict[str, F32] = {}
+    out: dict[str, tuple[F32, F32]] = {}
     before, after = {}, {}
     for species, categories in CATEGORIES.items():
         masses = [mass for mass, _, _ in categories if mass in file]
@@ -116,14 +115,15 @@ def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, F32]:
             after[species] = found
             for n, (mass, each) in enumerate(zip(masses, raw, strict=True)):
                 share = np.where(total > 0, np.maximum(each, 0.0) / np.where(total > 0, total, 1.0), float(n == 0))
-                out[mass] = np.where(more == 0, each, found * share).astype(np.float32)
+                out[mass] = each, np.where(more == 0, each, found * share).astype(np.float32)
         if number is not None:
             name = _number_of(file, species)
             each = file.field(name, MASS_LEVELS, "kg-1")
-            out[name] = np.where(number == 0, each, np.maximum(each + number / dry_density, 0.0)).astype(np.float32)
+            plus = np.maximum(each + number / dry_density, 0.0)
+            out[name] = each, np.where(number == 0, each, plus).astype(np.float32)
     vapour = file.field("QVAPOR", MASS_LEVELS, "kg kg-1")
     pressure, temperature = (np.asarray(levels[f"air_{name}"], float) for name in ("pressure", "temperature"))
-    out["QVAPOR"] = vapour_beside_cloud(vapour, pressure, temperature, before, after)
+    out["QVAPOR"] = vapour, vapour_beside_cloud(vapour, pressure, temperature, before, after)
     return out
 
 

@@ -233,7 +233,7 @@ def _surface(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[n
             notes.append("ALBEDO is not filled in at this time: surface albedo from the ground map")
     if "U10" in file and "V10" in file:
         u, v = file.field("U10", SURFACE, "m s-1"), file.field("V10", SURFACE, "m s-1")
-        fields |= wind_along_axes(u, v, grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None]))
+        fields |= wind_along_axes(u, v, grid.axis_angles)
     return fields
 
 
@@ -244,7 +244,7 @@ def _wind(file: WRFFile, grid: Grid, notes: list[str]) -> dict[str, NDArray[np.f
         return {}
     u, v = file.field("U", STAGGERED_X, "m s-1"), file.field("V", STAGGERED_Y, "m s-1")
     u, v = np.float32(0.5) * (u[..., 1:] + u[..., :-1]), np.float32(0.5) * (v[:, 1:] + v[:, :-1])
-    return wind_along_axes(u, v, grid.axis_angle(np.arange(grid.x.size), np.arange(grid.y.size)[:, None]), "")
+    return wind_along_axes(u, v, grid.axis_angles, "")
 
 
 def _absences(file: WRFFile) -> list[str]:

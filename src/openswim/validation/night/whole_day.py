@@ -15,7 +15,7 @@ from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.lighting import daylight
 from openswim.lights.units import magnitude_of_radiance
 from openswim.scene import Scene
-from openswim.scene.frame import Frame, horizon_angles, horizon_vector, scene_frame
+from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector, scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.sun_disc import Disc, beam_of
@@ -60,7 +60,7 @@ class Skies:
         lamps = lamps_of(when, place, self.frame, day, WAVELENGTHS_NM, towns=False)
         toa = toa_irradiance(WAVELENGTHS_NM, day)
         origin, axes = self.frame.position(*place, 2.0), self.frame.enu(*place)
-        azimuth, altitude = horizon_angles(day.direction)
+        azimuth, altitude = azimuth_altitude(day.direction)
         rule = quadrature_directions(_DIRECTIONS, azimuth, altitude)
         up = np.vstack([[0.0, 0.0, 1.0], horizon_vector(rule.azimuth_deg, rule.altitude_deg)]) @ axes
         radiance, falling = np.zeros((len(up), len(WAVELENGTHS_NM))), np.zeros(len(WAVELENGTHS_NM))
@@ -94,7 +94,7 @@ class Skies:
             seen = field.view(Rays(origin, local @ self.frame.enu(*self.scene.place), width_rad))
             return seen.transmittance, seen.hit
 
-        azimuth, altitude = horizon_angles(lamp.direction)
+        azimuth, altitude = azimuth_altitude(lamp.direction)
         if altitude < -1.0:
             return 0.0
         found = beam_of(Disc(azimuth, altitude, _RADIUS_DEG[lamp.name], WAVELENGTHS_NM), through)
