@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.batches.one_process import outcomes
 
 from openswim import Scene, UserError
-from openswim.batches import processes, read_plan
+from openswim.batches import arrivals, processes, read_plan
 from openswim.batches.arrivals import Arrivals
 from openswim.batches.index_page import page_of
 from openswim.batches.records import Record, Records
 from openswim.batches.watching import watch
-from openswim.batches.working import Outcome, do
+from openswim.batches.working import Outcome
 from openswim.cli.main import run
 
 PLAN = """openswim_batch = 1
@@ -34,10 +35,7 @@ size = 4
 
 @pytest.fixture
 def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    def in_here(plan: object, tasks: object, jobs: int, threads: int) -> object:
-        return (do(plan, task, threads) for task in tasks)  # type: ignore[attr-defined, arg-type]
-
-    monkeypatch.setattr(processes, "outcomes", in_here)
+    monkeypatch.setattr(processes, "outcomes", outcomes)
     (tmp_path / "in").mkdir()
     (tmp_path / "plan.toml").write_text(PLAN)
     return tmp_path / "plan.toml"
@@ -86,8 +84,6 @@ def test_what_arrives_is_rendered_shown_and_pruned(plan: Path) -> None:
 
 
 def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from openswim.batches import arrivals
-
     now = [1000.0]
     monkeypatch.setattr(arrivals.clock, "monotonic", lambda: now[0])
     (tmp_path / "old.nc").write_text("long there")
@@ -109,6 +105,21 @@ def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     seen.whole()
     now[0] += 60
     assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
+
+
+def test_a_zarr_folder_is_whole_when_its_last_chunk_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks deep inside change neither the folder's own size nor its time."""
+    now = [1000.0]
+    monkeypatch.setattr(arrivals.clock, "monotonic", lambda: now[0])
+    chunks = tmp_path / "run.zarr/cloud/c"
+    chunks.mkdir(parents=True)
+    seen = Arrivals(tmp_path, ["*"], settled_s=20)
+    for n in range(4):
+        (chunks / str(n)).write_bytes(b"light")
+        assert seen.whole() == []
+        now[0] += 15
+    now[0] += 6
+    assert [path.name for path, *_ in seen.whole()] == ["run.zarr"]
 
 
 def test_pages_escape_what_others_wrote() -> None:

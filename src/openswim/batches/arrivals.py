@@ -1,4 +1,4 @@
-"""Files that arrive in a folder: those that have stopped growing."""
+"""Files, and Zarr folders, that arrive in a folder: those that have stopped growing."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from openswim.batches.names import Names
 from openswim.errors import UserError
+from openswim.system.inputs import size_and_change
 
 SETTLED_S = 20.0  # without a change of size or time, after which a file is taken to be whole
 
@@ -28,18 +29,18 @@ class Arrivals:
         found: list[tuple[Path, int, int]] = []
         for path in self._there():
             try:
-                about = path.stat()
+                size, changed = size_and_change(path)
             except OSError:  # gone meanwhile
                 continue
-            if about.st_size == 0 or path.name.startswith("."):
+            if size == 0 or path.name.startswith("."):
                 continue
-            size, changed, since = self._seen.get(path, (-1, -1, now))
-            if (size, changed) != (about.st_size, about.st_mtime_ns):
-                old = not self._seen and clock.time() - about.st_mtime > self.settled_s  # when we came it was there
+            *before, since = self._seen.get(path, (-1, -1, now))
+            if before != [size, changed]:
+                old = not self._seen and clock.time() - 1e-9 * changed > self.settled_s  # when we came it was there
                 since = now - self.settled_s if old else now
-            seen[path] = about.st_size, about.st_mtime_ns, since
+            seen[path] = size, changed, since
             if now - since >= self.settled_s:
-                found.append((path, about.st_size, about.st_mtime_ns))
+                found.append((path, size, changed))
         self._seen = seen or self._seen
         return found
 

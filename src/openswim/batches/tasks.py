@@ -17,9 +17,9 @@ from openswim.batches.plan import Plan, Weather
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
 from openswim.readers import states_of
+from openswim.system.inputs import size_and_change
 
 MOST_TASKS = 1_000_000
-MOST_IN_FOLDER = 100_000  # files of a Zarr store that are looked at
 
 
 @dataclass(frozen=True)
@@ -131,24 +131,11 @@ def _file_mark(path: Path, known: dict[str, str]) -> str:
     key = str(path)
     if key not in known:
         try:
-            size, changed = _size_and_change(path)
+            size, changed = size_and_change(path)
         except OSError as error:
             raise UserError(f"{path}: cannot be looked at ({error.strerror})") from None
         known[key] = f"{path.name} {size} {changed}"
     return known[key]
-
-
-def _size_and_change(path: Path) -> tuple[int, int]:
-    about = path.stat()
-    size, changed, count = about.st_size, about.st_mtime_ns, 0
-    for folder, _, files in os.walk(path):
-        for name in files:
-            inner = os.stat(os.path.join(folder, name))
-            size, changed = size + inner.st_size, max(changed, inner.st_mtime_ns)
-        count += len(files)
-        if count > MOST_IN_FOLDER:
-            break
-    return size, changed
 
 
 def _mark(parts: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.films.between import Motion, between
 from openswim.kept_light import fingerprint
 from openswim.scene import Scene
+from openswim.system.inputs import size_and_change
 
 
 class Weather:
@@ -50,8 +51,7 @@ class Weather:
         from openswim.readers import describe, files_of, open_scene
 
         info = describe(path, allow_references=options.get("allow_references", False))
-        held = [(file, file.stat()) for file in files_of(path)]
-        identity = [f"{file.absolute()} {about.st_size} {about.st_mtime_ns}" for file, about in held]
+        identity = [f"{file.absolute()} {size_and_change(file)}" for file in files_of(path)]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
         times = sorted({np.datetime64(time, "ms") for each in (info, *info.others) for time in each.times})
         if not times:
