@@ -40,14 +40,13 @@ class Names:
                 self._check(path, name, what)
                 found.append(path)
                 continue
-            parts = Path(name).parts
-            if not self.anywhere and (Path(name).is_absolute() or ".." in parts):
+            pattern = Path(name)
+            if not self.anywhere and (pattern.is_absolute() or ".." in pattern.parts):
                 raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
-            if "**" in parts:
+            if "**" in pattern.parts:
                 raise UserError(f"{what} {shown(name)}: ** would look into every folder: name the folders")
-            start = Path(path.anchor or ".")
-            hits = sorted(islice(start.glob(str(path.relative_to(path.anchor) if path.anchor else path)),
-                                 MOST_FILES + 1))  # fmt: skip
+            start = self.folder / pattern.anchor  # an absolute name's own root
+            hits = sorted(islice(start.glob(str(pattern.relative_to(pattern.anchor))), MOST_FILES + 1))
             if not hits:
                 raise UserError(f"{what} {shown(name)}: no file matches this pattern")
             for hit in hits:
