@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +39,13 @@ class PlannedCamera:
     camera: Camera
     suffixes: tuple[str, ...]
 
-    @property
+    @cached_property
     def fingerprint(self) -> str:
         """Of all that its pictures depend on."""
         camera = self.camera
-        found = hashlib.sha256(repr((self.name, replace(camera, mask=None), self.suffixes)).encode())
+        found = hashlib.sha256(repr((self.name, camera, self.suffixes)).encode())
         if camera.given is not None or camera.lens_optics is not None:
             found.update(np.ascontiguousarray(camera.pixels().direction).tobytes())
-        if camera.mask is not None:
-            found.update(np.ascontiguousarray(camera.mask.hidden).tobytes())
         return found.hexdigest()
 
 
