@@ -9,7 +9,7 @@ from PIL import Image
 from tests.batches.one_process import done
 
 from openswim import Scene, UserError
-from openswim.batches import Work, read_plan
+from openswim.batches import Work, ensembles, read_plan
 from openswim.batches.ensembles import CLEAR, CLOUDY, cloud_picture, outcomes, together
 
 PEAK_PER_M = {"a": 2e-3, "b": 4e-3, "c": 1e-5, "d": 0.0}  # of slabs 2 km deep, that rise and fall with height evenly
@@ -89,6 +89,19 @@ def test_it_is_made_once_and_anew_for_another_question(plan: Path) -> None:
     with xr.open_dataset(work.plan.folder / "ensemble/roof_20260710T120000.nc") as found:
         middle = found["cloud_probability"].values[4, 4]
     assert middle == 0.25  # b alone
+    plan.write_text(PLAN)
+
+
+def test_a_fault_in_one_ends_no_other(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan.write_text(PLAN.replace("0.03", "0.3"))
+    work = Work.of(read_plan(plan))
+
+    def broken(*_: object) -> xr.Dataset:
+        raise ZeroDivisionError("of ours")
+
+    monkeypatch.setattr(ensembles, "joined", broken)
+    (one,) = outcomes(work.plan, work.tasks)
+    assert (one.failure, one.fault) == ("ZeroDivisionError: of ours", True)
     plan.write_text(PLAN)
 
 

@@ -17,6 +17,7 @@ from openswim.batches.plan import Plan, Weather
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
 from openswim.readers import states_of
+from openswim.readers.common.base import times_text
 from openswim.system.inputs import size_and_change
 
 MOST_TASKS = 1_000_000
@@ -103,19 +104,27 @@ def _states(
             raise
         found = states_of(good, plan.allow_references)
     if plan.times:
-        by_time = {time: files for time, files in found if time is not None}
-        near = {wanted: min(by_time, key=lambda time, to=wanted: abs(time - to), default=None)  # type: ignore[misc]
-                for wanted in plan.times}  # fmt: skip
-        for wanted, time in near.items():
-            if time is None or abs(time - wanted) > np.timedelta64(1, "s"):
-                held = ", ".join(map(str, list(by_time)[:4])) or "none"
-                raise UserError(f"{weather.files[0]}: no time {wanted} in it and the others; they have {held} ...")
-        return [(time, by_time[time]) for time in sorted({time for time in near.values() if time is not None})]
+        return _nearest(weather.files[0], found, plan.times)
     return [
         (time, files) for time, files in found
         if time is None or not ((plan.start is not None and time < plan.start)
                                 or (plan.end is not None and time > plan.end))
     ]  # fmt: skip
+
+
+def _nearest(
+    path: Path, found: Sequence[tuple[np.datetime64 | None, list[Path]]], wanted: Sequence[np.datetime64]
+) -> list[tuple[np.datetime64 | None, list[Path]]]:
+    """Those that are wanted, to a second."""
+    held = [(time, files) for time, files in found if time is not None]
+    times = np.array([time for time, _ in held], "datetime64[ms]")
+    chosen = set()
+    for each in wanted:
+        away = np.abs(times - each)
+        if not away.size or away.min() > np.timedelta64(1, "s"):
+            raise UserError(f"{path}: no time {each} in it and the others; they have {times_text(times)}")
+        chosen.add(int(away.argmin()))
+    return [held[n] for n in sorted(chosen)]
 
 
 def _common(plan: Plan) -> str:
