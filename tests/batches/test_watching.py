@@ -1,8 +1,8 @@
 """A folder in which clear skies arrive, rendered in this process."""
 
+import json
 import os
 import re
-import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -124,7 +124,7 @@ def test_a_zarr_folder_is_whole_when_its_last_chunk_is(tmp_path: Path, monkeypat
 
 def test_pages_escape_what_others_wrote() -> None:
     nasty = '"><script>alert(1)</script>&'
-    record = Record(Path("x"), nasty, nasty, nasty, {nasty: (f"{nasty}.png",)})
+    record = Record(Path("x"), nasty, nasty, nasty, {nasty: {f"{nasty}.png": 1}})
     page = page_of([record], {nasty: nasty}, datetime(2026, 7, 10, tzinfo=UTC))
     assert "<script" not in page
     assert not re.search(r"style=|<style|javascript:|\son\w+=", page)
@@ -133,22 +133,57 @@ def test_pages_escape_what_others_wrote() -> None:
     }  # fmt: skip
 
 
-def test_records_that_name_others_files_remove_none(plan: Path) -> None:
-    folder = plan.parent / "web"
-    (folder / ".batch").mkdir(parents=True)
-    (folder / ".batch/evil.json").write_text(
-        '{"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": {"../plan.toml": 1, "/etc/none": 1, '
-        '"a/../../plan.toml": 1, "kept": 1}}}}'
+def test_only_what_was_made_is_removed(plan: Path) -> None:
+    """Neither what others' records name, nor links, nor what has changed since, nor what lies in a store."""
+    folder, store = plan.parent / "web", plan.parent / "web/sky.zarr"
+    for made in (folder / ".batch", store):
+        made.mkdir(parents=True)
+    for file in ("ours", "changed", "sky.zarr/zarr.json", "sky.zarr/notes.txt"):
+        (folder / file).write_text("x")
+    (folder / "link").symlink_to(plan)
+    files = {"../plan.toml": plan.stat().st_size, "a/../../plan.toml": plan.stat().st_size, str(plan): 1,
+             "link": plan.stat().st_size, "ours": 1, "changed": 2, "sky.zarr": -1}  # fmt: skip
+    (folder / ".batch/x.json").write_text(
+        json.dumps({"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": files}}})
     )
-    shutil.copy(plan, folder / "other.toml")
-    (folder / "kept").symlink_to(folder / "other.toml")
     records = Records(folder)
     (record,) = records.standing()
-    assert record.files == {"a": ("kept",)}
+    assert set(record.files["a"]) == {"link", "ours", "changed", "sky.zarr"}
     records.remove(record)
     assert plan.exists()
-    assert (folder / "other.toml").exists()
-    assert not (folder / "kept").is_symlink()
+    assert {path.name for path in folder.iterdir()} == {".batch", "link", "changed", "sky.zarr"}
+    assert records.standing() == []
+    (store / "notes.txt").unlink()
+    records.remove(record)
+    assert not store.exists()
+
+
+def test_pictures_that_lie_in_the_watched_folder_are_no_weather(plan: Path) -> None:
+    inside = plan.parent / "in"
+    plan.write_text(PLAN.replace('"web"', '"in/web"').replace("sky_*.nc", "*"))
+    _arrives(plan, 6)
+    told: list[Outcome] = []
+    for _ in range(2):
+        watch(read_plan(plan, watched=True), Arrivals(inside, ["*"], settled_s=0.0), every_s=0.0, looks=1,
+              tell=told.append)  # fmt: skip
+    assert [(one.task, one.failure) for one in told] == [("20260710T060000", "")]
+    with pytest.raises(UserError, match="where pictures are written"):
+        watch(read_plan(plan, output=inside, watched=True), Arrivals(inside, ["*"]), looks=0)
+
+
+def test_files_of_others_are_not_replaced(plan: Path) -> None:
+    web = plan.parent / "web"
+    web.mkdir()
+    arrivals_ = Arrivals(plan.parent / "in", ["*"], settled_s=0.0)
+    for name in ("style.css", "manifest.jsonl"):
+        (web / name).write_text("mine")
+        _arrives(plan, 6)
+        with pytest.raises(UserError, match=name):
+            watch(read_plan(plan, watched=True), arrivals_, every_s=0.0, looks=1)
+        (web / name).unlink()
+    (web / "index.html").mkdir()
+    with pytest.raises(UserError, match=r"index\.html"):
+        watch(read_plan(plan, watched=True), arrivals_, every_s=0.0, looks=1)
 
 
 def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:

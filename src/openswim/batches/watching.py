@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time as clock
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,6 +34,10 @@ def watch(
     if keep < 1:
         raise UserError(f"--keep {keep}: give 1 time or more")
     check_index(plan.folder)
+    watched = arrivals.names.folder
+    inside = _within(plan.folder, watched)
+    if inside and _within(watched, plan.folder):
+        raise UserError(f"--watch {watched}: is where pictures are written: choose another folder with -o")
     tried: set[str] = set()  # marks of tasks that failed: they are tried again when their files change
     failures: dict[str, str] = {}
     before: list[tuple[Path, int, int]] | None = None
@@ -41,7 +46,7 @@ def watch(
         if look:
             clock.sleep(every_s)
         look += 1
-        now = arrivals.whole()
+        now = [each for each in arrivals.whole() if not (inside and _within(each[0], plan.folder))]
         if now == before:
             continue
         before = now
@@ -78,6 +83,10 @@ def _cycle(
     for record in older(records.standing(), keep):
         records.remove(record)
     return stand
+
+
+def _within(path: Path, folder: Path) -> bool:
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
 def newest(work: Work, standing: list[Record], keep: int) -> Work:
