@@ -5,13 +5,14 @@ import os
 import re
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.batches.one_process import outcomes
 
 from openswim import Scene, UserError
-from openswim.batches import arrivals, processes, read_plan
+from openswim.batches import arrivals, processes, read_plan, tasks, watching
 from openswim.batches.arrivals import Arrivals
 from openswim.batches.index_page import page_of
 from openswim.batches.records import Record, Records
@@ -81,6 +82,34 @@ def test_what_arrives_is_rendered_shown_and_pruned(plan: Path) -> None:
     assert [one.task[-6:] for one in told[3:]] == ["080000", "bad.nc"]  # a new watch tells it once
     assert looks(1) - rest == {"roof_20260710T080000.png", "manifest.jsonl"}
     assert len([one for one in told if not one.failure]) == 3
+
+
+def test_files_that_are_old_or_bad_are_looked_at_once(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a folder that fills, what is opened at each look does not grow."""
+    opened: list[list[str]] = []
+    states_of = tasks.states_of
+
+    def counted(files: list[Path], allow_references: bool) -> object:
+        opened.append([path.stem[4:] for path in files])
+        return states_of(files, allow_references)
+
+    monkeypatch.setattr(tasks, "states_of", counted)
+    hours = iter((7, 8, 9))
+
+    def sleep(seconds: float) -> None:
+        opened.append([])
+        _arrives(plan, next(hours))
+
+    monkeypatch.setattr(watching, "clock", SimpleNamespace(sleep=sleep))
+    _arrives(plan, 6)
+    (plan.parent / "in/sky_bad.nc").write_bytes(b"CDF\x01")
+    told: list[Outcome] = []
+    watch(read_plan(plan, watched=True), Arrivals(plan.parent / "in", ["sky_*.nc"], settled_s=0.0), keep=1, looks=4,
+          tell=told.append)  # fmt: skip
+    assert opened == [["06", "bad"], ["06"], ["bad"], ["06"], [], ["06", "07"], [], ["07", "08"], [], ["08", "09"]]
+    assert [one.task for one in told if one.failure] == ["sky_bad.nc"]
+    assert "sky_bad.nc" in (plan.parent / "web/index.html").read_text()
+    assert [path.name for path in (plan.parent / "web").glob("*.png")] == ["roof_20260710T090000.png"]
 
 
 def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,8 +223,12 @@ def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixtur
         (["--watch", str(plan.parent / "in")], "no page of ours"),
         (["--watch", str(plan.parent / "in"), "--part", "1/2"], "neither"),
         (["--keep", "3"], "belongs to --watch"),
+        (["--watch", str(plan.parent / "in")], "of one run"),
     ):
+        if says == "of one run":
+            plan.write_text(PLAN.replace('files = "sky_*.nc"', "") + '[[weather]]\nname = "a"\nfiles = "*"\n')
         assert run(["batch", str(plan), *line]) == 2
         assert says in capsys.readouterr().err
+    plan.write_text(PLAN)
     with pytest.raises(UserError, match="1 time or more"):
         watch(read_plan(plan, watched=True), Arrivals(plan.parent / "in", ["*"]), keep=0)

@@ -13,6 +13,9 @@ from openswim.system.inputs import size_and_change
 SETTLED_S = 20.0  # without a change of size or time, after which a file is taken to be whole
 
 
+Arrival = tuple[Path, int, int]  # with size and time of change
+
+
 class Arrivals:
     """A folder that is looked at now and then."""
 
@@ -21,12 +24,12 @@ class Arrivals:
         self.names, self.patterns, self.settled_s = Names(folder, anywhere), patterns, settled_s
         self._seen: dict[Path, tuple[int, int, float]] = {}  # size, time of change, and since when both are so
 
-    def whole(self) -> list[tuple[Path, int, int]]:
+    def whole(self) -> list[Arrival]:
         """The files that match and have stopped growing, with size and time of change; hidden and empty ones are left
         out."""
         now = clock.monotonic()
         seen: dict[Path, tuple[int, int, float]] = {}
-        found: list[tuple[Path, int, int]] = []
+        found: list[Arrival] = []
         for path in self._there():
             try:
                 size, changed = size_and_change(path)
