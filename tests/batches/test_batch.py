@@ -4,7 +4,9 @@ import json
 import multiprocessing
 import os
 import signal
-import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,7 @@ import openswim
 from openswim import Camera, Scene, UserError
 from openswim.batches import Work, processes, read_plan
 from openswim.batches.processes import fitting
-from openswim.batches.tasks import part_of, tasks_of
+from openswim.batches.tasks import Task, part_of, tasks_of
 from openswim.batches.working import Outcome
 from openswim.cli.main import run
 
@@ -149,20 +151,33 @@ def test_no_more_workers_than_memory_holds(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
-    plan: Path, capsys: pytest.CaptureFixture[str]
+    plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first worker is killed as it is at its second task, which is done again; a file that is none fails alone."""
+    """The first worker is killed when it has its second task, which is done again; a file that is none fails alone."""
     (plan.parent / "run_3.nc").write_bytes(b"CDF\x01 and nothing")
     plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc", "run_3.nc"]'))
+    stopped: list[int] = []
     killed: list[int] = []
 
-    def kills(outcome: Outcome) -> None:
-        if not killed:
+    def stops(outcome: Outcome) -> None:
+        """Lest it be through with the next task before it is killed."""
+        if not stopped:
             (worker,) = multiprocessing.active_children()
-            killed.append(worker.pid or 0)
-            threading.Timer(0.05, os.kill, (killed[0], signal.SIGKILL)).start()  # a task takes .2 s
+            stopped.append(worker.pid or 0)
+            os.kill(stopped[0], signal.SIGSTOP)
 
-    report = openswim.batch(plan, jobs=1, tell=kills)
+    class Deadly(ProcessPoolExecutor):
+        def submit(self, work: Callable[[Task], Outcome], task: Task) -> Future[Outcome]:
+            future = super().submit(work, task)
+            if stopped and not killed:
+                killed.append(stopped[0])
+                while not future.running():
+                    time.sleep(0.001)
+                os.kill(killed[0], signal.SIGKILL)
+            return future
+
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", Deadly)
+    report = openswim.batch(plan, jobs=1, tell=stops)
     assert killed
     assert (len(report.made), [one.task for one in report.failed]) == (2, ["run_3.nc"])
     lines = [json.loads(line) for line in (plan.parent / "out/manifest.jsonl").read_text().splitlines()]

@@ -289,7 +289,7 @@ def test_of_many_files_each_time_opens_its_own(tmp_path: Path, monkeypatch: pyte
 
     def counted(path: list[Path], **options: object) -> Scene:
         asked.append([each.name for each in path])
-        return open_scene(path, **options)  # type: ignore[arg-type]
+        return open_scene(path, **options)
 
     monkeypatch.setattr(readers, "open_scene", counted)
     weather = Weather.of_files(tmp_path / "sky_*.nc")
