@@ -17,11 +17,11 @@ from openswim.assimilation.background import Background, Space
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
+from openswim.system.archives import Damaged, arrays_of
 
 F64 = NDArray[np.float64]
 
 EVERY_S = 30.0
-_LARGEST = 2**31  # bytes of an array that is read
 
 
 @dataclass
@@ -48,12 +48,9 @@ class Checkpoint:
         if not target.exists():
             return cls(v, mark, target)
         try:
-            with target.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
-                found = {name: kept[name] for name in ("v", "mark", "loop", "done", "costs")}
-        except (OSError, ValueError, KeyError, EOFError) as error:
+            found = arrays_of(target, ("v", "mark", "loop", "done", "costs"))
+        except Damaged as error:
             raise UserError(f"{target}: is no checkpoint of an analysis ({error}); remove it") from None
-        except Exception as error:  # a broken ZIP
-            raise UserError(f"{target}: is no checkpoint of an analysis ({type(error).__name__}); remove it") from None
         if str(found["mark"]) != mark or found["v"].shape != v.shape:
             raise UserError(f"{target}: is the checkpoint of another analysis; remove it, or name another file")
         return cls(found["v"], mark, target, int(found["loop"]), int(found["done"]), found["costs"].tolist())
