@@ -17,6 +17,7 @@ from tests.batches.one_process import done, outcomes
 import openswim
 from openswim import Camera, Scene, UserError
 from openswim.batches import Work, processes, read_plan
+from openswim.batches import tasks as tasks_module
 from openswim.batches.processes import fitting
 from openswim.batches.tasks import Task, part_of, tasks_of
 from openswim.batches.working import Outcome
@@ -133,6 +134,18 @@ def test_times_that_no_file_has_are_told(plan: Path) -> None:
         tasks_of(read_plan(plan))
     plan.write_text(PLAN.replace('output = "out"', 'from = "2026-07-10T10:30"\nto = "2026-07-10T11:30"'))
     assert [task.name for task in tasks_of(read_plan(plan))] == ["20260710T110000"]
+
+
+def test_a_plan_of_very_many_pictures_is_refused_before_they_are_counted(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks_module, "MOST_PICTURES", 100)
+    plan.write_text(PLAN.replace('output = "out"', f"members = {list(range(5000))}"))
+    made: list[object] = []
+    monkeypatch.setattr(tasks_module, "Task", lambda *about: made.append(about))
+    with pytest.raises(UserError, match="several plans"):
+        tasks_of(read_plan(plan))
+    assert len(made) == 51  # of two cameras
 
 
 def test_no_picture_replaces_what_is_read(plan: Path) -> None:

@@ -20,7 +20,7 @@ from openswim.readers import states_of
 from openswim.readers.common.base import times_text
 from openswim.system.inputs import size_and_change
 
-MOST_TASKS = 1_000_000
+MOST_PICTURES = 1_000_000  # of all cameras
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
             for member in weather.members:
                 mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
                 tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
-        if len(tasks) > MOST_TASKS:
-            raise UserError(f"more than {MOST_TASKS} times and members: make several plans")
+                if len(tasks) * len(plan.cameras) > MOST_PICTURES:
+                    raise UserError(f"more than {MOST_PICTURES} times, members and cameras: make several plans")
     _check_targets(plan, tasks)
     return tasks
 

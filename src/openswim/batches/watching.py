@@ -28,7 +28,7 @@ def watch(
 ) -> None:  # fmt: skip
     """Render what arrives until Ctrl-C (or for so many ``looks``).
 
-    Of each run the pictures of the newest ``keep`` times stay, those of files that are gone included; older ones are
+    The pictures of the newest ``keep`` times stay, those of files that are gone included; older ones are
     neither made nor kept. Whatever stops it, the next call goes on from the records on disk.
     """
     if keep < 1:
