@@ -130,6 +130,9 @@ def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
     (tmp_path / "empty.nc").touch()
     (tmp_path / ".hidden.nc").write_text("a download")
+    (tmp_path / "link.nc").symlink_to("/etc/hostname")  # ends nothing
+    (tmp_path / "loop.nc").symlink_to(tmp_path / "loop.nc")
+    os.mkfifo(tmp_path / "pipe.nc")
     now[0] += 60
     seen.whole()
     now[0] += 60

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from openswim.batches.names import Names
-from openswim.errors import UserError
 from openswim.system.inputs import size_and_change
 
 SETTLED_S = 20.0  # without a change of size or time, after which a file is taken to be whole
@@ -30,7 +29,7 @@ class Arrivals:
         now = clock.monotonic()
         seen: dict[Path, tuple[int, int, float]] = {}
         found: list[Arrival] = []
-        for path in self._there():
+        for path in self.names.files(self.patterns, "--watch", awaited=True):
             try:
                 size, changed = size_and_change(path)
             except OSError:  # gone meanwhile
@@ -46,13 +45,3 @@ class Arrivals:
                 found.append((path, size, changed))
         self._seen = seen or self._seen
         return found
-
-    def _there(self) -> list[Path]:
-        found: list[Path] = []
-        for pattern in self.patterns:
-            try:
-                found += self.names.files([pattern], "--watch")
-            except UserError as error:
-                if "no file matches" not in str(error):
-                    raise
-        return list(dict.fromkeys(found))

@@ -31,8 +31,11 @@ class Names:
         self._check(path, name, what)
         return path
 
-    def files(self, names: Sequence[str], what: str) -> tuple[Path, ...]:
-        """The files that names and patterns with * ? [ ] stand for, each once, in order."""
+    def files(self, names: Sequence[str], what: str, awaited: bool = False) -> tuple[Path, ...]:
+        """The files that names and patterns with * ? [ ] stand for, each once, in order.
+
+        awaited: others put them there, so there may be none, and links among them that lead out are left out.
+        """
         found: list[Path] = []
         for name in names:
             path = self.folder / name
@@ -47,8 +50,10 @@ class Names:
                 raise UserError(f"{what} {shown(name)}: ** would look into every folder: name the folders")
             start = self.folder / pattern.anchor  # an absolute name's own root
             hits = sorted(islice(start.glob(str(pattern.relative_to(pattern.anchor))), MOST_FILES + 1))
-            if not hits:
+            if not (hits or awaited):
                 raise UserError(f"{what} {shown(name)}: no file matches this pattern")
+            if awaited:
+                hits = [hit for hit in hits if self._allows(hit)]
             for hit in hits:
                 self._check(hit, str(hit), what)
             found += hits
@@ -58,11 +63,14 @@ class Names:
 
     def _check(self, path: Path, name: str, what: str) -> None:
         try:
-            inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
+            allowed = self._allows(path)
         except (OSError, ValueError):
             raise UserError(f"{what} {shown(name)}: no file can have this name") from None
-        if not (inside or self.anywhere):
+        if not allowed:
             raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
+
+    def _allows(self, path: Path) -> bool:
+        return self.anywhere or Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
 
 
 def stamp_of(time: np.datetime64 | None, member: int | None) -> str:
