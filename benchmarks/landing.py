@@ -69,7 +69,8 @@ def write_runway(path: Path, crs: str, x_m: float, y_m: float) -> None:
     grass, asphalt, paint = ((0.07, 0.11, 0.04), (0.06, 0.06, 0.06), (0.75, 0.75, 0.72))
     paved = (along > 0) & (along < LENGTH_M) & (across < 0.5 * WIDTH_M)
     marked = paved & (across < 0.6) & (along % 60.0 < 30.0)  # the middle line
-    bars = (np.minimum(along - 20.0, LENGTH_M - 20.0 - along) % 1e9 < 60.0) & (across > 4.0) & (across % 12.0 < 6.0)
+    from_end = np.minimum(along, LENGTH_M - along) - 20.0
+    bars = (from_end >= 0.0) & (from_end < 60.0) & (across > 4.0) & (across % 12.0 < 6.0)
     marked |= paved & bars & (across < 0.5 * WIDTH_M - 2)
     bands = [np.where(marked, p, np.where(paved, a, g)) for g, a, p in zip(grass, asphalt, paint, strict=True)]
     with rasterio.open(
@@ -90,8 +91,7 @@ def approach(scene: Scene) -> CameraPath:
     along = np.array([far_m, touchdown_m - 600.0, touchdown_m, touchdown_m + 200.0])
     column = THRESHOLD + along / cell_m
     ground = np.interp(column, np.arange(NODES), terrain[ROW])
-    threshold_m = ground[2]
-    height = np.array([threshold_m + START_M, threshold_m + EYE_M + 60.0, ground[2] + EYE_M, ground[3] + EYE_M])
+    height = np.array([ground[2] + START_M, ground[2] + EYE_M + 60.0, ground[2] + EYE_M, ground[3] + EYE_M])
     lon, lat = grid.lonlat(column, np.full(column.size, float(ROW)))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(along), np.diff(height)))])
     slower = np.array([0.0, *(np.cumsum(np.diff(way) / [1.0, 0.8, 0.4]))])

@@ -27,7 +27,7 @@ from openswim.fluxes import (
     spectral_irradiance,
 )
 from openswim.heavens.eyes import Eyes, LitBy
-from openswim.heavens.far_towns import HIGHEST_EYE_M, Air, domes_of, far_sources
+from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.images import add_errors, add_layers, check_layers, dataset
@@ -223,26 +223,10 @@ class Viewpoint:
         return found + free[:, None] * domes.toward(direction) * (4 * np.pi / heavens.toa)
 
     def _make_domes(self) -> Around | None:
-        """Of towns beyond the domain; None where there are none, or from where they are not seen."""
-        lit, heavens = self.lit, self._heavens
-        sky = next((light for light in lit.lights if light.name == "sky"), None)
-        grid = lit.scene.levels[-1].grid
-        if heavens is None or sky is None or grid is None or not grid.curved or heavens.height_m > HIGHEST_EYE_M:
+        sky = next((light for light in self.lit.lights if light.name == "sky"), None)
+        if self._heavens is None or sky is None:
             return None
-        _, ny, nx = grid.shape
-
-        def within(lat: F64, lon: F64) -> NDArray[np.bool_]:
-            column, row = (np.nan_to_num(each, nan=-9.0) for each in grid.index(lon, lat))
-            return np.asarray((column > -0.5) & (column < nx - 0.5) & (row > -0.5) & (row < ny - 0.5))
-
-        frame = lit.field.frame
-        sources = far_sources(frame, *heavens.place, within, lit.scene.ground)
-        night = heavens.lamps.night.mean(heavens.wavelengths_nm)
-        domes = domes_of(
-            Air.of(sky.field), frame, *heavens.place, heavens.height_m, sky.field.ground_m, heavens.wavelengths_nm,
-            sources,
-        )  # fmt: skip
-        return dataclasses.replace(domes, values=domes.values * (heavens.lamps.in_field / night))
+        return domes_beyond(self.lit.scene, sky.field, self._heavens)
 
     def _add_night(self, relative: NDArray, view: Any, pixels: Pixels) -> None:
         """The night's sky behind all else, into radiance (n, nw) of pixels; on single rays the moon as well."""

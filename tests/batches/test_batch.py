@@ -4,19 +4,23 @@ import json
 import multiprocessing
 import os
 import signal
-import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from tests.batches.one_process import done, outcomes
 
 import openswim
 from openswim import Camera, Scene, UserError
-from openswim.batches import Work, read_plan
+from openswim.batches import Work, processes, read_plan
+from openswim.batches import tasks as tasks_module
 from openswim.batches.processes import fitting
-from openswim.batches.tasks import part_of, tasks_of
-from openswim.batches.working import Outcome, do
+from openswim.batches.tasks import Task, part_of, tasks_of
+from openswim.batches.working import Outcome
 from openswim.cli.main import run
 
 PLAN = """openswim_batch = 1
@@ -62,14 +66,6 @@ def plan(weather: Path, tmp_path: Path) -> Path:
     return tmp_path / "plan.toml"
 
 
-def _in_here(work: Work) -> list[Outcome]:
-    """The work of a plan without other processes."""
-    from openswim.batches.records import Records
-
-    Records(work.plan.folder).prepare(work.mine)
-    return [do(work.plan, task) for task in work.waiting]
-
-
 def _files(folder: Path) -> dict[str, int]:
     """Pictures and data with the time of their making."""
     return {path.name: path.stat().st_mtime_ns for path in folder.iterdir() if path.suffix in (".png", ".nc")}
@@ -79,7 +75,7 @@ def test_pictures_are_those_of_render_and_are_made_once(plan: Path) -> None:
     work = Work.of(read_plan(plan))
     assert [task.name for task in work.waiting] == [f"20260710T1{n}0000" for n in range(3)]
     assert [Path(task.files[0]).name for task in work.tasks] == ["run_0.nc", "run_1.nc", "run_2.nc"]
-    first = _in_here(work)
+    first = done(work)
     assert [one.failure for one in first] == ["", "", ""]
     made = _files(plan.parent / "out")
     assert len(made) == 9
@@ -95,7 +91,7 @@ def test_pictures_are_those_of_render_and_are_made_once(plan: Path) -> None:
     os.utime(plan.parent / "run_2.nc")
     again = Work.of(read_plan(plan))
     assert [task.name[-6:] for task in again.waiting] == ["100000", "110000", "120000"]
-    assert [one.made for one in _in_here(again)] == [1, 1, 2]
+    assert [one.made for one in done(again)] == [1, 1, 2]
     kept = {name for name, when in _files(out).items() if made[name] == when}
     assert kept == {"roof_20260710T100000.png", "roof_20260710T100000.nc", "around_20260710T110000.png"}
 
@@ -117,12 +113,12 @@ def test_changes_of_a_plan_make_what_they_touch(plan: Path) -> None:
 def test_light_for_renderers_is_whole_with_its_companions(plan: Path) -> None:
     """A .hdr of a panorama comes with two more files, without which it does not count as made."""
     plan.write_text(PLAN.replace('"24x8"', '"24x8"\noutputs = ".hdr"').replace("run_*.nc", "run_0.nc"))
-    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [2]
+    assert [one.made for one in done(Work.of(read_plan(plan)))] == [2]
     stem = plan.parent / "out/around_20260710T100000"
     assert all(stem.with_suffix(suffix).exists() for suffix in (".hdr", ".cal", ".rad"))
     assert Work.of(read_plan(plan)).waiting == ()
     stem.with_suffix(".rad").unlink()
-    assert [one.made for one in _in_here(Work.of(read_plan(plan)))] == [1]
+    assert [one.made for one in done(Work.of(read_plan(plan)))] == [1]
 
 
 def test_parts_share_the_tasks(plan: Path) -> None:
@@ -140,6 +136,18 @@ def test_times_that_no_file_has_are_told(plan: Path) -> None:
     assert [task.name for task in tasks_of(read_plan(plan))] == ["20260710T110000"]
 
 
+def test_a_plan_of_very_many_pictures_is_refused_before_they_are_counted(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks_module, "MOST_PICTURES", 100)
+    plan.write_text(PLAN.replace('output = "out"', f"members = {list(range(5000))}"))
+    made: list[object] = []
+    monkeypatch.setattr(tasks_module, "Task", lambda *about: made.append(about))
+    with pytest.raises(UserError, match="several plans"):
+        tasks_of(read_plan(plan))
+    assert len(made) == 51  # of two cameras
+
+
 def test_no_picture_replaces_what_is_read(plan: Path) -> None:
     demo = plan.parent / "run_0.nc"
     demo.rename(plan.parent / "roof_20260710T100000.nc")
@@ -149,8 +157,6 @@ def test_no_picture_replaces_what_is_read(plan: Path) -> None:
 
 
 def test_no_more_workers_than_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    from openswim.batches import processes
-
     monkeypatch.setattr(processes, "free_memory", lambda: 10e9)
     assert fitting(8, 1, 1e9) == 8
     assert fitting(8, 1, 2e9) == 5  # 8 GB may be used: four more
@@ -158,20 +164,33 @@ def test_no_more_workers_than_memory_holds(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
-    plan: Path, capsys: pytest.CaptureFixture[str]
+    plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first worker is killed as it is at its second task, which is done again; a file that is none fails alone."""
+    """The first worker is killed when it has its second task, which is done again; a file that is none fails alone."""
     (plan.parent / "run_3.nc").write_bytes(b"CDF\x01 and nothing")
     plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc", "run_3.nc"]'))
+    stopped: list[int] = []
     killed: list[int] = []
 
-    def kills(outcome: Outcome) -> None:
-        if not killed:
+    def stops(outcome: Outcome) -> None:
+        """Lest it be through with the next task before it is killed."""
+        if not stopped:
             (worker,) = multiprocessing.active_children()
-            killed.append(worker.pid or 0)
-            threading.Timer(0.05, os.kill, (killed[0], signal.SIGKILL)).start()  # a task takes .2 s
+            stopped.append(worker.pid or 0)
+            os.kill(stopped[0], signal.SIGSTOP)
 
-    report = openswim.batch(plan, jobs=1, tell=kills)
+    class Deadly(ProcessPoolExecutor):
+        def submit(self, work: Callable[[Task], Outcome], task: Task) -> Future[Outcome]:
+            future = super().submit(work, task)
+            if stopped and not killed:
+                killed.append(stopped[0])
+                while not future.running():
+                    time.sleep(0.001)
+                os.kill(killed[0], signal.SIGKILL)
+            return future
+
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", Deadly)
+    report = openswim.batch(plan, jobs=1, tell=stops)
     assert killed
     assert (len(report.made), [one.task for one in report.failed]) == (2, ["run_3.nc"])
     lines = [json.loads(line) for line in (plan.parent / "out/manifest.jsonl").read_text().splitlines()]
@@ -183,30 +202,26 @@ def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
     assert run(["batch", str(plan), str(plan.parent / "run_3.nc")]) == 2
 
 
-def test_failures_are_listed_and_tried_again(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from openswim.batches import processes
-
-    def in_here(plan: object, tasks: object, jobs: int, threads: int) -> object:
-        return (do(plan, task, threads) for task in tasks)  # type: ignore[attr-defined, arg-type]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(processes, "outcomes", in_here)
-        with xr.open_dataset(plan.parent / "run_1.nc") as held:
-            bad = held.load().copy()
-        good = (plan.parent / "run_1.nc").read_bytes()
-        bad["extinction_cloud"] = bad["extinction_cloud"] * np.nan
-        (plan.parent / "run_1.nc").unlink()
-        bad.to_netcdf(plan.parent / "run_1.nc")
-        assert run(["batch", str(plan), "--dry-run"]) == 0
-        assert "3 times and members, 0 of them done; 9 files by" in capsys.readouterr().err
-        assert not (plan.parent / "out").exists()
-        assert run(["batch", str(plan)]) == 2
-        told = capsys.readouterr()
-        assert "2 made, 0 stood already, 1 failed" in told.out
-        assert "failed: 20260710T110000: " in told.err
-        (plan.parent / "run_1.nc").write_bytes(good)
-        assert run(["batch", str(plan)]) == 0
-        assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
+def test_failures_are_listed_and_tried_again(
+    plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(processes, "outcomes", outcomes)
+    with xr.open_dataset(plan.parent / "run_1.nc") as held:
+        bad = held.load().copy()
+    good = (plan.parent / "run_1.nc").read_bytes()
+    bad["extinction_cloud"] = bad["extinction_cloud"] * np.nan
+    (plan.parent / "run_1.nc").unlink()
+    bad.to_netcdf(plan.parent / "run_1.nc")
+    assert run(["batch", str(plan), "--dry-run"]) == 0
+    assert "3 times and members, 0 of them done; 9 files by" in capsys.readouterr().err
+    assert not (plan.parent / "out").exists()
+    assert run(["batch", str(plan)]) == 2
+    told = capsys.readouterr()
+    assert "2 made, 0 stood already, 1 failed" in told.out
+    assert "failed: 20260710T110000: " in told.err
+    (plan.parent / "run_1.nc").write_bytes(good)
+    assert run(["batch", str(plan)]) == 0
+    assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
 
 
 def test_dask_workers_make_the_same_and_hand_back_lines(plan: Path) -> None:

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from PIL import Image
+from tests.batches.one_process import done
 
 from openswim import Scene, UserError
-from openswim.batches import Work, read_plan
+from openswim.batches import Work, ensembles, read_plan
 from openswim.batches.ensembles import CLEAR, CLOUDY, cloud_picture, outcomes, together
-from openswim.batches.records import Records
-from openswim.batches.working import do
 
 PEAK_PER_M = {"a": 2e-3, "b": 4e-3, "c": 1e-5, "d": 0.0}  # of slabs 2 km deep, that rise and fall with height evenly
 PLAN = """openswim_batch = 1
@@ -43,9 +42,8 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
         scene.to_netcdf(folder / f"{name}.nc")
     (folder / "plan.toml").write_text(PLAN)
     work = Work.of(read_plan(folder / "plan.toml"))
-    Records(work.plan.folder).prepare(work.mine)
     assert not list(outcomes(work.plan, work.tasks))  # no member stands
-    assert [do(work.plan, task).failure for task in work.waiting] == [""] * 4
+    assert [one.failure for one in done(work)] == [""] * 4
     return folder / "plan.toml"
 
 
@@ -94,6 +92,19 @@ def test_it_is_made_once_and_anew_for_another_question(plan: Path) -> None:
     plan.write_text(PLAN)
 
 
+def test_a_fault_in_one_ends_no_other(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan.write_text(PLAN.replace("0.03", "0.3"))
+    work = Work.of(read_plan(plan))
+
+    def broken(*_: object) -> xr.Dataset:
+        raise ZeroDivisionError("of ours")
+
+    monkeypatch.setattr(ensembles, "joined", broken)
+    (one,) = outcomes(work.plan, work.tasks)
+    assert (one.failure, one.fault) == ("ZeroDivisionError: of ours", True)
+    plan.write_text(PLAN)
+
+
 def test_what_cannot_be_asked_is_said(plan: Path) -> None:
     bad = plan.with_name("bad.toml")
     for change, to, says in (('"swim"', '"reference"', "reference"), ('name = "a"', 'name = "ensemble"', "folder")):
@@ -120,8 +131,7 @@ def test_members_of_one_file_are_put_together(plan: Path, tmp_path: Path) -> Non
         "openswim_batch = 1\n", 'openswim_batch = 1\nfiles = "all.nc"\nmembers = [5, 7, 9]\n'))  # fmt: skip
     work = Work.of(read_plan(tmp_path / "plan.toml"))
     assert [task.name for task in work.waiting] == [f"20260710T120000_m00{n}" for n in (5, 7, 9)]
-    Records(work.plan.folder).prepare(work.mine)
-    assert [do(work.plan, task).failure for task in work.waiting] == [""] * 3
+    assert [one.failure for one in done(work)] == [""] * 3
     assert [out.failure for out in outcomes(work.plan, work.tasks)] == [""]
     with xr.open_dataset(work.plan.folder / "ensemble/roof_20260710T120000.nc") as found:
         assert float(found["cloud_probability"][4, 4]) == pytest.approx(1 / 3)

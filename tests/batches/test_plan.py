@@ -26,9 +26,9 @@ def folder(tmp_path: Path) -> Path:
     return inside
 
 
-def _read(folder: Path, text: str, **options: object) -> object:
+def _written(folder: Path, text: str) -> Path:
     (folder / "plan.toml").write_text(text)
-    return read_plan(folder / "plan.toml", **options)  # type: ignore[arg-type]
+    return folder / "plan.toml"
 
 
 def test_a_plan_says_all(folder: Path) -> None:
@@ -82,11 +82,6 @@ outputs = ".tif"
     assert dict(plan.look) == {"exposure": 2, "bits": 16}
 
 
-def _written(folder: Path, text: str) -> Path:
-    (folder / "plan.toml").write_text(text)
-    return folder / "plan.toml"
-
-
 @pytest.mark.parametrize(("text", "says"), [
     ("", "openswim_batch = 1"),
     ("openswim_batch = true\n", "openswim_batch = 1"),
@@ -134,7 +129,7 @@ def _written(folder: Path, text: str) -> Path:
 ])  # fmt: skip
 def test_a_bad_plan_is_one_line(folder: Path, text: str, says: str) -> None:
     with pytest.raises(UserError) as caught:
-        _read(folder, text)
+        read_plan(_written(folder, text))
     line = str(caught.value)
     assert "plan.toml" in line
     assert says in line, line
@@ -143,11 +138,21 @@ def test_a_bad_plan_is_one_line(folder: Path, text: str, says: str) -> None:
 
 def test_what_is_trusted_may_lie_anywhere(folder: Path) -> None:
     text = HEAD.replace("run_*.nc", "../run_*.nc") + CAMERA
-    assert len(_read(folder, text, allow_references=True).weathers[0].files) == 2  # type: ignore[attr-defined]
+    path = _written(folder, text)
+    assert len(read_plan(path, allow_references=True).weathers[0].files) == 2
     given = [folder.parent / "run_0.nc"]
-    plan = _read(folder, text, files=given, output=folder.parent / "out")
-    assert plan.weathers[0].files == tuple(given)  # type: ignore[attr-defined]
-    assert plan.folder == folder.parent / "out"  # type: ignore[attr-defined]
+    plan = read_plan(path, files=given, output=folder.parent / "out")
+    assert plan.weathers[0].files == tuple(given)
+    assert plan.folder == folder.parent / "out"
+
+
+def test_folders_may_be_called_as_a_pattern(folder: Path) -> None:
+    """Only what the plan says is a pattern, not what its own folder is called."""
+    odd = folder.rename(folder.with_name("run [01]*"))
+    plan = read_plan(_written(odd, HEAD + CAMERA))
+    assert [path.name for path in plan.weathers[0].files] == ["run_0.nc", "run_1.nc"]
+    absolute = HEAD.replace("run_*.nc", f"{odd.parent}/run_?.nc") + CAMERA
+    assert len(read_plan(_written(odd, absolute), allow_references=True).weathers[0].files) == 2
 
 
 def test_files_are_called_after_time_and_member() -> None:

@@ -1,21 +1,23 @@
 """A folder in which clear skies arrive, rendered in this process."""
 
+import json
 import os
 import re
-import shutil
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.batches.one_process import outcomes
 
 from openswim import Scene, UserError
-from openswim.batches import processes, read_plan
+from openswim.batches import arrivals, processes, read_plan, tasks, watching
 from openswim.batches.arrivals import Arrivals
 from openswim.batches.index_page import page_of
 from openswim.batches.records import Record, Records
 from openswim.batches.watching import watch
-from openswim.batches.working import Outcome, do
+from openswim.batches.working import Outcome
 from openswim.cli.main import run
 
 PLAN = """openswim_batch = 1
@@ -34,10 +36,7 @@ size = 4
 
 @pytest.fixture
 def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    def in_here(plan: object, tasks: object, jobs: int, threads: int) -> object:
-        return (do(plan, task, threads) for task in tasks)  # type: ignore[attr-defined, arg-type]
-
-    monkeypatch.setattr(processes, "outcomes", in_here)
+    monkeypatch.setattr(processes, "outcomes", outcomes)
     (tmp_path / "in").mkdir()
     (tmp_path / "plan.toml").write_text(PLAN)
     return tmp_path / "plan.toml"
@@ -85,9 +84,35 @@ def test_what_arrives_is_rendered_shown_and_pruned(plan: Path) -> None:
     assert len([one for one in told if not one.failure]) == 3
 
 
-def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from openswim.batches import arrivals
+def test_files_that_are_old_or_bad_are_looked_at_once(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a folder that fills, what is opened at each look does not grow."""
+    opened: list[list[str]] = []
+    states_of = tasks.states_of
 
+    def counted(files: list[Path], allow_references: bool) -> object:
+        opened.append([path.stem[4:] for path in files])
+        return states_of(files, allow_references)
+
+    monkeypatch.setattr(tasks, "states_of", counted)
+    hours = iter((7, 8, 9))
+
+    def sleep(seconds: float) -> None:
+        opened.append([])
+        _arrives(plan, next(hours))
+
+    monkeypatch.setattr(watching, "clock", SimpleNamespace(sleep=sleep))
+    _arrives(plan, 6)
+    (plan.parent / "in/sky_bad.nc").write_bytes(b"CDF\x01")
+    told: list[Outcome] = []
+    watch(read_plan(plan, watched=True), Arrivals(plan.parent / "in", ["sky_*.nc"], settled_s=0.0), keep=1, looks=4,
+          tell=told.append)  # fmt: skip
+    assert opened == [["06", "bad"], ["06"], ["bad"], ["06"], [], ["06", "07"], [], ["07", "08"], [], ["08", "09"]]
+    assert [one.task for one in told if one.failure] == ["sky_bad.nc"]
+    assert "sky_bad.nc" in (plan.parent / "web/index.html").read_text()
+    assert [path.name for path in (plan.parent / "web").glob("*.png")] == ["roof_20260710T090000.png"]
+
+
+def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now = [1000.0]
     monkeypatch.setattr(arrivals.clock, "monotonic", lambda: now[0])
     (tmp_path / "old.nc").write_text("long there")
@@ -105,15 +130,33 @@ def test_files_that_grow_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
     (tmp_path / "empty.nc").touch()
     (tmp_path / ".hidden.nc").write_text("a download")
+    (tmp_path / "link.nc").symlink_to("/etc/hostname")  # ends nothing
+    (tmp_path / "loop.nc").symlink_to(tmp_path / "loop.nc")
+    os.mkfifo(tmp_path / "pipe.nc")
     now[0] += 60
     seen.whole()
     now[0] += 60
     assert [path.name for path, *_ in seen.whole()] == ["growing.nc", "old.nc"]
 
 
+def test_a_zarr_folder_is_whole_when_its_last_chunk_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks deep inside change neither the folder's own size nor its time."""
+    now = [1000.0]
+    monkeypatch.setattr(arrivals.clock, "monotonic", lambda: now[0])
+    chunks = tmp_path / "run.zarr/cloud/c"
+    chunks.mkdir(parents=True)
+    seen = Arrivals(tmp_path, ["*"], settled_s=20)
+    for n in range(4):
+        (chunks / str(n)).write_bytes(b"light")
+        assert seen.whole() == []
+        now[0] += 15
+    now[0] += 6
+    assert [path.name for path, *_ in seen.whole()] == ["run.zarr"]
+
+
 def test_pages_escape_what_others_wrote() -> None:
     nasty = '"><script>alert(1)</script>&'
-    record = Record(Path("x"), nasty, nasty, nasty, {nasty: (f"{nasty}.png",)})
+    record = Record(Path("x"), nasty, nasty, nasty, {nasty: {f"{nasty}.png": 1}})
     page = page_of([record], {nasty: nasty}, datetime(2026, 7, 10, tzinfo=UTC))
     assert "<script" not in page
     assert not re.search(r"style=|<style|javascript:|\son\w+=", page)
@@ -122,22 +165,57 @@ def test_pages_escape_what_others_wrote() -> None:
     }  # fmt: skip
 
 
-def test_records_that_name_others_files_remove_none(plan: Path) -> None:
-    folder = plan.parent / "web"
-    (folder / ".batch").mkdir(parents=True)
-    (folder / ".batch/evil.json").write_text(
-        '{"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": {"../plan.toml": 1, "/etc/none": 1, '
-        '"a/../../plan.toml": 1, "kept": 1}}}}'
+def test_only_what_was_made_is_removed(plan: Path) -> None:
+    """Neither what others' records name, nor links, nor what has changed since, nor what lies in a store."""
+    folder, store = plan.parent / "web", plan.parent / "web/sky.zarr"
+    for made in (folder / ".batch", store):
+        made.mkdir(parents=True)
+    for file in ("ours", "changed", "sky.zarr/zarr.json", "sky.zarr/notes.txt"):
+        (folder / file).write_text("x")
+    (folder / "link").symlink_to(plan)
+    files = {"../plan.toml": plan.stat().st_size, "a/../../plan.toml": plan.stat().st_size, str(plan): 1,
+             "link": plan.stat().st_size, "ours": 1, "changed": 2, "sky.zarr": -1}  # fmt: skip
+    (folder / ".batch/x.json").write_text(
+        json.dumps({"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": files}}})
     )
-    shutil.copy(plan, folder / "other.toml")
-    (folder / "kept").symlink_to(folder / "other.toml")
     records = Records(folder)
     (record,) = records.standing()
-    assert record.files == {"a": ("kept",)}
+    assert set(record.files["a"]) == {"link", "ours", "changed", "sky.zarr"}
     records.remove(record)
     assert plan.exists()
-    assert (folder / "other.toml").exists()
-    assert not (folder / "kept").is_symlink()
+    assert {path.name for path in folder.iterdir()} == {".batch", "link", "changed", "sky.zarr"}
+    assert records.standing() == []
+    (store / "notes.txt").unlink()
+    records.remove(record)
+    assert not store.exists()
+
+
+def test_pictures_that_lie_in_the_watched_folder_are_no_weather(plan: Path) -> None:
+    inside = plan.parent / "in"
+    plan.write_text(PLAN.replace('"web"', '"in/web"').replace("sky_*.nc", "*"))
+    _arrives(plan, 6)
+    told: list[Outcome] = []
+    for _ in range(2):
+        watch(read_plan(plan, watched=True), Arrivals(inside, ["*"], settled_s=0.0), every_s=0.0, looks=1,
+              tell=told.append)  # fmt: skip
+    assert [(one.task, one.failure) for one in told] == [("20260710T060000", "")]
+    with pytest.raises(UserError, match="where pictures are written"):
+        watch(read_plan(plan, output=inside, watched=True), Arrivals(inside, ["*"]), looks=0)
+
+
+def test_files_of_others_are_not_replaced(plan: Path) -> None:
+    web = plan.parent / "web"
+    web.mkdir()
+    arrivals_ = Arrivals(plan.parent / "in", ["*"], settled_s=0.0)
+    for name in ("style.css", "manifest.jsonl"):
+        (web / name).write_text("mine")
+        _arrives(plan, 6)
+        with pytest.raises(UserError, match=name):
+            watch(read_plan(plan, watched=True), arrivals_, every_s=0.0, looks=1)
+        (web / name).unlink()
+    (web / "index.html").mkdir()
+    with pytest.raises(UserError, match=r"index\.html"):
+        watch(read_plan(plan, watched=True), arrivals_, every_s=0.0, looks=1)
 
 
 def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,8 +226,12 @@ def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixtur
         (["--watch", str(plan.parent / "in")], "no page of ours"),
         (["--watch", str(plan.parent / "in"), "--part", "1/2"], "neither"),
         (["--keep", "3"], "belongs to --watch"),
+        (["--watch", str(plan.parent / "in")], "of one run"),
     ):
+        if says == "of one run":
+            plan.write_text(PLAN.replace('files = "sky_*.nc"', "") + '[[weather]]\nname = "a"\nfiles = "*"\n')
         assert run(["batch", str(plan), *line]) == 2
         assert says in capsys.readouterr().err
+    plan.write_text(PLAN)
     with pytest.raises(UserError, match="1 time or more"):
         watch(read_plan(plan, watched=True), Arrivals(plan.parent / "in", ["*"]), keep=0)

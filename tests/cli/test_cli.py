@@ -12,7 +12,9 @@ import pytest
 import xarray as xr
 
 import openswim
+from openswim.cameras.views import VIEWS
 from openswim.cli.main import run
+from openswim.cli.options import VIEWS as VIEWS_OF_OPTIONS
 from openswim.cli.render import RenderRequest
 from openswim.errors import UserError
 
@@ -386,6 +388,11 @@ def test_a_film_has_the_options_of_a_picture(monkeypatch: pytest.MonkeyPatch) ->
     assert found == [
         film.FilmRequest(picture, Path("a.mp4"), "5min", frames_per_second=10.0, speed=2.0, title=False)
     ]
+
+
+def test_views_are_those_that_cameras_have() -> None:
+    """The command line names them itself, since cameras are not imported for --help."""
+    assert tuple(VIEWS) == VIEWS_OF_OPTIONS
 
 
 def test_help_loads_nothing_heavy() -> None:

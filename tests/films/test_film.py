@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from PIL import Image
 
-from openswim import Camera, Scene, Solver, UserError
-from openswim.films import CameraPath, film
+from openswim import Camera, Scene, Solver, UserError, open_scene, readers
+from openswim.films import CameraPath, Weather, film
 from openswim.films.exposure import exposure_curve
 from openswim.films.keogram import keogram
 from openswim.films.kept_frames import KeptFrame, KeptFrames
@@ -280,3 +280,18 @@ def test_a_camera_that_looks_one_way_knows_what_is_ahead(tmp_path: Path, altitud
     facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0).facts
     assert facts.get("ahead") == ahead
     assert ahead is None or facts["ahead_m"] == pytest.approx(1000.0, rel=1e-3)
+
+
+def test_of_many_files_each_time_opens_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for n, scene in enumerate(_scenes([0, 5, 10])):
+        scene.to_netcdf(tmp_path / f"sky_{n}.nc")
+    asked: list[list[str]] = []
+
+    def counted(path: list[Path], **options: object) -> Scene:
+        asked.append([each.name for each in path])
+        return open_scene(path, **options)
+
+    monkeypatch.setattr(readers, "open_scene", counted)
+    weather = Weather.of_files(tmp_path / "sky_*.nc")
+    assert [weather.at(time).time for time in weather.times] == list(weather.times)
+    assert asked == [["sky_0.nc"], ["sky_1.nc"], ["sky_2.nc"]]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,11 +17,11 @@ from openswim.assimilation.background import Space
 from openswim.errors import UserError
 from openswim.observer import place_of
 from openswim.scene.files import written_whole
+from openswim.system.archives import Damaged, arrays_of
 from openswim.system.inputs import check_ordinary
 
 F64 = NDArray[np.float64]
 
-_OTHER = "{}: is the checkpoint of another analysis; remove it, or name another file"
 EVERY_S = 30.0
 _BESIDE = 2**20  # bytes of all that is kept beside v, at most
 
@@ -53,18 +51,12 @@ class Checkpoint:
             return cls(v, mark, target)
         check_ordinary(target, "checkpoint")
         try:
-            with zipfile.ZipFile(target) as packed:
-                fits = sum(each.file_size for each in packed.infolist()) <= v.nbytes + _BESIDE
-            if not fits:
-                raise UserError(_OTHER.format(target))
-            with np.load(target, allow_pickle=False) as kept:
-                if str(kept["mark"]) != mark or kept["v"].shape != v.shape:
-                    raise UserError(_OTHER.format(target))
-                return cls(kept["v"], mark, target, int(kept["loop"]), int(kept["done"]), kept["costs"].tolist())
-        except (OSError, ValueError, TypeError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile,
-                zlib.error) as error:  # fmt: skip
-            why = " ".join(str(error).split())[:120] or type(error).__name__
-            raise UserError(f"{target}: is no checkpoint of an analysis ({why}); remove it") from None
+            found = arrays_of(target, ("v", "mark", "loop", "done", "costs"), v.nbytes + _BESIDE)
+        except Damaged as error:
+            raise UserError(f"{target}: is no checkpoint of an analysis ({error}); remove it") from None
+        if str(found["mark"]) != mark or found["v"].shape != v.shape:
+            raise UserError(f"{target}: is the checkpoint of another analysis; remove it, or name another file")
+        return cls(found["v"], mark, target, int(found["loop"]), int(found["done"]), found["costs"].tolist())
 
     def save(self) -> None:
         if self.path is None:

@@ -1,4 +1,4 @@
-"""Files that arrive in a folder: those that have stopped growing."""
+"""Files, and Zarr folders, that arrive in a folder: those that have stopped growing."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from openswim.batches.names import Names
-from openswim.errors import UserError
+from openswim.system.inputs import size_and_change
 
 SETTLED_S = 20.0  # without a change of size or time, after which a file is taken to be whole
+
+
+Arrival = tuple[Path, int, int]  # with size and time of change
 
 
 class Arrivals:
@@ -20,35 +23,25 @@ class Arrivals:
         self.names, self.patterns, self.settled_s = Names(folder, anywhere), patterns, settled_s
         self._seen: dict[Path, tuple[int, int, float]] = {}  # size, time of change, and since when both are so
 
-    def whole(self) -> list[tuple[Path, int, int]]:
+    def whole(self) -> list[Arrival]:
         """The files that match and have stopped growing, with size and time of change; hidden and empty ones are left
         out."""
         now = clock.monotonic()
         seen: dict[Path, tuple[int, int, float]] = {}
-        found: list[tuple[Path, int, int]] = []
-        for path in self._there():
+        found: list[Arrival] = []
+        for path in self.names.files(self.patterns, "--watch", awaited=True):
             try:
-                about = path.stat()
+                size, changed = size_and_change(path)
             except OSError:  # gone meanwhile
                 continue
-            if about.st_size == 0 or path.name.startswith("."):
+            if size == 0 or path.name.startswith("."):
                 continue
-            size, changed, since = self._seen.get(path, (-1, -1, now))
-            if (size, changed) != (about.st_size, about.st_mtime_ns):
-                old = not self._seen and clock.time() - about.st_mtime > self.settled_s  # when we came it was there
+            *before, since = self._seen.get(path, (-1, -1, now))
+            if before != [size, changed]:
+                old = not self._seen and clock.time() - 1e-9 * changed > self.settled_s  # when we came it was there
                 since = now - self.settled_s if old else now
-            seen[path] = about.st_size, about.st_mtime_ns, since
+            seen[path] = size, changed, since
             if now - since >= self.settled_s:
-                found.append((path, about.st_size, about.st_mtime_ns))
+                found.append((path, size, changed))
         self._seen = seen or self._seen
         return found
-
-    def _there(self) -> list[Path]:
-        found: list[Path] = []
-        for pattern in self.patterns:
-            try:
-                found += self.names.files([pattern], "--watch")
-            except UserError as error:
-                if "no file matches" not in str(error):
-                    raise
-        return list(dict.fromkeys(found))

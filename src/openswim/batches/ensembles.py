@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from openswim.batches.plan import ENSEMBLE, Ensemble, Plan
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.batches.records import Records
 from openswim.batches.tasks import Task
-from openswim.batches.working import Outcome
+from openswim.batches.working import Outcome, attempted
 from openswim.colour.picture import PICTURES
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
@@ -64,14 +65,14 @@ def outcomes(plan: Plan, tasks: Sequence[Task]) -> Iterator[Outcome]:
              and not any(records.missing(member, plan.cameras) for member in one.members)]  # fmt: skip
     records.prepare(ready)
     for one in ready:
-        missing = records.missing(one, plan.cameras)
-        try:
-            for camera in missing:
-                records.add(one, camera, _make(plan, one, camera))
-        except UserError as error:
-            yield Outcome(one.name, failure=str(error))
-            continue
-        yield Outcome(one.name, len(missing))
+        yield attempted(one, partial(_make_missing, plan, records, one))
+
+
+def _make_missing(plan: Plan, records: Records, one: Together) -> int:
+    missing = records.missing(one, plan.cameras)
+    for camera in missing:
+        records.add(one, camera, _make(plan, one, camera))
+    return len(missing)
 
 
 def _make(plan: Plan, one: Together, camera: PlannedCamera) -> list[str]:
@@ -92,8 +93,8 @@ def _make(plan: Plan, one: Together, camera: PlannedCamera) -> list[str]:
     if "latitude" in data.coords:
         ground = np.isfinite(data["latitude"].values)
     picture = with_strip(cloud_picture(data["cloud_probability"].values, ground), entries, inside=True)
-    with written_whole(cloud_path) as partial:
-        write_picture(picture, partial, entries)
+    with written_whole(cloud_path) as unfinished:
+        write_picture(picture, unfinished, entries)
     return one.targets(camera)
 
 
@@ -137,7 +138,8 @@ def _described(
         "long_name": f"share of members whose direct light across the beam is {ensemble.sun_w_m2:g} W m-2 or more at "
         "the observer (WMO-No. 8)", "units": "1"}  # fmt: skip
     out["member"] = ("member",), np.array(members, dtype=str), {"long_name": "run, time and member"}
-    for name in sorted(set.intersection(*(set(each) for each in attrs))):
+    common = set.intersection(*map(set, attrs))
+    for name in sorted(common):
         values = [each[name] for each in attrs]
         if name.endswith("irradiance_w_m2"):
             title = f"{name.removesuffix('_w_m2').replace('_', ' ')} at the observer"
@@ -147,8 +149,7 @@ def _described(
             out.attrs[name] = float(np.mean(values))
         elif name != "history" and any(not np.array_equal(value, values[0]) for value in values[1:]):
             del out.attrs[name]
-    own = [name for name in out.attrs if name not in set.intersection(*(set(each) for each in attrs))]
-    for name in own:
+    for name in out.attrs.keys() - common:
         del out.attrs[name]
     out.attrs["title"] = f"OpenSWIm ensemble of {len(members)} members"
     out.attrs["source"] = f"mean of {len(members)} members: {attrs[0].get('source', '')}"

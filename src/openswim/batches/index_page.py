@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from openswim.batches.plan import Plan
-from openswim.batches.records import Record
+from openswim.batches.records import Record, first_bytes
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
 
@@ -19,15 +19,17 @@ MOST_SHOWN = 60  # pictures of the latest times
 MOST_FAILURES = 20
 REFRESH_S = 60
 _MARK = '<meta name="generator" content="OpenSWIm">'
+_STYLE_MARK = "/* of OpenSWIm's page */"
 _POLICY = "default-src 'none'; img-src 'self'; style-src 'self'"
 _BROWSERS = (".png", ".jpg", ".jpeg")  # what they show
 
 
 def check_index(folder: Path) -> None:
-    """Raise UserError where the page would replace somebody else's."""
-    page = folder / PAGE
-    if page.exists() and _MARK not in page.read_text("utf-8", "replace")[:2000]:
-        raise UserError(f"{page}: is no page of ours: choose another folder with -o")
+    """Raise UserError where the page or its style would replace somebody else's."""
+    for name, mark in ((PAGE, _MARK), (STYLE, _STYLE_MARK)):
+        path = folder / name
+        if path.exists() and mark not in first_bytes(path):
+            raise UserError(f"{path}: is no page of ours: choose another folder with -o")
 
 
 def write_index(plan: Plan, standing: Sequence[Record], failures: Mapping[str, str]) -> None:

@@ -40,9 +40,11 @@ class Work:
     unreadable: tuple[Outcome, ...] = ()
 
     @classmethod
-    def of(cls, plan: Plan, part: tuple[int, int] | None = None) -> Work:
-        """What there is to do; nothing is written."""
-        unreadable: dict[Path, str] = {}
+    def of(
+        cls, plan: Plan, part: tuple[int, int] | None = None, unreadable: dict[Path, str] | None = None
+    ) -> Work:
+        """What there is to do; nothing is written. unreadable: gets the files that cannot be read, and why."""
+        unreadable = {} if unreadable is None else unreadable
         tasks = tasks_of(plan, unreadable)
         mine = tasks if part is None else part_of(tasks, part)
         records = Records(plan.folder)

@@ -32,8 +32,11 @@ class Names:
         self._check(path, name, what)
         return path
 
-    def files(self, names: Sequence[str], what: str) -> tuple[Path, ...]:
-        """The files that names and patterns with * ? [ ] stand for, each once, in order."""
+    def files(self, names: Sequence[str], what: str, awaited: bool = False) -> tuple[Path, ...]:
+        """The files that names and patterns with * ? [ ] stand for, each once, in order.
+
+        awaited: others put them there, so there may be none, and links among them that lead out are left out.
+        """
         found: list[Path] = []
         for name in names:
             path = self.folder / name
@@ -41,16 +44,17 @@ class Names:
                 self._check(path, name, what)
                 found.append(path)
                 continue
-            parts = Path(name).parts
-            if not self.anywhere and (Path(name).is_absolute() or ".." in parts):
+            pattern = Path(name)
+            if not self.anywhere and (pattern.is_absolute() or ".." in pattern.parts):
                 raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
-            if "**" in parts:
+            if "**" in pattern.parts:
                 raise UserError(f"{what} {shown(name)}: ** would look into every folder: name the folders")
-            start = Path(path.anchor or ".")
-            hits = sorted(islice(start.glob(str(path.relative_to(path.anchor) if path.anchor else path)),
-                                 MOST_FILES + 1))  # fmt: skip
-            if not hits:
+            start = self.folder / pattern.anchor  # an absolute name's own root
+            hits = sorted(islice(start.glob(str(pattern.relative_to(pattern.anchor))), MOST_FILES + 1))
+            if not (hits or awaited):
                 raise UserError(f"{what} {shown(name)}: no file matches this pattern")
+            if awaited:
+                hits = [hit for hit in hits if self._allows(hit)]
             for hit in hits:
                 self._check(hit, str(hit), what)
             found += hits
@@ -61,6 +65,9 @@ class Names:
     def _check(self, path: Path, name: str, what: str) -> None:
         folder = None if self.anywhere else self.folder
         check_within(path, folder, f"{what} {shown(name)}", f"the plan's folder: {_TRUST}")
+
+    def _allows(self, path: Path) -> bool:
+        return self.anywhere or Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
 
 
 def stamp_of(time: np.datetime64 | None, member: int | None) -> str:

@@ -128,6 +128,8 @@ def _weathers(
 ) -> tuple[Weather, ...]:
     listed = tables.get("weather", [])
     check_kind("weather", listed, list, "write a table [[weather]] for each run")
+    if watched and listed:
+        raise UserError("a watched folder has the files of one run: leave out the tables [[weather]]")
     if "files" in tables and listed:
         raise UserError("give either files, or a table [[weather]] for each run")
     if files and listed:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +16,13 @@ from openswim.batches.names import Names
 from openswim.batches.values import check_name
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
+from openswim.cameras.views import VIEWS
 from openswim.colour.picture import DATA, LIGHTS, PICTURES, check_bits
 from openswim.errors import UserError
 
 MOST_CAMERAS = 1000
 SUFFIXES = PICTURES + LIGHTS + DATA
 _PLACE = ("lat", "lon", "x_m", "y_m", "height_m")
-_VIEWS = {
-    "allsky": (*_PLACE, "size", "centre", "fov_deg"),
-    "panorama": (*_PLACE, "size", "altitude_range_deg", "azimuth_deg"),
-    "sphere": (*_PLACE, "size", "azimuth_deg"),
-    "perspective": (*_PLACE, "size", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg"),
-    "satellite": ("lat", "lon", "height_m", "size", "fov_deg"),
-}
 
 
 @dataclass(frozen=True)
@@ -38,15 +33,13 @@ class PlannedCamera:
     camera: Camera
     suffixes: tuple[str, ...]
 
-    @property
+    @cached_property
     def fingerprint(self) -> str:
         """Of all that its pictures depend on."""
         camera = self.camera
-        found = hashlib.sha256(repr((self.name, replace(camera, mask=None), self.suffixes)).encode())
+        found = hashlib.sha256(repr((self.name, camera, self.suffixes)).encode())
         if camera.given is not None or camera.lens_optics is not None:
             found.update(np.ascontiguousarray(camera.pixels().direction).tobytes())
-        if camera.mask is not None:
-            found.update(np.ascontiguousarray(camera.mask.hidden).tobytes())
         return found.hexdigest()
 
 
@@ -99,9 +92,9 @@ def _camera(options: dict[str, Any], what: str, names: Names) -> Camera:
         real = load_camera(names.beside(options["file"], f"{what} file"), within, **place)
         return real if "size" not in options else real.resized(options["size"])
     view = options.pop("view", "allsky")
-    if not isinstance(view, str) or view not in _VIEWS:
-        raise UserError(f"{what} view is {shown(view)}: choose one of {', '.join(_VIEWS)}, or give file")
-    check_keys(options, _VIEWS[view], f"{what} of view {view}")
+    if not isinstance(view, str) or view not in VIEWS:
+        raise UserError(f"{what} view is {shown(view)}: choose one of {', '.join(VIEWS)}, or give file")
+    check_keys(options, VIEWS[view], f"{what} of view {view}")
     if view == "satellite" and not {"lat", "lon"} <= set(options):
         raise UserError(f"{what}: give lat and lon in degrees")
     if isinstance(options.get("altitude_range_deg"), list):

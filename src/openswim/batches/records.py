@@ -16,24 +16,25 @@ import openswim
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.batches.tasks import Task
 from openswim.errors import UserError
-from openswim.scene.files import written_whole
+from openswim.scene.files import check_target, written_whole
 from openswim.system.workshops import sweep
 
 FOLDER = ".batch"
 MANIFEST = "manifest.jsonl"
+_KIND = '"kind": "openswim batch"'  # in the first line of ours
 _OURS = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,63}/)?[A-Za-z0-9][A-Za-z0-9_.-]{0,120}")  # names that we give
 _LONGEST = 1 << 24  # bytes of a record, of a thousand cameras
 
 
 @dataclass(frozen=True)
 class Record:
-    """What was made of one task: of each camera the files, from the batch's folder."""
+    """What was made of one task: of each camera the files, from the batch's folder, and their bytes (-1: a folder)."""
 
     path: Path
     task: str
     weather: str
     time: str
-    files: dict[str, tuple[str, ...]]
+    files: dict[str, dict[str, int]]
 
 
 class Records:
@@ -51,6 +52,9 @@ class Records:
                 except OSError as error:
                     raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
                 sweep(made)
+        manifest = self.folder / MANIFEST
+        if manifest.exists() and _KIND not in first_bytes(manifest):
+            raise UserError(f"{manifest}: is no list of ours: choose another folder with -o")
 
     def missing(self, task: Task, cameras: Iterable[PlannedCamera]) -> list[PlannedCamera]:
         """The cameras whose pictures are to be made."""
@@ -74,18 +78,22 @@ class Records:
                 if path.stat().st_size > _LONGEST:
                     continue
                 kept = json.loads(path.read_text("utf-8"))
-                files = {str(name): tuple(filter(_is_ours, each["files"])) for name, each in kept["cameras"].items()}
+                files = {str(camera): {name: size for name, size in each["files"].items() if _is_ours(name)}
+                         for camera, each in kept["cameras"].items()}  # fmt: skip
                 found.append(Record(path, str(kept["task"]), str(kept["weather"]), str(kept["time"]), files))
         return sorted(found, key=lambda record: (record.time, record.task))
 
     def remove(self, record: Record) -> None:
-        """Remove the files of a record, and the record last."""
-        for name in (name for files in record.files.values() for name in files):
+        """Remove the files of a record that are as we made them, and the record last."""
+        for name, size in (each for files in record.files.values() for each in files.items()):
             path = self.folder / name
-            with suppress(OSError):
-                if path.suffix == ".zarr" and path.is_dir() and not path.is_symlink():
+            with suppress(OSError, UserError):
+                if path.is_symlink() or _size(path) != size:
+                    continue
+                if path.is_dir():
+                    check_target(path)  # a Zarr store and nothing else
                     shutil.rmtree(path)
-                elif not path.is_dir():
+                else:
                     path.unlink()
         with suppress(OSError):
             record.path.unlink()
@@ -94,7 +102,7 @@ class Records:
         """One line for each task of which all pictures are there, after a line about the batch."""
         cameras = list(cameras)
         with written_whole(self.folder / MANIFEST) as partial, partial.open("w", encoding="utf-8") as out:
-            out.write(json.dumps({"kind": "openswim batch", "openswim": openswim.__version__}) + "\n")
+            out.write(f'{{{_KIND}, "openswim": {json.dumps(openswim.__version__)}}}\n')
             for task in tasks:
                 kept = self._read(task)
                 if all(self._stands(kept.get(camera.name), task, camera) for camera in cameras):
@@ -134,3 +142,10 @@ def _size(path: Path) -> int | None:
         return -1 if path.is_dir() else os.stat(path).st_size
     except OSError:
         return None
+
+
+def first_bytes(path: Path) -> str:
+    """Of a file that may be somebody else's, as text; nothing of what is no file."""
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(2000).decode("utf-8", "replace")
+    return ""

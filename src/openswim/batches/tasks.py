@@ -17,9 +17,10 @@ from openswim.batches.plan import Plan, Weather
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
 from openswim.readers import states_of
+from openswim.readers.common.base import times_text
+from openswim.system.inputs import size_and_change
 
-MOST_TASKS = 1_000_000
-MOST_IN_FOLDER = 100_000  # files of a Zarr store that are looked at
+MOST_PICTURES = 1_000_000  # of all cameras
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
             for member in weather.members:
                 mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
                 tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
-        if len(tasks) > MOST_TASKS:
-            raise UserError(f"more than {MOST_TASKS} times and members: make several plans")
+                if len(tasks) * len(plan.cameras) > MOST_PICTURES:
+                    raise UserError(f"more than {MOST_PICTURES} times, members and cameras: make several plans")
     _check_targets(plan, tasks)
     return tasks
 
@@ -103,19 +104,27 @@ def _states(
             raise
         found = states_of(good, plan.allow_references)
     if plan.times:
-        by_time = {time: files for time, files in found if time is not None}
-        near = {wanted: min(by_time, key=lambda time, to=wanted: abs(time - to), default=None)  # type: ignore[misc]
-                for wanted in plan.times}  # fmt: skip
-        for wanted, time in near.items():
-            if time is None or abs(time - wanted) > np.timedelta64(1, "s"):
-                held = ", ".join(map(str, list(by_time)[:4])) or "none"
-                raise UserError(f"{weather.files[0]}: no time {wanted} in it and the others; they have {held} ...")
-        return [(time, by_time[time]) for time in sorted({time for time in near.values() if time is not None})]
+        return _nearest(weather.files[0], found, plan.times)
     return [
         (time, files) for time, files in found
         if time is None or not ((plan.start is not None and time < plan.start)
                                 or (plan.end is not None and time > plan.end))
     ]  # fmt: skip
+
+
+def _nearest(
+    path: Path, found: Sequence[tuple[np.datetime64 | None, list[Path]]], wanted: Sequence[np.datetime64]
+) -> list[tuple[np.datetime64 | None, list[Path]]]:
+    """Those that are wanted, to a second."""
+    held = [(time, files) for time, files in found if time is not None]
+    times = np.array([time for time, _ in held], "datetime64[ms]")
+    chosen = set()
+    for each in wanted:
+        away = np.abs(times - each)
+        if not away.size or away.min() > np.timedelta64(1, "s"):
+            raise UserError(f"{path}: no time {each} in it and the others; they have {times_text(times)}")
+        chosen.add(int(away.argmin()))
+    return [held[n] for n in sorted(chosen)]
 
 
 def _common(plan: Plan) -> str:
@@ -131,24 +140,11 @@ def _file_mark(path: Path, known: dict[str, str]) -> str:
     key = str(path)
     if key not in known:
         try:
-            size, changed = _size_and_change(path)
+            size, changed = size_and_change(path)
         except OSError as error:
             raise UserError(f"{path}: cannot be looked at ({error.strerror})") from None
         known[key] = f"{path.name} {size} {changed}"
     return known[key]
-
-
-def _size_and_change(path: Path) -> tuple[int, int]:
-    about = path.stat()
-    size, changed, count = about.st_size, about.st_mtime_ns, 0
-    for folder, _, files in os.walk(path):
-        for name in files:
-            inner = os.stat(os.path.join(folder, name))
-            size, changed = size + inner.st_size, max(changed, inner.st_mtime_ns)
-        count += len(files)
-        if count > MOST_IN_FOLDER:
-            break
-    return size, changed
 
 
 def _mark(parts: Sequence[str]) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import time as clock
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from openswim.batches.arrivals import Arrivals
+from openswim.batches.arrivals import Arrival, Arrivals
 from openswim.batches.index_page import check_index, write_index
 from openswim.batches.making import Work
 from openswim.batches.plan import Plan
@@ -27,57 +28,85 @@ def watch(
 ) -> None:  # fmt: skip
     """Render what arrives until Ctrl-C (or for so many ``looks``).
 
-    Of each run the pictures of the newest ``keep`` times stay, those of files that are gone included; older ones are
+    The pictures of the newest ``keep`` times stay, those of files that are gone included; older ones are
     neither made nor kept. Whatever stops it, the next call goes on from the records on disk.
     """
     if keep < 1:
         raise UserError(f"--keep {keep}: give 1 time or more")
     check_index(plan.folder)
-    tried: set[str] = set()  # marks of tasks that failed: they are tried again when their files change
-    failures: dict[str, str] = {}
-    before: list[tuple[Path, int, int]] | None = None
+    watched = arrivals.names.folder
+    inside = _within(plan.folder, watched)
+    if inside and _within(watched, plan.folder):
+        raise UserError(f"--watch {watched}: is where pictures are written: choose another folder with -o")
+    seen = _Seen()
+    before: list[Arrival] | None = None
     look = 0
     while looks is None or look < looks:
         if look:
             clock.sleep(every_s)
         look += 1
-        now = arrivals.whole()
+        now = [each for each in arrivals.whole() if not (inside and _within(each[0], plan.folder))]
         if now == before:
             continue
         before = now
-        if files := [path for path, *_ in now]:
-            failures = _cycle(plan, files, keep, tried, failures, jobs, threads, scheduler, tell)
-        write_index(plan, Records(plan.folder).standing(), failures)
+        seen.forget_all_but(set(now))
+        if files := [each for each in now if each not in seen.unreadable and each not in seen.old]:
+            _cycle(plan, files, keep, seen, jobs, threads, scheduler, tell)
+        write_index(plan, Records(plan.folder).standing(), seen.why_not())
+
+
+@dataclass
+class _Seen:
+    """What is known of files that have arrived, and is not looked at again until they change."""
+
+    unreadable: dict[Arrival, str] = field(default_factory=dict)
+    old: set[Arrival] = field(default_factory=set)  # of times that are too old to stay
+    failed: dict[str, tuple[str, str]] = field(default_factory=dict)  # of tasks: name, fingerprint and reason
+
+    def forget_all_but(self, now: set[Arrival]) -> None:
+        self.unreadable = {each: why for each, why in self.unreadable.items() if each in now}
+        self.old &= now
+
+    def why_not(self) -> dict[str, str]:
+        """Reasons of what failed, by the names of files and tasks."""
+        return {path.name: why for (path, *_), why in self.unreadable.items()} | {
+            name: why for name, (_, why) in self.failed.items()
+        }
 
 
 def _cycle(
-    plan: Plan, files: list[Path], keep: int, tried: set[str], failures: dict[str, str], jobs: int | None, threads: int,
-    scheduler: str | None, tell: Callable[[Outcome], None],
-) -> dict[str, str]:  # fmt: skip
-    """Make what is new and among the newest, and remove what is older; returns the failures that stand."""
+    plan: Plan, arrived: list[Arrival], keep: int, seen: _Seen, jobs: int | None, threads: int, scheduler: str | None,
+    tell: Callable[[Outcome], None],
+) -> None:  # fmt: skip
+    """Make what is new and among the newest, and remove what is older."""
     records = Records(plan.folder)
-    here = replace(plan, weathers=(replace(plan.weathers[0], files=tuple(files)),))
+    by_file = {str(each[0].absolute()): each for each in arrived}
+    here = replace(plan, weathers=(replace(plan.weathers[0], files=tuple(path for path, *_ in arrived)),))
+    unreadable: dict[Path, str] = {}
     try:
-        work = newest(Work.of(here), records.standing(), keep)
+        every = Work.of(here, unreadable=unreadable)
     except UserError as error:  # not one of them can be read
-        unreadable, ended, stand = [Outcome(files[-1].name, failure=str(error))], [], dict(failures)
+        unreadable = unreadable or {arrived[-1][0]: str(error)}
     else:
-        known = {task.name: task.mark for task in work.waiting}
-        stand = {name: why for name, why in failures.items() if name in known}
-        again = tuple(task for task in work.waiting if task.mark not in tried)
+        work = newest(every, records.standing(), keep)
+        now = {task.name: task.mark for task in work.waiting}
+        seen.failed = {name: one for name, one in seen.failed.items() if name in now}
+        again = tuple(task for task in work.waiting if task.mark != seen.failed.get(task.name, ("", ""))[0])
         report = replace(work, waiting=again, unreadable=()).run(jobs, threads, scheduler, tell)
-        unreadable, ended = list(work.unreadable), [*report.made, *report.failed]
-        tried |= {known[one.task] for one in report.failed if one.task in known}
-    for one in unreadable:
-        if one.failure != failures.get(one.task):
-            tell(one)
-    for one in [*unreadable, *ended]:
-        stand.pop(one.task, None)
-        if one.failure:
-            stand[one.task] = one.failure
+        for one in report.made:
+            seen.failed.pop(one.task, None)
+        seen.failed |= {one.task: (now.get(one.task, ""), one.failure) for one in report.failed}
+        wanted = {file for task in work.tasks for file in task.files}
+        seen.old |= {each for file, each in by_file.items() if file not in wanted and each[0] not in unreadable}
+    for path, why in unreadable.items():
+        seen.unreadable[by_file[str(path.absolute())]] = why
+        tell(Outcome(path.name, failure=why))
     for record in older(records.standing(), keep):
         records.remove(record)
-    return stand
+
+
+def _within(path: Path, folder: Path) -> bool:
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
 def newest(work: Work, standing: list[Record], keep: int) -> Work:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,18 +40,24 @@ class Outcome:
 
 def do(plan: Plan, task: Task, threads: int = 1) -> Outcome:
     """Make what of a task is not there yet; never raises what a task can be blamed for."""
+    import numba
+
+    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
+    return attempted(task, lambda: _make(plan, task))
+
+
+def attempted(task: Task, make: Callable[[], int]) -> Outcome:
+    """What becomes of a task whose missing pictures are made by a call, which says of how many cameras. One task's
+    fault, whatever it is, ends no other."""
     start, cpu = clock.perf_counter(), clock.process_time()
     made, failure, fault = 0, "", False
     try:
-        import numba
-
-        numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
-        made = _make(plan, task)
+        made = make()
     except UserError as error:
         failure = str(error)
     except MemoryError:
         failure = "out of memory: use fewer workers (--jobs), smaller pictures or a smaller domain"
-    except Exception as error:  # one task's fault ends no other
+    except Exception as error:
         failure, fault = " ".join(f"{type(error).__name__}: {error}".split())[:600], True
     return Outcome(
         task.name, made, failure, fault, clock.perf_counter() - start, clock.process_time() - cpu, _peak_bytes()

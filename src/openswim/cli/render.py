@@ -261,18 +261,13 @@ def solver_of(request: RenderRequest) -> "Solver":
 def camera_of(request: RenderRequest) -> "Camera":
     """The camera that the options describe; options that its view does not have are refused."""
     from openswim.cameras.camera import GEOSTATIONARY_HEIGHT_M, Camera
+    from openswim.cameras.views import VIEWS
 
     if request.camera_file is not None:
         return _camera_of_file(request, request.camera_file)
     place = _place(request)
-    allowed = {
-        "allsky": {"altitude_deg", "fov_deg"},
-        "panorama": {"azimuth_deg", "altitude_range_deg"},
-        "sphere": {"azimuth_deg"},
-        "perspective": {"azimuth_deg", "altitude_deg", "fov_deg", "roll_deg"},
-        "satellite": {"fov_deg"},
-    }[request.view]
     options = _aim(request)
+    allowed = {*VIEWS[request.view], *(("altitude_deg",) if request.view == "allsky" else ())}  # its centre
     for name in sorted(options.keys() - allowed):
         raise UserError(f"--view {request.view} has no {_option(name)}; leave it out")
     if request.size is not None:

@@ -118,7 +118,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
               help="Where pictures say what was rendered.")  # fmt: skip
 @click.option(
     "-o", "--output", "outputs", type=PATH, multiple=True, required=True,
-    help="File to write, by suffix .png .jpg .tif .nc .zarr; may be given several times.",
+    help="File to write, by suffix .png .jpg .tif .hdr .exr .nc .zarr; may be given several times.",
 )  # fmt: skip
 @debug
 def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
+from openswim.system.archives import arrays_of
 
 _PLAN = "film.json"
 T = TypeVar("T")
@@ -76,18 +77,17 @@ class KeptFrames:
 
     def get(self, number: int) -> KeptFrame:
         """A frame that was put; UserError where its file is damaged."""
-        return self._read(number, lambda arrays: KeptFrame(arrays["light"], _facts(arrays), arrays.get("radiance")))
+        return self._read(number, lambda path: _frame(arrays_of(path)))
 
     def facts(self, number: int) -> dict[str, Any]:
         """What is known of a frame, without its pixels."""
-        return self._read(number, _facts)
+        return self._read(number, lambda path: _facts(arrays_of(path, ["facts"])))
 
-    def _read(self, number: int, take: Callable[[Any], T]) -> T:
+    def _read(self, number: int, read: Callable[[Path], T]) -> T:
         path = self._path(number)
         try:
-            with np.load(path, allow_pickle=False) as arrays:
-                return take(arrays)
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            return read(path)
+        except (ValueError, KeyError) as error:
             raise UserError(f"{path}: damaged ({error}): remove it and start again, the others are kept") from error
 
     def each(self, count: int) -> Iterator[KeptFrame]:
@@ -101,5 +101,9 @@ class KeptFrames:
         return self.folder / f"frame_{number + 1:06d}_{self._print[:12]}.npz"
 
 
-def _facts(arrays: Any) -> dict[str, Any]:
+def _frame(arrays: dict[str, Any]) -> KeptFrame:
+    return KeptFrame(arrays["light"], _facts(arrays), arrays.get("radiance"))
+
+
+def _facts(arrays: dict[str, Any]) -> dict[str, Any]:
     return dict(json.loads(arrays["facts"].tobytes().decode()))

@@ -164,7 +164,7 @@ def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: A
         "openswim": openswim.__version__, "times": sky.times.astype(str).tolist(), "solver": repr(solver),
         "wavelengths": list(map(float, wavelengths_nm)), "kind": kind,
         "exposure": exposure if isinstance(exposure, str) else "auto",
-        "shots": [(str(shot.time), repr(replace(shot.camera, mask=None))) for shot in shots],
+        "shots": [(str(shot.time), repr(shot.camera)) for shot in shots],
         "looking": hashlib.sha256(shots[0].camera.pixels().direction.tobytes()).hexdigest(),
         "weather": sky.identity,
     }  # fmt: skip

@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.films.between import Motion, between
 from openswim.kept_light import fingerprint
 from openswim.scene import Scene
+from openswim.system.inputs import size_and_change
 
 
 class Weather:
@@ -47,19 +48,18 @@ class Weather:
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
         """Of a model's files; ``options`` go to `openswim.open_scene`. Winds are read where there are several times."""
-        from openswim.readers import describe, files_of, open_scene
+        from openswim.readers import files_of, open_scene, states_of
 
-        info = describe(path, allow_references=options.get("allow_references", False))
-        held = [(file, file.stat()) for file in files_of(path)]
-        identity = [f"{file.absolute()} {about.st_size} {about.st_mtime_ns}" for file, about in held]
+        states = states_of(path, options.get("allow_references", False))
+        identity = [f"{file.absolute()} {size_and_change(file)}" for file in files_of(path)]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
-        times = sorted({np.datetime64(time, "ms") for each in (info, *info.others) for time in each.times})
-        if not times:
+        files = {time: own for time, own in states if time is not None}
+        if not files:
             scene = open_scene(path, **options)
             return cls.of_scenes([scene])
-        if len(times) > 1:  # clouds travel from one time to the next
+        if len(files) > 1:  # clouds travel from one time to the next
             options = {"winds": True} | options
-        return cls(times, lambda time: open_scene(path, time=time, **options), identity)
+        return cls(list(files), lambda time: open_scene(files[time], time=time, **options), identity)
 
     @property
     def first(self) -> Scene:

@@ -6,12 +6,14 @@ Within the domain the transport has the towns' light itself. Beyond, sources sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.cities import city_radiance, lamp_spectrum
+from openswim.heavens.seen import Heavens
+from openswim.scene import Scene
 from openswim.scene.around import Around, directions_around
 from openswim.scene.frame import Frame
 from openswim.scene.ground import Ground
@@ -95,6 +97,26 @@ def far_sources(
     place = np.stack([gathered(light * there) / weight, gathered(light * (lon + east)) / weight], axis=-1)
     shining = np.flatnonzero(total > 1e-3 * total.max(initial=0.0))
     return place[shining], total[shining]
+
+
+def domes_beyond(scene: Scene, sky: Field, heavens: Heavens) -> Around | None:
+    """Of towns beyond a scene's domain, above an eye below its night sky; None where there is nothing beyond, and from
+    where they are not seen."""
+    grid, frame = scene.levels[-1].grid, sky.frame
+    if grid is None or not grid.curved or heavens.height_m > HIGHEST_EYE_M:
+        return None
+    _, ny, nx = grid.shape
+
+    def within(lat: F64, lon: F64) -> NDArray[np.bool_]:
+        column, row = (np.nan_to_num(each, nan=-9.0) for each in grid.index(lon, lat))
+        return np.asarray((column > -0.5) & (column < nx - 0.5) & (row > -0.5) & (row < ny - 0.5))
+
+    sources = far_sources(frame, *heavens.place, within, scene.ground)
+    domes = domes_of(
+        Air.of(sky), frame, *heavens.place, heavens.height_m, sky.ground_m, heavens.wavelengths_nm, sources
+    )
+    night = heavens.lamps.night.mean(heavens.wavelengths_nm)
+    return replace(domes, values=domes.values * (heavens.lamps.in_field / night))
 
 
 def domes_of(

@@ -10,6 +10,8 @@ from pathlib import Path
 from openswim.errors import UserError
 from openswim.system.workshops import sweep
 
+MOST_IN_FOLDER = 100_000  # files of a Zarr store that are looked at
+
 
 def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:
     """Raise UserError unless this is a file with something in it, or a folder; pipes, devices and sockets are neither.
@@ -53,3 +55,19 @@ def _why(path: Path, error: OSError) -> str:
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
         return "a link to a file that is not there" if path.is_symlink() else "no such file"
     return f"cannot be read ({error.strerror})"
+
+
+def size_and_change(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Bytes, and nanoseconds of the last change, of a file; of a folder, of all files in it. Raises OSError."""
+    about = os.stat(path)
+    if not stat.S_ISDIR(about.st_mode):
+        return about.st_size, about.st_mtime_ns
+    size, changed, count = 0, about.st_mtime_ns, 0
+    for folder, _, files in os.walk(path):
+        for name in files:
+            inner = os.lstat(os.path.join(folder, name))
+            size, changed = size + inner.st_size, max(changed, inner.st_mtime_ns)
+        count += len(files)
+        if count > MOST_IN_FOLDER:
+            break
+    return size, changed

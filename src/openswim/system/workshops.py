@@ -9,11 +9,11 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
-import socket
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 _PREFIX = ".openswim-"
@@ -21,9 +21,14 @@ _LOCK, _ASIDE = ".openswim-lock", ".openswim-aside"
 _OLD_S = 86_400.0  # after which a folder that nobody could lock is swept
 _EXCHANGE, _HERE = 2, -100  # RENAME_EXCHANGE, AT_FDCWD of Linux
 
-_HOST = socket.gethostname().encode()[:256]
-
 _held: dict[Path, int] = {}  # of this process: folder, and what holds its lock
+
+
+@cache
+def _host() -> bytes:
+    import socket
+
+    return socket.gethostname().encode()[:256]
 
 
 @contextmanager
@@ -82,7 +87,7 @@ def _made(folder: Path) -> Path:
         except FileNotFoundError:  # swept before it was locked
             continue
         if _lock(lock) is not False and os.fstat(lock).st_nlink:
-            os.write(lock, _HOST)
+            os.write(lock, _host())
             _held[made] = lock
             return made
         os.close(lock)
@@ -112,7 +117,7 @@ def _sweep_one(made: Path) -> None:
     try:
         free = _lock(lock)
         # of another machine its process may live on: locks may be local
-        told = free is not None and os.read(lock, 256) in (_HOST, b"")
+        told = free is not None and os.read(lock, 256) in (_host(), b"")
         if (free and told) or (free is not False and time.time() - made.stat().st_mtime > _OLD_S):
             _clear(made)
     finally:

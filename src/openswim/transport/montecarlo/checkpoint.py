@@ -15,6 +15,7 @@ import openswim
 from openswim.errors import UserError
 from openswim.options import Options
 from openswim.scene.files import check_target, written_whole
+from openswim.system.archives import Damaged, arrays_of
 from openswim.transport.montecarlo.sums import Sums
 
 F64 = NDArray[np.float64]
@@ -44,9 +45,8 @@ class Checkpoint:
         if not self.path.exists():
             return {}
         try:
-            with self.path.open("rb") as file, np.load(file) as arrays:
-                stored = dict(arrays)
-        except Exception as error:  # of zipfile, its decompressors, numpy or Python's tokenizer: there is no list
+            stored = arrays_of(self.path)
+        except Damaged as error:
             raise self._wrong() from error
         if not all(_STORED.fullmatch(name) for name in stored):
             raise self._wrong()
