@@ -55,7 +55,8 @@ class Bars(NamedTuple):
 class Course(NamedTuple):
     """Scratch: how an ordinate goes through the grid."""
 
-    way: np.ndarray  # (3, 3) first, end and step of the loops over levels, rows and columns, downstream
+    way: np.ndarray  # (3, 3) first, end and step of the loops over levels, rows and columns
+    entry: np.ndarray  # (3,) the level, row and column on which light enters from outside; where none does: -1
     offset: np.ndarray  # (nz, 4) flat, from a node to its upstream corners,
     weight: np.ndarray  # (nz, 4) and their weights
     length: np.ndarray  # (nz,) of the steps
@@ -65,16 +66,21 @@ class Course(NamedTuple):
 def _course_of(grid):
     """`Course` of any ordinate, to be filled by `_set_out`."""
     nz = grid.shape[0]
-    return Course(np.empty((3, 3), np.int64), np.empty((nz, 4), np.uint64), np.empty((nz, 4)), np.empty(nz))
+    offset, weight, length = np.empty((nz, 4), np.uint64), np.empty((nz, 4)), np.empty(nz)
+    return Course(np.empty((3, 3), np.int64), np.empty(3, np.int64), offset, weight, length)
 
 
 @njit(**_FLAGS)
-def _set_out(q, grid, course):
+def _set_out(q, grid, course, against):
+    """Fill a `Course`: downstream, or ``against`` the light."""
     upstream(q, grid, course.offset, course.weight, course.length)
     for a in range(3):
-        forward = q[2 - a] <= 0
-        course.way[a, 0] = 0 if forward else grid.shape[a] - 1
-        course.way[a, 1] = grid.shape[a] if forward else -1
+        last = grid.shape[a] - 1
+        begin = 0 if q[2 - a] <= 0 else last
+        course.entry[a] = begin if q[2 - a] != 0.0 else -1
+        forward = (begin == 0) != against
+        course.way[a, 0] = 0 if forward else last
+        course.way[a, 1] = last + 1 if forward else -1
         course.way[a, 2] = 1 if forward else -1
 
 
@@ -108,31 +114,24 @@ def upstream(q, grid, offset, weight, length):
 
 
 @njit(**_FLAGS)
-def _enters(k, j, q, way):
-    """Whether light enters from outside at all of a row, else at which column (none: -1)."""
-    row = (q[2] != 0.0 and k == way[0, 0]) or (q[1] != 0.0 and j == way[1, 0])
-    return row, (way[2, 0] if q[0] != 0.0 else -1)
-
-
-@njit(**_FLAGS)
 def weigh(t, threads, grid, directions, ext, steps):
     """steps (b, nodes, 4): of the step to a node what `step_weights` gives, and half of one over `trusted`; where light
     enters, nothing is told."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, offset, weight, length = course
+    way, entry, offset, weight, length = course
     for n in range(t, directions.shape[0], threads):
         q, own = directions[n], steps[n]
-        _set_out(q, grid, course)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         for k in range(shape[0]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(shape[1]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(shape[2]):
-                    if row or i == first or (rising and k <= ground_node[j, i]):
+                    if row or i == entry[2] or (rising and k <= ground_node[j, i]):
                         continue
                     p = np.uint64((k * ny + j) * nx + i)
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
@@ -149,11 +148,11 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
     """
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, offset, weight, length = course
+    way, entry, offset, weight, length = course
     emission, inflow, ground = sources
     for n in range(t, directions.shape[0], threads):
         q, e, out, amended, own = directions[n], emission[n], light[n], mean[n], steps[n]
-        _set_out(q, grid, course)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
@@ -161,13 +160,13 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         out[p] = ground[j * nx + i]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         out[p] = inflow[n, k]
                         continue
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
@@ -191,24 +190,24 @@ def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_
     """`carry`, and the `Changes` of its light and mean."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, offset, weight, length = course
+    way, entry, offset, weight, length = course
     emission, inflow, ground = sources
     d_ext, d_emission, d_ground = changes
     for n in range(t, directions.shape[0], threads):
         q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_mean[n]
-        _set_out(q, grid, course)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         out[p], d_out[p] = ground[j * nx + i], d_ground[j * nx + i]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         out[p], d_out[p] = inflow[n, k], 0.0
                         continue
                     up, ext_up, e_up, told, d_up, d_ext_up, de_up, d_told = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -245,28 +244,28 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars):
     """Transpose of `carry` by emission and ground."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, offset, weight, length = course
+    way, entry, offset, weight, length = course
     light_bar, mean_bar, emission_bar, ground_bar = bars
     for n in range(t, directions.shape[0], threads):
         q, lb, mb, eb, own = directions[n], light_bar[n], mean_bar[n], emission_bar[n], steps[n]
-        _set_out(q, grid, course)
+        _set_out(q, grid, course, True)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node] = 0.0
             lb[node] += mb[node]
-        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
-            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
-                row, first = _enters(k, j, q, way)
-                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row = k == entry[0] or j == entry[1]
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         ground_bar[n, j * nx + i] += lb[p]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         continue
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     more = mb[p] + w0 * mb[a] + w1 * mb[b] + w2 * mb[c] + w3 * mb[d]
@@ -291,28 +290,28 @@ def carry_gradient(t, threads, grid, directions, ext, emission, light, bars, ext
     """`carry_transposed`, and with it ext_bar (b, nodes) by the extinction; light: the radiance itself."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, offset, weight, length = course
+    way, entry, offset, weight, length = course
     light_bar, mean_bar, emission_bar, ground_bar = bars
     for n in range(t, directions.shape[0], threads):
         q, e, own, lb, mb, eb, xb = (
             directions[n], emission[n], light[n], light_bar[n], mean_bar[n], emission_bar[n], ext_bar[n],
         )  # fmt: skip
-        _set_out(q, grid, course)
+        _set_out(q, grid, course, True)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node], xb[node] = 0.0, 0.0
             lb[node] += mb[node]
-        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
-            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
-                row, first = _enters(k, j, q, way)
-                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row = k == entry[0] or j == entry[1]
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         ground_bar[n, j * nx + i] += lb[p]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         continue
                     up, ext_up, e_up, told, more = 0.0, 0.0, 0.0, 0.0, mb[p]
                     for c in range(4):
