@@ -40,7 +40,7 @@ from openswim.transport.linear.march import Matter, march, march_tangent, march_
 from openswim.transport.linear.moments import Eye, toward, toward_transposed
 from openswim.transport.linear.optics import Optics, Scatterer, optics_of
 from openswim.transport.linear.rays import View
-from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed
+from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
@@ -236,11 +236,11 @@ class LinearCore:
                 march_transposed, view.sent(term), self._matter(term, one), fields, bar, by_team, ground_by_team,
                 parts=TEAMS,
             )  # fmt: skip
-            of_view = _summed(by_team)
+            of_view = summed(by_team)
             in_threads(toward_transposed, self._eye(view), optics.low, of_view, seen_bar)
             fields_bar += of_view
         extinction_bar = np.ascontiguousarray(fields_bar[:, :kinds].T)
-        ground_bar = _summed(ground_by_team)
+        ground_bar = summed(ground_by_team)
         flux_bar, beam_bar = np.zeros(w.columns), np.zeros(w.nodes)
         np.add.at(flux_bar, self._columns, self._shares * ghi_bar[:, None])
         beam_bar[w.ground_nodes] += w.per_beam(term) * flux_bar
@@ -321,13 +321,6 @@ class LinearCore:
             return np.array(np.broadcast_to(np.asarray(given, float), wanted), order="C").reshape(wanted[0], -1)
         except ValueError:
             raise UserError(f"albedo of {np.shape(given)}: give one of {wanted} (wavelength, row, column)") from None
-
-
-def _summed(by_team: F64) -> F64:
-    out = by_team[0].copy()
-    for one in by_team[1:]:
-        out += one
-    return out
 
 
 def _corners(points: F64, world: World) -> tuple[NDArray[np.int64], F64]:

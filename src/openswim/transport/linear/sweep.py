@@ -119,7 +119,7 @@ def weigh(t, threads, grid, directions, ext, steps):
     enters, nothing is told."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
-    way, entry, offset, weight, length = course
+    _, entry, offset, weight, length = course
     for n in range(t, directions.shape[0], threads):
         q, own = directions[n], steps[n]
         _set_out(q, grid, course, False)
