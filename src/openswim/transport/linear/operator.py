@@ -6,8 +6,8 @@
     extinction_bar, albedo_bar = core.adjoint(state, residual)  # J^T r, residual: Images
 
 extinction (w, k, nz, ny, nx), 1/m: of scatterer class k (``core.names``) at the wavelength w (``core.wavelengths_nm``),
-at the nodes of ``core.shape`` = (nz, ny, nx); albedo (w, ny, nx) of the Lambertian ground. ``core.extinction`` and
-``core.albedo`` are those of the scene that the core was made from. `Images`: radiance, a list of (w, rays), one a view;
+at the nodes of ``core.shape`` = (nz, ny, nx); albedo (w, ny, nx) of the Lambertian ground. A `SceneCore` has those of
+its scene, ``core.extinction`` and ``core.albedo``. `Images`: radiance, a list of (w, rays), one a view;
 ghi (w, points). ``d_albedo`` may be None. A `State` holds what a linearisation needs; it may be kept, several at once.
 Everything else is held fixed: see docs/linear.md.
 
@@ -92,8 +92,6 @@ class LinearCore:
         self.wavelengths_nm = np.arange(count, dtype=float) if wavelengths_nm is None else wavelengths_nm
         self.terms = np.eye(count) if terms is None else terms
         self.tolerance, self.memory, self.most_sweeps = tolerance, memory, most_sweeps
-        self.extinction: F64 | None = None
-        self.albedo: F64 | None = None
         self.optics: list[Optics] = [optics_of(scatterers, term, world.degree) for term in range(count)]
         self._which = self.terms.argmax(axis=1)
         self._sweeps = Sweeps(world)
