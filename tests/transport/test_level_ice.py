@@ -5,9 +5,9 @@ import pytest
 
 from openswim import Camera, Solver, render
 from openswim.optics import scene_optics
-from openswim.optics.displays import plates
 from openswim.optics.displays.shapes import with_shapes
 from openswim.scene import Scene
+from openswim.transport.ice import plates
 
 SUN_DEG = 20.0
 
