@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations_with_replacement
 
 import numpy as np
 from numba import config, get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport.diffuse.anderson import Anderson
 from openswim.transport.diffuse.diffusion import Diffusion
 from openswim.transport.diffuse.moments import (
     Coarser,
-    add_scaled,
-    inner_product,
     nothing_coarser,
     places,
     scale,
@@ -286,7 +284,7 @@ class Sweeper:
             return course(name, lambda: bool(now))
 
         level = np.nonzero(self.place >= 0)[0]
-        recent = _Anderson(memory)
+        recent = Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
         before, least, lasting = 0.0, np.inf, True
@@ -313,10 +311,10 @@ class Sweeper:
             if decide("astray", astray):
                 for light in (values, *self._going_round):
                     light.fill(0.0)
-                lasting, before, spare, recent = False, 0.0, image, _Anderson(memory)
+                lasting, before, spare, recent = False, 0.0, image, Anderson(memory)
                 continue
             if decide("falling", corrected and (n == 1 or changed < _FALLING * earlier)):
-                values, spare, recent = image, values, _Anderson(memory)
+                values, spare, recent = image, values, Anderson(memory)
                 continue
             spare = None
             weight = 1 / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=0.0) + 1e-30))
@@ -352,60 +350,3 @@ def pairs(sides: F32) -> F32:
     with it)."""
     even = np.concatenate([sides, sides[..., -1:]], axis=-1) if sides.shape[-1] % 2 else sides
     return np.ascontiguousarray(0.5 * (even[..., ::2] + even[..., 1::2]))
-
-
-class _Anderson:
-    """The last images of an iteration, to be mixed so that their residual is least."""
-
-    def __init__(self, memory: int):
-        self.memory = memory
-        self.images: list[F32] = []
-        self.residuals: list[F32] = []
-        self.weights: list[F64] = []  # of their levels
-        self.rounds: list[list[F32]] = []  # light on its way round a period
-
-    def spare(self) -> F32 | None:
-        """Room for the next image: that of the one to be forgotten."""
-        if len(self.images) < self.memory:
-            return None
-        self.residuals.pop(0)
-        self.weights.pop(0)
-        self.rounds.pop(0)
-        return self.images.pop(0)
-
-    def reweigh(self, weight: F64, level: NDArray[np.int64]) -> None:
-        """Give the levels' ``weight`` to the earlier residuals, whose blocks (n,) are on each ``level``."""
-        for n, residual in enumerate(self.residuals):
-            residual *= (weight / self.weights[n]).astype(FLOAT)[level, None, None]
-            self.weights[n] = weight
-
-    def mix(self, image: F32, residual: F32, weight: F64, out: F32, going_round: list[F32]) -> None:
-        """The best combination, into ``out``; ``weight`` of levels is in the residual. Of ``going_round``, what goes
-        round a period after the last sweep, the same combination in its place: it is as much a part of the light."""
-        self.images.append(image)
-        self.residuals.append(residual)
-        self.weights.append(weight)
-        self.rounds.append([light.copy() for light in going_round])
-        # inner products of the residuals' differences from the last, from those of the residuals
-        count = len(self.residuals)
-        inner = np.empty((count, count))
-        for a, b in combinations_with_replacement(range(count), 2):
-            inner[a, b] = inner[b, a] = _inner(self.residuals[a], self.residuals[b])
-        beside = inner[:-1, -1] - inner[-1, -1]
-        gram = inner[:-1, :-1] - inner[:-1, -1:] - beside[None, :]
-        gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-        weights = np.linalg.solve(gram, -beside)
-        np.multiply(image, FLOAT(1 - weights.sum()), out=out)
-        for w, earlier in zip(weights, self.images[:-1], strict=True):
-            in_threads(add_scaled, out.reshape(-1), FLOAT(w), earlier.reshape(-1))
-        for n, light in enumerate(going_round):
-            light *= FLOAT(1 - weights.sum())
-            for w, before in zip(weights, self.rounds[:-1], strict=True):
-                light += FLOAT(w) * before[n]
-
-
-def _inner(a: F32, b: F32) -> float:
-    """Inner product."""
-    out = np.empty(get_num_threads())
-    in_threads(inner_product, a.reshape(-1), b.reshape(-1), out)
-    return float(out.sum())
