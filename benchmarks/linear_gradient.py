@@ -60,8 +60,6 @@ def core_of_hill(tolerance: float = 1e-13, ordinates: int = 14) -> SceneCore:
 def main(nodes: int) -> None:
     """Print the greatest difference over the greatest slope, kind by kind."""
     core, rng = core_of_hill(), np.random.default_rng(1)
-    assert core.extinction is not None
-    assert core.albedo is not None
     images, state = core.forward(core.extinction, core.albedo)
     print("grid", core.shape, "kinds", core.names, "sweeps", state.sweeps)
     residual = images.like(0.2 * rng.standard_normal(images.flat().size) * images.flat())

@@ -51,8 +51,8 @@ ORDER = (
 )
 MOST_MODULES = 20  # in a folder
 # And within transport, whose files beside these rooms conduct them all.
-TRANSPORT = ("engine", "march", "air", "medium", "ground_light", "beam", "diffuse", "columns", "lit", "swim", "view",
-             "montecarlo", "linear")  # fmt: skip
+TRANSPORT = ("engine", "ice", "march", "air", "medium", "ground_light", "beam", "diffuse", "columns", "lit", "swim",
+             "view", "montecarlo", "linear")  # fmt: skip
 GROUND_WITHOUT_MAPS = {"fields", "hills", "reflectance", "sample", "sky_view", "spectra", "water"}
 
 # =====================================================================================================================

@@ -76,6 +76,7 @@ TRANSPORT = {
     CONDUCTORS: Place(1, 3.0, 4.7, "conduct the rooms below, and are what the solver asks for"),
     "montecarlo": Place(2, 4.6, 1.9, "paths of photons: the reference"),
     "view": Place(3, 3.0, 1.9, "from light to what an eye sees"),
+    "ice": Place(4, 1.2, 1.5, "rays through crystals"),
     "swim": Place(4, 3.0, 1.9, "the paper's own estimate"),
     "lit": Place(5.6, 3.0, 1.9, "solved light, without an eye"),
     "columns": Place(6.6, 1.6, 1.9, "each column by itself"),

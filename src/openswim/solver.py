@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +18,12 @@ from openswim.options import Options
 from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
 from openswim.transport import Field, ReferenceField, solve
-from openswim.transport.linear.field import LinearField, fast_around, linear_field
-from openswim.transport.linear.of_matter import SceneCore, core_of
-from openswim.transport.linear.operator import TOLERANCE
 from openswim.transport.medium.plan import lit_in_parts
 from openswim.transport.plan import Plan
+
+if TYPE_CHECKING:
+    from openswim.transport.linear.field import LinearField
+    from openswim.transport.linear.of_matter import SceneCore
 
 F64 = NDArray[np.float64]
 
@@ -77,15 +79,18 @@ class Solver(Options):
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
         views: Sequence[Rays] = (),
         points: ArrayLike | None = None,
-        tolerance: float = TOLERANCE,
+        tolerance: float | None = None,
         lean: bool = False,
     ) -> SceneCore:
         """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
         (docs/linear.md).
 
         views: rays of an eye each, in the scene frame; points (n, 2): latitude and longitude of pyranometers, in flat
-        scenes y and x, m. lean: 26 ordinates and 16 moments of the diffuse light, in place of 50 and 25 of them.
+        scenes y and x, m. tolerance: of the diffuse light, by default .001 of it. lean: 26 ordinates and 16 moments of
+        the diffuse light, in place of 50 and 25 of them.
         """
+        from openswim.transport.linear.of_matter import core_of
+
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
         matter = matter_of(scene, wavelengths)
@@ -93,9 +98,12 @@ class Solver(Options):
         return core_of(self, matter, surface, np.asarray(sun_direction, float), views, points, tolerance, lean=lean)
 
     def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:
+        from openswim.transport.linear.field import fast_around, linear_field
+        from openswim.transport.linear.of_matter import core_of
+
         matter = matter_of(scene, wavelengths)
         surface = surface_of(scene, matter.wavelengths_nm)
-        core = core_of(self, matter, surface, sun, tolerance=self.tolerance or TOLERANCE)
+        core = core_of(self, matter, surface, sun, tolerance=self.tolerance)
         around = solve(fast_around(self), matter, surface, sun)
         assert isinstance(around, Field)
         return linear_field(self, around, core)

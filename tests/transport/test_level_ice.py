@@ -5,9 +5,9 @@ import pytest
 
 from openswim import Camera, Solver, render
 from openswim.optics import scene_optics
-from openswim.optics.displays import plates
 from openswim.optics.displays.shapes import with_shapes
 from openswim.scene import Scene
+from openswim.transport.ice import plates
 
 SUN_DEG = 20.0
 
@@ -22,7 +22,7 @@ def veil() -> Scene:
 
 @pytest.mark.parametrize("solver", ["fast", Solver("reference", paths=20_000)])
 def test_brightness_of_a_sundog(solver) -> None:
-    """The standard error of the mean of all pixels is 1 %."""
+    """Of `reference` the standard error of the mean of all pixels is 1 %."""
     scene, ratio = veil(), []
     aside = 24.9  # degrees
     camera = Camera.perspective(
@@ -47,8 +47,9 @@ def test_brightness_of_a_sundog(solver) -> None:
             depth = [1e3 * float(one.extinction_per_m[2, 0, 0]) for one in (ice, level)]
             once = (depth[0] * ice.phase[0].value(cosine) + depth[1] * (aligned + peak)) / np.sin(up)
             ratio.append(float(here.solar_relative_radiance) / (once * np.exp(-0.5 * sum(depth) / np.sin(up))))
-    assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)
-    np.testing.assert_allclose(ratio, 1.0, atol=0.03 if solver == "fast" else 0.12)
+    each, mean = (0.011, 0.0095) if solver == "fast" else (0.1, 0.03)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=mean)
+    np.testing.assert_allclose(ratio, 1.0, atol=each)
 
 
 MAP = plates.phase_map(546.0, SUN_DEG)

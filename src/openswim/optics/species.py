@@ -39,7 +39,7 @@ class OpticalSpecies:
     extinction_per_m: (nz, ny, nx) float32 at the reference (550 nm for aerosol); relative_extinction,
     single_scattering_albedo: (nwl,); phase: one per wavelength; fine: whether it is known to have lumps finer than
     the grid, as a model's own liquid cloud has (what is given as extinction is given as it is); level: whether they are
-    plates of ice that float level, whose ``phase`` is that of all orientations (`displays.plates`).
+    plates of ice that float level, whose ``phase`` is that of all orientations (`transport.ice.plates`).
     """
 
     name: str

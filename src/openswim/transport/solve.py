@@ -17,12 +17,11 @@ from openswim.options import Options
 from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import build_shells, no_volume
 from openswim.transport.engine.pack import PACK
-from openswim.transport.engine.types import FLOAT
 from openswim.transport.field import Field
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, CLEAR_STEP, LitGrid
-from openswim.transport.march.forward_peak import peak_tables
 from openswim.transport.march.volume import DEGREE
+from openswim.transport.medium.coefficients import aerosol_peaks
 from openswim.transport.medium.medium import air_of
 from openswim.transport.medium.surface import Surface
 from openswim.transport.montecarlo.reference import ReferenceField, solve_reference
@@ -80,11 +79,10 @@ def _clear_light(
     )  # fmt: skip
     eclipse = eclipse_of(shadow, sun, matter.wavelengths_nm, shells, air)
     shells = shells if eclipse is None else eclipse.dimmed.of(shells)
-    table = peak_tables([air.aerosol_phase], DEGREE) if air else np.zeros((1, 2, 2, PACK), FLOAT)
     lighting.light_clear(shells, sun)
     return LitGrid(
-        options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
-        timings={"sun": 0.0, "diffuse": time.perf_counter() - started}, eclipse=eclipse,
+        options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), aerosol_peaks(air),
+        lighting, timings={"sun": 0.0, "diffuse": time.perf_counter() - started}, eclipse=eclipse,
     )  # fmt: skip
 
 

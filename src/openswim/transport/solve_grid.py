@@ -79,11 +79,7 @@ def light_of_grid(
     landscape = landscape_of(surface, medium, None if wider is None else wider.landscape)
     lighting = Lighting.of_grid(surface, medium)
     lighting.place_sun(sun)
-    reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + medium.place[..., 2].min() / frame.radius_m)))
-    top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
-    shells = build_shells(
-        medium.air, sun_range(sun, reach), frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top
-    )
+    shells, reach = shells_around(medium, medium.place, lighting, sun)
     eclipse = eclipse_of(shadow, sun, wl, shells, medium.air)
     sunlit, dimmed = shells, None
     if eclipse is not None:
@@ -274,6 +270,16 @@ def _with_moments(
         coarser=[solution.coarser for solution in solutions], ratios=[solution.ratio for solution in solutions],
     )  # fmt: skip
     return solved, [solution.sweeps for solution in solutions[:count]]
+
+
+def shells_around(medium: Medium, place: F32 | F64, lighting: Lighting, sun: F64) -> tuple[Shells, float]:
+    """The air around a medium whose columns stand at ``place`` (..., 3), for all suns over it; and the angle at the
+    Earth's centre, degrees, to which these reach."""
+    radius_m = medium.frame.radius_m
+    reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / radius_m)))
+    top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
+    suns = sun_range(sun, reach)
+    return build_shells(medium.air, suns, radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top), reach
 
 
 def sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:

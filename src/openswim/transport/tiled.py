@@ -21,7 +21,7 @@ from openswim.options import Options
 from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.dimmed import eclipse_of
-from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.air.shells import no_volume
 from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
@@ -29,14 +29,14 @@ from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid, Once
-from openswim.transport.march.volume import DEGREE
+from openswim.transport.lit.lit_grid import GridLight, LitGrid, Once
 from openswim.transport.medium.chart import columns_on
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.surface import Surface
 from openswim.transport.medium.tiles import Window, large_medium, part_of_medium
 from openswim.transport.plan import Plan
+from openswim.transport.solve_grid import shells_around
 from openswim.transport.swim import light as swim
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight, sight_of, species_of
@@ -236,11 +236,7 @@ def solve_large(
     albedo = surface.albedo(lat, lon)
     blank = np.zeros((PACK, 1, 1), FLOAT)
     lighting = Lighting(medium.ground_m, albedo.mean(axis=0), blank, blank, blank, blank)
-    reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / frame.radius_m)))
-    top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
-    zenith = float(np.degrees(np.arccos(np.clip(sun[2], -1, 1))))
-    suns = max(0.0, zenith - reach), min(110.0, zenith + reach)
-    shells = build_shells(medium.air, suns, frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top)
+    shells, reach = shells_around(medium, place, lighting, sun)
     eclipse = eclipse_of(shadow, sun, matter.wavelengths_nm, shells, medium.air)
     shells = shells if eclipse is None else eclipse.dimmed.of(shells)
     lighting.clear_sky = clear_sky_table(shells, sun)

@@ -127,10 +127,10 @@ def test_the_gradient_is_that_of_differences(linearised):
             moved.ravel()[n] += step
             costs.append(cost(moved, albedo))
         found = (8 * (costs[0] - costs[1]) - (costs[2] - costs[3])) / (12 * h)
-        assert abs(found - bar.ravel()[n]) < 1e-6 * scale[kind]
+        assert abs(found - bar.ravel()[n]) < 1e-11 * scale[kind]  # what rounding of the costs makes
     costs = [cost(extinction, albedo + step) for step in (1e-2, -1e-2, 2e-2, -2e-2)]
     found = (8 * (costs[0] - costs[1]) - (costs[2] - costs[3])) / 0.12
-    assert found == pytest.approx(ground_bar.sum(), rel=1e-7)
+    assert found == pytest.approx(ground_bar.sum(), rel=1e-11)
 
 
 def test_what_is_left_of_a_first_order_expansion_falls_tenfold(linearised):
@@ -197,7 +197,7 @@ def test_an_adjoint_solved_loosely_points_the_same_way(linearised):
     core, _, _, images, state = linearised
     exact, loose = (core.adjoint(state, images, tolerance)[0].ravel() for tolerance in (1e-12, 1e-3))
     cosine = exact @ loose / np.linalg.norm(exact) / np.linalg.norm(loose)
-    assert np.degrees(np.arccos(min(cosine, 1.0))) < 0.5
+    assert np.degrees(np.arccos(min(cosine, 1.0))) < 8e-5
 
 
 def test_thin_matter_scatters_as_its_phase_function_says():
@@ -211,7 +211,7 @@ def test_thin_matter_scatters_as_its_phase_function_says():
         for view, seen in zip(core.views, images.radiance, strict=True):
             last = view.place[np.maximum(view.first[1:] - 1, 0), 3] - view.place[view.first[:-1], 3]
             expected = omega * phase[kind].value(view.cosine) * 1e-9 * last
-            assert np.allclose(seen[0], expected, rtol=4e-3)  # of the table's angles
+            assert np.allclose(seen[0], expected, rtol=9e-6)  # of the table's angles
 
 
 def test_fields_of_another_shape_are_refused(linearised):

@@ -148,8 +148,6 @@ class Rows:
     @cached_property
     def base(self) -> tuple[F64, F64]:
         """Extinction and albedo of the scene that the core was made from."""
-        assert self.core.extinction is not None
-        assert self.core.albedo is not None
         return np.asarray(self.core.extinction, float), np.asarray(self.core.albedo, float)
 
     def gathered(self, extinction: F64, albedo: F64) -> Fill:

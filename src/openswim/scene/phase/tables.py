@@ -61,7 +61,8 @@ class TablePhase(PhaseFunction):
             * np.sin(theta)
             * np.exp(np.interp(np.degrees(theta), self.angle_deg, self._log_value))
         )
-        return np.array([p_l @ weighted for p_l in legendre(mu, n)])
+        # no dot product: the library for it would wake its threads for each of hundreds
+        return np.array([(p_l * weighted).sum() for p_l in legendre(mu, n)])
 
     def _quadrature(self, n: int) -> tuple[FloatArray, FloatArray]:
         node, node_weight = np.polynomial.legendre.leggauss(6)

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.moments import emit, gather
-from openswim.transport.linear.sweep import carry, carry_gradient, carry_tangent, carry_transposed, weigh
+from openswim.transport.linear.sweep import (
+    Bars,
+    Changes,
+    Grid,
+    Sources,
+    carry,
+    carry_gradient,
+    carry_tangent,
+    carry_transposed,
+    weigh,
+)
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
@@ -63,9 +73,9 @@ class Sweeps:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._shape = np.array(world.shape, np.int64)
-        self._cell = np.array(world.cell_m, float)
-        self._way = (world.levels_m, self._cell, world.ground_node)
+        self._grid = Grid(
+            np.array(world.shape, np.int64), world.levels_m, np.array(world.cell_m, float), world.ground_node
+        )
 
     @property
     def _size(self) -> int:
@@ -77,6 +87,7 @@ class Sweeps:
             yield slice(n, min(n + size, last))
 
     def _fields(self, count: int) -> list[F64]:
+        """Scratch of finite numbers: a step without a fourth corner reads its own node with weight 0."""
         return [np.zeros((self._size, self.world.nodes)) for _ in range(count)]
 
     def _around(self, of_columns: F64) -> F64:
@@ -87,17 +98,17 @@ class Sweeps:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
         if 32 * count * self.world.nodes <= _KEEP_BYTES:
-            f.steps = np.zeros((count, self.world.nodes, 4))
-            in_threads(weigh, self._shape, self.world.direction, *self._way, f.ext, f.steps)
+            f.steps = np.empty((count, self.world.nodes, 4))
+            in_threads(weigh, self._grid, self.world.direction, f.ext, f.steps)
 
     def _steps(self, f: Filled, some: slice) -> F64:
         if f.steps is not None:
             return f.steps[some]
-        steps = np.zeros((some.stop - some.start, self.world.nodes, 4))
-        in_threads(weigh, self._shape, self.world.direction[some], *self._way, f.ext, steps)
+        steps = np.empty((some.stop - some.start, self.world.nodes, 4))
+        in_threads(weigh, self._grid, self.world.direction[some], f.ext, steps)
         return steps
 
-    def _sources(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
+    def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
         w = self.world
         out = np.zeros((len(w.ell), w.nodes)) if moments is None else moments.copy()
@@ -110,9 +121,9 @@ class Sweeps:
     def sweep(self, f: Filled, moments: F64 | None, lit: bool, see: bool = False) -> Swept:
         """The light after a sweep; lit by beam and inflow, or the linear part alone. moments: before it; None: dark."""
         w = self.world
-        sources = self._sources(f, moments, f.lit if lit else None)
-        out, flux = np.zeros_like(sources), np.zeros(w.columns)
-        seen = np.zeros_like(sources) if see else None
+        scattered = self._scattered(f, moments, f.lit if lit else None)
+        out, flux = np.zeros_like(scattered), np.zeros(w.columns)
+        seen = np.zeros_like(scattered) if see else None
         emission, light, mean = self._fields(3)
         inflow = f.inflow if lit else np.zeros_like(f.inflow)
         ground = np.zeros(w.columns)
@@ -121,11 +132,11 @@ class Sweeps:
                 ground = f.albedo * (flux + f.direct if lit else flux) / w.unit
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                in_threads(emit, w.harmonics[some], sources, emission[:n])
+                in_threads(emit, w.harmonics[some], scattered, emission[:n])
+                light_from = Sources(emission[:n], inflow[some], ground)
                 in_threads(
-                    carry, self._shape, w.direction[some], *self._way, f.ext, self._steps(f, some), emission[:n],
-                    inflow[some], ground, light[:n], mean[:n],
-                )  # fmt: skip
+                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], mean[:n]
+                )
                 in_threads(gather, w.gathered[some].T.copy(), mean[:n], out)
                 if seen is not None:
                     in_threads(gather, w.gathered[some].T.copy(), light[:n], seen)
@@ -136,14 +147,14 @@ class Sweeps:
     def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
         """Change of a lit sweep with what is at the nodes; the moments before it stay."""
         w = self.world
-        sources = self._sources(f, moments, f.lit)
-        d_sources = np.zeros_like(sources)
+        scattered = self._scattered(f, moments, f.lit)
+        d_scattered = np.zeros_like(scattered)
         for k, ell in enumerate(w.ell):
             sun = w.sun_harmonics[k].ravel()
             before = moments[k] + (sun * f.lit.reshape(w.shape[0], -1)).ravel()
-            d_sources[k] = d.scattering[ell] * before
-            d_sources[k] += f.scattering[ell] * (sun * d.lit.reshape(w.shape[0], -1)).ravel()
-        out, seen = np.zeros_like(sources), np.zeros_like(sources)
+            d_scattered[k] = d.scattering[ell] * before
+            d_scattered[k] += f.scattering[ell] * (sun * d.lit.reshape(w.shape[0], -1)).ravel()
+        out, seen = np.zeros_like(scattered), np.zeros_like(scattered)
         flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
         emission, d_emission, light, d_light, d_mean = self._fields(5)
         for first, last in ((0, w.down), (w.down, len(w.weight))):
@@ -152,11 +163,13 @@ class Sweeps:
                 d_ground = (d.albedo * (flux + f.direct) + f.albedo * (d_flux + d.direct)) / w.unit
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                in_threads(emit, w.harmonics[some], sources, emission[:n])
-                in_threads(emit, w.harmonics[some], d_sources, d_emission[:n])
+                in_threads(emit, w.harmonics[some], scattered, emission[:n])
+                in_threads(emit, w.harmonics[some], d_scattered, d_emission[:n])
+                light_from = Sources(emission[:n], f.inflow[some], ground)
+                changes = Changes(d.ext, d_emission[:n], d_ground)
                 in_threads(
-                    carry_tangent, self._shape, w.direction[some], *self._way, f.ext, emission[:n], f.inflow[some],
-                    ground, d.ext, d_emission[:n], d_ground, light[:n], d_light[:n], d_mean[:n],
+                    carry_tangent, self._grid, w.direction[some], f.ext, light_from, changes, light[:n], d_light[:n],
+                    d_mean[:n],
                 )  # fmt: skip
                 in_threads(gather, w.gathered[some].T.copy(), d_mean[:n], out)
                 in_threads(gather, w.gathered[some].T.copy(), d_light[:n], seen)
@@ -178,10 +191,10 @@ class Sweeps:
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
         source_bar = np.zeros((len(w.ell), w.nodes))
         light_bar, mean_bar, emission_bar = self._fields(3)
-        ground_bars = np.zeros((len(light_bar), w.columns))
+        ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
-            sources = self._sources(f, value.moments, f.lit)
+            scattered = self._scattered(f, value.moments, f.lit)
             emission, light, mean, ext_bars = self._fields(4)
         for first, last in ((w.down, len(w.weight)), (0, w.down)):
             if not first:
@@ -195,17 +208,15 @@ class Sweeps:
                         in_threads(emit, w.gathered[some], bars, of_light[:n])
                 for b in range(n if not first else 0):
                     light_bar[b, w.ground_nodes] += w.per_flux[some.start + b] * by_flux
-                given = (self._shape, w.direction[some], *self._way, f.ext)
-                bars_of = (light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
+                given = (self._grid, w.direction[some], f.ext)
+                bars_of = Bars(light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
                 if value is None:
-                    in_threads(carry_transposed, *given, self._steps(f, some), *bars_of)
+                    in_threads(carry_transposed, *given, self._steps(f, some), bars_of)
                 else:
-                    in_threads(emit, w.harmonics[some], sources, emission[:n])
-                    in_threads(
-                        carry, *given, self._steps(f, some), emission[:n], f.inflow[some], value.ground, light[:n],
-                        mean[:n],
-                    )  # fmt: skip
-                    in_threads(carry_gradient, *given, emission[:n], light[:n], *bars_of, ext_bars[:n])
+                    in_threads(emit, w.harmonics[some], scattered, emission[:n])
+                    light_from = Sources(emission[:n], f.inflow[some], value.ground)
+                    in_threads(carry, *given, self._steps(f, some), light_from, light[:n], mean[:n])
+                    in_threads(carry_gradient, *given, emission[:n], light[:n], bars_of, ext_bars[:n])
                     for b in range(n):
                         ext_bar += ext_bars[b]
                 in_threads(gather, w.harmonics[some].T.copy(), emission_bar[:n], source_bar)

@@ -30,18 +30,17 @@ class LinearViewpoint(Viewpoint):
         return LinearViewpoint(other.packs, other.terms, self.core, self.state)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LinearField(Field):
     """A field whose radiance is the core's; where its rays end, and what shines through to there, is told by packs that
     `fast` has lit loosely."""
 
-    core: SceneCore | None = None
-    state: State | None = None
-    options: Options | None = None
+    core: SceneCore
+    state: State
+    options: Options
 
     @property
     def solver(self) -> Options:
-        assert self.options is not None
         return self.options
 
     @property
@@ -50,8 +49,6 @@ class LinearField(Field):
 
     def viewpoint(self, rays: Rays) -> LinearViewpoint:
         eye = super().viewpoint(rays)
-        assert self.core is not None
-        assert self.state is not None
         return LinearViewpoint(eye.packs, eye.terms, self.core, self.state)
 
 
@@ -62,7 +59,5 @@ def fast_around(options: Options) -> Options:
 
 def linear_field(options: Options, around: Field, core: SceneCore) -> LinearField:
     """The field of a core, solved as its scene fills it."""
-    assert core.extinction is not None
-    assert core.albedo is not None
     _, state = core.forward(core.extinction, core.albedo)
-    return LinearField(around.packs, around.terms, around.plan, core, state, options)
+    return LinearField(around.packs, around.terms, around.plan, core=core, state=state, options=options)

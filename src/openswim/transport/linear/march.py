@@ -14,7 +14,7 @@ bars are added in their order, so that sums do not depend on threads.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,6 +23,31 @@ from openswim.transport.linear.cell import beam_of, bend, peak, peak_slope, step
 from openswim.transport.march.forward_peak import peak_row
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
+
+
+class Sent(NamedTuple):
+    """Rays (n,) of an eye."""
+
+    first: np.ndarray  # (n + 1,) each has places first[n] to first[n + 1] of
+    place: np.ndarray  # (m, 4) level, row, column, distance
+    cosine: np.ndarray  # of the angle to the sun
+    share: np.ndarray  # of the forward peak that broadens
+    ground_hit: np.ndarray  # whether they end on the ground, else before ``back``
+    front: np.ndarray  # radiance
+    dim: np.ndarray  # and transmission of what lies between the eye and the grid
+    back: np.ndarray  # radiance of what lies behind it
+
+
+class Matter(NamedTuple):
+    """What they go through, of k kinds: see `optics.Optics`."""
+
+    shape: np.ndarray  # (3,) levels, rows, columns
+    gas: np.ndarray  # (nz,) absorption, besides
+    ground: np.ndarray  # (columns,) its radiance
+    table: np.ndarray  # (k, angles, depths)
+    low: np.ndarray  # (k, M)
+    scaled: np.ndarray  # (k,)
+    forward: np.ndarray  # (k,)
 
 
 @njit(**_FLAGS)
@@ -98,15 +123,10 @@ def _dims(v, kinds, scaled):
 
 
 @njit(**_FLAGS)
-def march(
-    t, threads, shape, first, place, cosine, share, ground_hit, front, dim, back, fields, gas, ground, table, low,
-    scaled, forward, out,
-):  # fmt: skip
-    """Radiance (n,) of rays, each with places first[n] to first[n + 1] of place (m, 4): level, row, column, distance.
-
-    ground_hit: rays that end on the ground, of radiance ground (columns,), the others before ``back``; front, dim:
-    radiance and transmission of what lies between the eye and the grid; gas (nz,): absorption, besides.
-    """
+def march(t, threads, rays, matter, fields, out):
+    """Radiance (n,) of rays, with channels ``fields`` at the nodes."""
+    first, place, cosine, share, ground_hit, front, dim, back = rays
+    shape, gas, ground, table, low, scaled, forward = matter
     kinds, columns = scaled.shape[0], shape[1] * shape[2]
     node, weight, v, row, once = (
         np.empty(8, np.int64), np.empty(8), np.empty(2 * kinds + 2), np.empty((kinds, table.shape[2])), np.empty(kinds),
@@ -134,11 +154,10 @@ def march(
 
 
 @njit(**_FLAGS)
-def march_tangent(
-    t, threads, shape, first, place, cosine, share, ground_hit, front, dim, back, fields, gas, ground, table, low,
-    scaled, forward, d_fields, d_ground, out,
-):  # fmt: skip
+def march_tangent(t, threads, rays, matter, fields, d_fields, d_ground, out):
     """Change (n,) of `march`'s radiance with changes of its fields and ground."""
+    first, place, cosine, share, ground_hit, _, dim, back = rays
+    shape, gas, ground, table, low, scaled, forward = matter
     kinds, columns = scaled.shape[0], shape[1] * shape[2]
     node, weight, v, dv = np.empty(8, np.int64), np.empty(8), np.empty(2 * kinds + 2), np.empty(2 * kinds + 2)
     row, once = np.empty((kinds, table.shape[2])), np.empty(kinds)
@@ -189,12 +208,11 @@ def march_tangent(
 
 
 @njit(**_FLAGS)
-def march_transposed(
-    t, threads, shape, first, place, cosine, share, ground_hit, front, dim, back, fields, gas, ground, table, low,
-    scaled, forward, bar, fields_bar, ground_bar,
-):  # fmt: skip
+def march_transposed(t, threads, rays, matter, fields, bar, fields_bar, ground_bar):
     """Transpose of `march_tangent`: bar (n,) added to fields_bar (TEAMS, nodes, channels), ground_bar (TEAMS,
     columns)."""
+    first, place, cosine, share, ground_hit, _, dim, back = rays
+    shape, gas, ground, table, low, scaled, forward = matter
     kinds, columns = scaled.shape[0], shape[1] * shape[2]
     channels, most = 2 * kinds + 2, 1
     for n in range(cosine.shape[0]):

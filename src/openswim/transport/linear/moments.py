@@ -3,7 +3,7 @@
 Nodes are gone through in blocks that stay in a core's cache. Ordinates are added in their order, whoever adds them.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -45,17 +45,29 @@ def gather(t: int, threads: int, of_harmonics: F64, light: F64, out: F64) -> Non
         _add(of_harmonics, light[:, some], out[:, some], more=True)
 
 
+class Eye(NamedTuple):
+    """Where nodes lie, and where they are seen from."""
+
+    shape: np.ndarray  # (3,) levels, rows, columns
+    levels: np.ndarray  # (nz,) m
+    axes: np.ndarray  # (ny, nx, 3, 3) of the columns
+    foot: np.ndarray  # (ny, nx, 3) at height 0
+    place: np.ndarray  # (3,) the eye's, or
+    parallel: bool  # the direction of its rays
+
+
 @njit(**_FLAGS)
-def _way(p, shape, levels, axes, place, eye, parallel):
+def _way(p, eye):
     """Unit vector from an eye to a node, in its column's axes."""
+    shape, levels, axes, foot, place, parallel = eye
     k, column = p // (shape[1] * shape[2]), p % (shape[1] * shape[2])
     j, i = column // shape[2], column % shape[2]
     up = axes[j, i, 2]
     if parallel:
-        x, y, z = eye[0], eye[1], eye[2]
+        x, y, z = place[0], place[1], place[2]
     else:
-        foot, h = place[j, i], levels[k]
-        x, y, z = foot[0] + h * up[0] - eye[0], foot[1] + h * up[1] - eye[1], foot[2] + h * up[2] - eye[2]
+        own, h = foot[j, i], levels[k]
+        x, y, z = own[0] + h * up[0] - place[0], own[1] + h * up[1] - place[1], own[2] + h * up[2] - place[2]
         r = (x * x + y * y + z * z) ** 0.5 + 1e-6
         x, y, z = x / r, y / r, z / r
     one, two = axes[j, i, 0], axes[j, i, 1]
@@ -65,12 +77,13 @@ def _way(p, shape, levels, axes, place, eye, parallel):
 
 
 @njit(**_FLAGS)
-def toward(t, threads, shape, levels, axes, place, eye, parallel, degree, low, seen, fields):
+def toward(t, threads, eye, low, seen, fields):
     """What each kind of matter scatters toward an eye of the light at nodes, per its extinction, into fields[:, kinds:
-    2 kinds]: sum_l low[kind, l] sum_m Y_lm(way) seen[lm]. eye (3,): its place, or the direction of parallel rays."""
-    found, kinds = np.empty(degree * degree), low.shape[0]
+    2 kinds]: sum_l low[kind, l] sum_m Y_lm(way) seen[lm]."""
+    kinds, degree = low.shape
+    found = np.empty(degree * degree)
     for p in range(t, fields.shape[0], threads):
-        a, b, c = _way(p, shape, levels, axes, place, eye, parallel)
+        a, b, c = _way(p, eye)
         harmonics(a, b, c, degree, found)
         for kind in range(kinds):
             fields[p, kinds + kind] = 0.0
@@ -83,11 +96,12 @@ def toward(t, threads, shape, levels, axes, place, eye, parallel, degree, low, s
 
 
 @njit(**_FLAGS)
-def toward_transposed(t, threads, shape, levels, axes, place, eye, parallel, degree, low, bar, seen_bar):
+def toward_transposed(t, threads, eye, low, bar, seen_bar):
     """Transpose of `toward`: bar (nodes, channels) of the fields, added to seen_bar (K, nodes)."""
-    found, kinds = np.empty(degree * degree), low.shape[0]
+    kinds, degree = low.shape
+    found = np.empty(degree * degree)
     for p in range(t, bar.shape[0], threads):
-        a, b, c = _way(p, shape, levels, axes, place, eye, parallel)
+        a, b, c = _way(p, eye)
         harmonics(a, b, c, degree, found)
         for ell in range(degree):
             total = 0.0

@@ -12,10 +12,9 @@ from openswim.errors import UserError
 from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.scene.rays import Rays
-from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.air.shells import no_volume
 from openswim.transport.engine.ordinates import Ordinates, ordinates_for
 from openswim.transport.engine.pack import PACK
-from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, sky_flux
 from openswim.transport.linear.air import OfAir, air_at, air_kinds
 from openswim.transport.linear.drawn import Drawn
@@ -25,14 +24,13 @@ from openswim.transport.linear.place import ground_under, locate_in
 from openswim.transport.linear.rays import View, view_of, ways_of
 from openswim.transport.linear.sun_depth import depths
 from openswim.transport.linear.world import World
-from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG
-from openswim.transport.march.forward_peak import peak_tables
 from openswim.transport.march.march import ground_radiance_rows, march_rays
 from openswim.transport.march.volume import DEGREE, Shells
+from openswim.transport.medium.coefficients import aerosol_peaks
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.plan import Fineness, MediumPlan, plan_medium
 from openswim.transport.medium.surface import Surface
-from openswim.transport.solve_grid import clear_inflow, sun_range
+from openswim.transport.solve_grid import clear_inflow, shells_around
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,6 +44,8 @@ class SceneCore(LinearCore):
     """`LinearCore` of a scene. extinction and albedo: the scene's own; ``species``: how many of the classes are on the
     scene's grid, before molecules and the background aerosol; ``drawn``: from that grid to the nodes."""
 
+    extinction: F64
+    albedo: F64
     medium: Medium
     drawn: Drawn
     species: int
@@ -77,16 +77,9 @@ class _Pack:
     @classmethod
     def of(cls, medium: Medium, surface: Surface, sun: F64, count: int) -> _Pack:
         lighting = Lighting.of_grid(surface, medium)
-        reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + medium.place[..., 2].min() / medium.frame.radius_m)))
-        top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
-        shells = build_shells(
-            medium.air, sun_range(sun, reach), medium.frame.radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top
-        )
-        table = np.zeros((1, 2, 2, PACK), FLOAT)
-        if medium.air is not None:
-            table = peak_tables([medium.air.aerosol_phase], DEGREE)
+        shells, _ = shells_around(medium, medium.place, lighting, sun)
         slopes = None if lighting.terrain is None or lighting.normal is None else lighting.normal @ sun
-        return cls(medium, shells, table, lighting.albedo[:count], slopes, count)
+        return cls(medium, shells, aerosol_peaks(medium.air), lighting.albedo[:count], slopes, count)
 
     def clear(self, origin: F64, direction: F64, sun: F64, ends: F64 | None = None) -> tuple[F64, F64]:
         """Radiance and transmission (count, n) of the clear sky along rays, as far as ``ends`` (n,) or all of the way,
@@ -103,7 +96,7 @@ class _Pack:
 
 def core_of(
     options: Options, matter: Matter, surface: Surface, sun: F64, views: Sequence[Rays] = (),
-    points: ArrayLike | None = None, tolerance: float = TOLERANCE, memory: int = 3,
+    points: ArrayLike | None = None, tolerance: float | None = None, memory: int = 3,
     ordinates: Ordinates | None = None, lean: bool = False,
 ) -> SceneCore:  # fmt: skip
     """The core of matter over ground, lit from ``sun`` (3,). views: rays of an eye each; points (n, 2): latitude and
@@ -145,7 +138,7 @@ def core_of(
     share[np.arange(count), terms.which] = terms.weight
     eyes = [_view(world, packs, rays, options.step) for rays in views]
     at = None if points is None else np.stack(medium.indices(_places(medium, points))[::-1], axis=-1)
-    core = SceneCore(world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance, memory)
+    core = SceneCore(world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance or TOLERANCE, memory)
     core.medium, core.drawn, core.species = medium, Drawn.of(medium, plan), len(species)
     core.step, core.packs = options.step, packs
     firsts = [int(np.flatnonzero(terms.which == w)[0]) for w in range(terms.wavelengths_nm.size)]

@@ -6,8 +6,8 @@
     extinction_bar, albedo_bar = core.adjoint(state, residual)  # J^T r, residual: Images
 
 extinction (w, k, nz, ny, nx), 1/m: of scatterer class k (``core.names``) at the wavelength w (``core.wavelengths_nm``),
-at the nodes of ``core.shape`` = (nz, ny, nx); albedo (w, ny, nx) of the Lambertian ground. ``core.extinction`` and
-``core.albedo`` are those of the scene that the core was made from. `Images`: radiance, a list of (w, rays), one a view;
+at the nodes of ``core.shape`` = (nz, ny, nx); albedo (w, ny, nx) of the Lambertian ground. A `SceneCore` has those of
+its scene, ``core.extinction`` and ``core.albedo``. `Images`: radiance, a list of (w, rays), one a view;
 ghi (w, points). ``d_albedo`` may be None. A `State` holds what a linearisation needs; it may be kept, several at once.
 Everything else is held fixed: see docs/linear.md.
 
@@ -36,11 +36,11 @@ from openswim.transport.linear import beam_taken
 from openswim.transport.linear.anderson import fixed_point
 from openswim.transport.linear.diffuse import Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
-from openswim.transport.linear.march import march, march_tangent, march_transposed
-from openswim.transport.linear.moments import toward, toward_transposed
+from openswim.transport.linear.march import Matter, march, march_tangent, march_transposed
+from openswim.transport.linear.moments import Eye, toward, toward_transposed
 from openswim.transport.linear.optics import Optics, Scatterer, optics_of
 from openswim.transport.linear.rays import View
-from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed
+from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
@@ -92,8 +92,6 @@ class LinearCore:
         self.wavelengths_nm = np.arange(count, dtype=float) if wavelengths_nm is None else wavelengths_nm
         self.terms = np.eye(count) if terms is None else terms
         self.tolerance, self.memory, self.most_sweeps = tolerance, memory, most_sweeps
-        self.extinction: F64 | None = None
-        self.albedo: F64 | None = None
         self.optics: list[Optics] = [optics_of(scatterers, term, world.degree) for term in range(count)]
         self._which = self.terms.argmax(axis=1)
         self._sweeps = Sweeps(world)
@@ -145,7 +143,7 @@ class LinearCore:
             assert one.swept.seen is not None
             self._toward(view, term, one.swept.seen, fields)
             out = np.empty(len(view))
-            in_threads(march, *self._rays(view, term), fields, *self._matter(term, one), out)
+            in_threads(march, view.sent(term), self._matter(term, one), fields, out)
             found.append(out)
         ghi = w.per_beam(term) * one.beam[w.ground_nodes] + one.swept.flux
         return found, self._at_points(ghi)
@@ -196,7 +194,7 @@ class LinearCore:
             self._toward(view, term, d_seen, d_fields)
             out = np.empty(len(view))
             in_threads(
-                march_tangent, *self._rays(view, term), fields, *self._matter(term, one), d_fields,
+                march_tangent, view.sent(term), self._matter(term, one), fields, d_fields,
                 by_values.ground + by_moments.ground, out,
             )  # fmt: skip
             found.append(out)
@@ -233,14 +231,14 @@ class LinearCore:
             self._toward(view, term, one.swept.seen, fields)
             by_team[:] = 0.0
             in_threads(
-                march_transposed, *self._rays(view, term), fields, *self._matter(term, one), bar, by_team,
-                ground_by_team, parts=TEAMS,
+                march_transposed, view.sent(term), self._matter(term, one), fields, bar, by_team, ground_by_team,
+                parts=TEAMS,
             )  # fmt: skip
-            of_view = _summed(by_team)
-            in_threads(toward_transposed, *self._eye(view, term), of_view, seen_bar)
+            of_view = summed(by_team)
+            in_threads(toward_transposed, self._eye(view), optics.low, of_view, seen_bar)
             fields_bar += of_view
         extinction_bar = np.ascontiguousarray(fields_bar[:, :kinds].T)
-        ground_bar = _summed(ground_by_team)
+        ground_bar = summed(ground_by_team)
         flux_bar, beam_bar = np.zeros(w.columns), np.zeros(w.nodes)
         np.add.at(flux_bar, self._columns, self._shares * ghi_bar[:, None])
         beam_bar[w.ground_nodes] += w.per_beam(term) * flux_bar
@@ -288,24 +286,16 @@ class LinearCore:
         out[:, :kinds], out[:, 2 * kinds], out[:, 2 * kinds + 1] = extinction.T, root, forward_depth
         return out
 
-    def _eye(self, view: View, term: int) -> tuple[object, ...]:
+    def _eye(self, view: View) -> Eye:
         w = self.world
-        return (
-            self._shape, w.levels_m, w.axes, w.place, view.eye, view.parallel, w.degree, self.optics[term].low
-        )  # fmt: skip
+        return Eye(self._shape, w.levels_m, w.axes, w.place, view.eye, view.parallel)
 
     def _toward(self, view: View, term: int, seen: F64, fields: F64) -> None:
-        in_threads(toward, *self._eye(view, term), seen, fields)
+        in_threads(toward, self._eye(view), self.optics[term].low, seen, fields)
 
-    def _rays(self, view: View, term: int) -> tuple[object, ...]:
-        return (
-            self._shape, view.first, view.place, view.cosine, view.share, view.ground_hit, view.front[term],
-            view.dim[term], view.back[term],
-        )  # fmt: skip
-
-    def _matter(self, term: int, one: OneState) -> tuple[object, ...]:
-        optics = self.optics[term]
-        return self.world.gas[term], one.swept.ground, optics.table, optics.low, optics.scaled, optics.forward
+    def _matter(self, term: int, one: OneState) -> Matter:
+        o = self.optics[term]
+        return Matter(self._shape, self.world.gas[term], one.swept.ground, o.table, o.low, o.scaled, o.forward)
 
     def _at_points(self, of_columns: F64) -> F64:
         return np.asarray((of_columns[self._columns] * self._shares).sum(axis=1))
@@ -329,13 +319,6 @@ class LinearCore:
             return np.array(np.broadcast_to(np.asarray(given, float), wanted), order="C").reshape(wanted[0], -1)
         except ValueError:
             raise UserError(f"albedo of {np.shape(given)}: give one of {wanted} (wavelength, row, column)") from None
-
-
-def _summed(by_team: F64) -> F64:
-    out = by_team[0].copy()
-    for one in by_team[1:]:
-        out += one
-    return out
 
 
 def _corners(points: F64, world: World) -> tuple[NDArray[np.int64], F64]:

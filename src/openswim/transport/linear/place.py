@@ -25,15 +25,11 @@ def locate_in(medium: Medium) -> Callable[[F64], tuple[F64, F64, F64]]:
         r = np.sqrt(x * x + y * y + depth * depth)
         q = radius * np.sqrt(2.0 / (r * np.maximum(r + depth, 1.0)))
         u, v = ((a * q - medium.chart_origin_m) * medium.chart_per_m for a in (x, y))
-        n = medium.chart.shape[0] - 1
+        n = len(medium.chart) - 1
         known = (u >= 0) & (v >= 0) & (u <= n) & (v <= n) & (depth > 0)
-        i, j = (np.clip(a.astype(int), 0, n - 1) for a in (np.where(known, u, 0), np.where(known, v, 0)))
-        a, b = (np.clip(one - k, 0, 1)[:, None] for one, k in ((u, i), (v, j)))
-        c = medium.chart
-        index = (c[j, i] * (1 - a) + c[j, i + 1] * a) * (1 - b) + (c[j + 1, i] * (1 - a) + c[j + 1, i + 1] * a) * b
-        index = np.where(known[:, None], index, _OUTSIDE)
+        column, row = np.where(known, bilinear(np.moveaxis(medium.chart, -1, 0), u, v).T, _OUTSIDE)
         height = (x * x + y * y + places[:, 2] * (2 * radius + places[:, 2])) / (r + radius)
-        return height, index[:, 1], index[:, 0]
+        return height, row, column
 
     def in_plane(places: F64) -> tuple[F64, F64, F64]:
         column, row = medium.indices(places)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.scene.rays import Rays
+from openswim.transport.linear.march import Sent
 from openswim.transport.linear.world import World
 from openswim.transport.march.volume import PEAK_COSINES
 
@@ -22,9 +23,8 @@ _BISECTIONS = 40
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Rays (n) of one eye. first (n + 1,), place (m, 4): see `march`; eye (3,): its place, or the direction of parallel
-    rays. ground_hit (n,): those that end on the ground in the grid. front, dim (nt, n): radiance and transmission of
-    what lies before the grid; back (nt, n): radiance of what lies behind it."""
+    """Rays (n) of one eye: see `march.Sent`, but front, dim and back (nt, n) are those of all terms; eye (3,): its
+    place, or the direction of parallel rays."""
 
     first: I64
     place: F64
@@ -39,6 +39,13 @@ class View:
 
     def __len__(self) -> int:
         return len(self.cosine)
+
+    def sent(self, term: int) -> Sent:
+        """As kernels have them."""
+        return Sent(
+            self.first, self.place, self.cosine, self.share, self.ground_hit, self.front[term], self.dim[term],
+            self.back[term],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,10 @@ _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, 
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
 
 
-@njit(**_FLAGS)
-def _around(k, part, y, x, shape, node, weight):
-    """Nodes and weights (8,) around a place ``part`` of the way from level k up; their number."""
+@njit(**_FLAGS, forceinline=True)
+def _around(k, part, y, x, ds, shape, first, node, length):
+    """Fill nodes, from ``first`` on, and shares of a length around a place ``part`` of the way from level k up; the
+    first that is left."""
     j, i = min(int(y), max(shape[1] - 2, 0)), min(int(x), max(shape[2] - 2, 0))
     b, a = min(max(y - j, 0.0), 1.0), min(max(x - i, 0.0), 1.0)
     right, back = (1 if shape[2] > 1 else 0), (shape[2] if shape[1] > 1 else 0)
@@ -31,10 +32,10 @@ def _around(k, part, y, x, shape, node, weight):
     up = shape[1] * shape[2]
     count = 8 if part > 0.0 else 4
     for n in range(count):
-        node[n] = here + (n & 1) * right + (n >> 1 & 1) * back + (n >> 2) * up
+        node[first + n] = here + (n & 1) * right + (n >> 1 & 1) * back + (n >> 2) * up
         w = (a if n & 1 else 1.0 - a) * (b if n >> 1 & 1 else 1.0 - b)
-        weight[n] = w * ((part if n >> 2 else 1.0 - part) if count == 8 else 1.0)
-    return count
+        length[first + n] = ds * (w * ((part if n >> 2 else 1.0 - part) if count == 8 else 1.0))
+    return first + count
 
 
 @njit(**_FLAGS)
@@ -70,30 +71,41 @@ def _way(k, j, i, sun, levels, cell, shape, place):
 
 
 @njit(**_FLAGS)
+def _lengths(k, j, i, sun, levels, cell, shape, place, node, length):
+    """Nodes, each once or several times, and the length of the way to the sun that each stands for; their number."""
+    count, found = _way(k, j, i, sun, levels, cell, shape, place), 0
+    for m in range(count):
+        found = _around(
+            int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], place[m, 4], shape, found, node, length
+        )
+    return found
+
+
+@njit(**_FLAGS)
+def _scratch(shape):
+    """Places of a way, and nodes and lengths around them."""
+    most = shape[0] * 2 + 2 * (shape[1] + shape[2]) + 8
+    return np.empty((most, 5)), np.empty(8 * most, np.int64), np.empty(8 * most)
+
+
+@njit(**_FLAGS)
 def sun_depth(t, threads, shape, sun, levels, cell, both, out):
     """Depths (nodes, 2) to the sun of two fields per length, both (nodes, 2); sun (ny, nx, 3) in the columns' axes."""
-    node, weight = np.empty(8, np.int64), np.empty(8)
-    place = np.empty((shape[0] * 2 + 2 * (shape[1] + shape[2]) + 8, 5))
+    place, node, length = _scratch(shape)
     for row in range(t, shape[0] * shape[1], threads):
         k, j = row // shape[1], row % shape[1]
         for i in range(shape[2]):
             one, two = 0.0, 0.0
-            count = _way(k, j, i, sun[j, i], levels, cell, shape, place)
-            for m in range(count):
-                ds = place[m, 4]
-                corners = _around(int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], shape, node, weight)
-                for n in range(corners):
-                    w = ds * weight[n]
-                    one += w * both[node[n], 0]
-                    two += w * both[node[n], 1]
+            for n in range(_lengths(k, j, i, sun[j, i], levels, cell, shape, place, node, length)):
+                one += length[n] * both[node[n], 0]
+                two += length[n] * both[node[n], 1]
             out[row * shape[2] + i, 0], out[row * shape[2] + i, 1] = one, two
 
 
 @njit(**_FLAGS)
 def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
     """Transpose of `sun_depth`: bar (nodes, 2) added to both_bar (TEAMS, nodes, 2)."""
-    node, weight = np.empty(8, np.int64), np.empty(8)
-    place = np.empty((shape[0] * 2 + 2 * (shape[1] + shape[2]) + 8, 5))
+    place, node, length = _scratch(shape)
     for team in range(t, both_bar.shape[0], threads):
         own = both_bar[team]
         for row in range(team, shape[0] * shape[1], both_bar.shape[0]):
@@ -102,14 +114,9 @@ def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
                 one, two = bar[row * shape[2] + i, 0], bar[row * shape[2] + i, 1]
                 if one == 0.0 and two == 0.0:
                     continue
-                count = _way(k, j, i, sun[j, i], levels, cell, shape, place)
-                for m in range(count):
-                    ds = place[m, 4]
-                    corners = _around(int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], shape, node, weight)
-                    for n in range(corners):
-                        w = ds * weight[n]
-                        own[node[n], 0] += w * one
-                        own[node[n], 1] += w * two
+                for n in range(_lengths(k, j, i, sun[j, i], levels, cell, shape, place, node, length)):
+                    own[node[n], 0] += length[n] * one
+                    own[node[n], 1] += length[n] * two
 
 
 def depths(world: World, both: F64) -> F64:
@@ -123,6 +130,11 @@ def depths_transposed(world: World, bar: F64) -> F64:
     """Its transpose: bars (nodes, 2) of both fields."""
     by_team = np.zeros((TEAMS, *bar.shape))
     in_threads(sun_depth_transposed, *_of(world), bar, by_team, parts=TEAMS)
+    return summed(by_team)
+
+
+def summed(by_team: F64) -> F64:
+    """What teams have added up, in their order."""
     out = by_team[0].copy()
     for one in by_team[1:]:
         out += one

@@ -7,7 +7,7 @@ ground's radiance. `upstream` says all that there is to know of an ordinate, and
 alike: they differ in nothing but what they do at a node. Fields are rows of nodes, (b, nodes) of b ordinates.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,12 +17,80 @@ from openswim.transport.linear.cell import amendment, step_slopes, step_weights,
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 
 
+class Grid(NamedTuple):
+    """What ordinates go through."""
+
+    shape: np.ndarray  # (3,) levels, rows, columns
+    levels: np.ndarray  # (nz,) heights, m
+    cell: np.ndarray  # (2,) m, along x and y
+    ground_node: np.ndarray  # (ny, nx) the level on which the ground lies
+
+
+class Sources(NamedTuple):
+    """Where the light of b ordinates comes from."""
+
+    emission: np.ndarray  # (b, nodes) per length
+    inflow: np.ndarray  # (b, nz) radiance from outside
+    ground: np.ndarray  # (columns,) radiance of the ground
+
+
+class Changes(NamedTuple):
+    """Of what `carry` is given."""
+
+    ext: np.ndarray  # (nodes,)
+    emission: np.ndarray  # (b, nodes)
+    ground: np.ndarray  # (columns,)
+
+
+class Bars(NamedTuple):
+    """Of what `carry` makes, light (b, nodes), used up, and mean (b, nodes); and, filled from them, of what it is
+    given: emission (b, nodes) and ground (b, columns)."""
+
+    light: np.ndarray
+    mean: np.ndarray
+    emission: np.ndarray
+    ground: np.ndarray
+
+
+class Course(NamedTuple):
+    """Scratch: how an ordinate goes through the grid."""
+
+    way: np.ndarray  # (3, 3) first, end and step of the loops over levels, rows and columns
+    entry: np.ndarray  # (3,) the level, row and column on which light enters from outside; where none does: -1
+    offset: np.ndarray  # (nz, 4) flat, from a node to its upstream corners,
+    weight: np.ndarray  # (nz, 4) and their weights
+    length: np.ndarray  # (nz,) of the steps
+
+
 @njit(**_FLAGS)
-def upstream(q, levels, cell, shape, offset, weight, length):
+def _course_of(grid):
+    """`Course` of any ordinate, to be filled by `_set_out`."""
+    nz = grid.shape[0]
+    offset, weight, length = np.empty((nz, 4), np.uint64), np.empty((nz, 4)), np.empty(nz)
+    return Course(np.empty((3, 3), np.int64), np.empty(3, np.int64), offset, weight, length)
+
+
+@njit(**_FLAGS)
+def _set_out(q, grid, course, against):
+    """Fill a `Course`: downstream, or ``against`` the light."""
+    upstream(q, grid, course.offset, course.weight, course.length)
+    for a in range(3):
+        last = grid.shape[a] - 1
+        begin = 0 if q[2 - a] <= 0 else last
+        course.entry[a] = begin if q[2 - a] != 0.0 else -1
+        forward = (begin == 0) != against
+        course.way[a, 0] = 0 if forward else last
+        course.way[a, 1] = last + 1 if forward else -1
+        course.way[a, 2] = 1 if forward else -1
+
+
+@njit(**_FLAGS)
+def upstream(q, grid, offset, weight, length):
     """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,).
 
     Offsets are unsigned, those backward modulo 2^64: the kernels' indices are, which numba then need not look at.
     """
+    shape, levels, cell, _ = grid
     nx, plane = shape[2], shape[1] * shape[2]
     up = 1 if q[2] > 0 else -1
     for k in range(shape[0]):
@@ -46,42 +114,24 @@ def upstream(q, levels, cell, shape, offset, weight, length):
 
 
 @njit(**_FLAGS)
-def _ways(q, shape, way):
-    """First, end and step (3, 3) of the loops over levels, rows and columns, downstream."""
-    for a in range(3):
-        forward = q[2 - a] <= 0
-        way[a, 0] = 0 if forward else shape[a] - 1
-        way[a, 1] = shape[a] if forward else -1
-        way[a, 2] = 1 if forward else -1
-
-
-@njit(**_FLAGS)
-def _enters(k, j, q, way):
-    """Whether light enters from outside at all of a row, else at which column (none: -1)."""
-    row = (q[2] != 0.0 and k == way[0, 0]) or (q[1] != 0.0 and j == way[1, 0])
-    return row, (way[2, 0] if q[0] != 0.0 else -1)
-
-
-@njit(**_FLAGS)
-def weigh(t, threads, shape, directions, levels, cell, ground_node, ext, steps):
+def weigh(t, threads, grid, directions, ext, steps):
     """steps (b, nodes, 4): of the step to a node what `step_weights` gives, and half of one over `trusted`; where light
     enters, nothing is told."""
-    way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
-    )  # fmt: skip
+    shape, _, _, ground_node = grid
+    course = _course_of(grid)
+    _, entry, offset, weight, length = course
     for n in range(t, directions.shape[0], threads):
         q, own = directions[n], steps[n]
-        upstream(q, levels, cell, shape, offset, weight, length)
-        _ways(q, shape, way)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         for k in range(shape[0]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(shape[1]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(shape[2]):
-                    if row or i == first or (rising and k <= ground_node[j, i]):
+                    if row or i == entry[2] or (rising and k <= ground_node[j, i]):
                         continue
                     p = np.uint64((k * ny + j) * nx + i)
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
@@ -91,19 +141,18 @@ def weigh(t, threads, shape, directions, levels, cell, ground_node, ext, steps):
 
 
 @njit(**_FLAGS)
-def carry(t, threads, shape, directions, levels, cell, ground_node, ext, steps, emission, inflow, ground, light, mean):
-    """light (b, nodes): radiance of ordinates with emission per length; ext: scaled extinction, by which `weigh` has
-    made ``steps``; inflow (b, nz).
+def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
+    """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``.
 
     mean: the same as what is scattered around the nodes has it (`cell.amendment`).
     """
-    way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
-    )  # fmt: skip
+    shape, _, _, ground_node = grid
+    course = _course_of(grid)
+    way, entry, offset, weight, length = course
+    emission, inflow, ground = sources
     for n in range(t, directions.shape[0], threads):
         q, e, out, amended, own = directions[n], emission[n], light[n], mean[n], steps[n]
-        upstream(q, levels, cell, shape, offset, weight, length)
-        _ways(q, shape, way)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
@@ -111,13 +160,13 @@ def carry(t, threads, shape, directions, levels, cell, ground_node, ext, steps, 
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         out[p] = ground[j * nx + i]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         out[p] = inflow[n, k]
                         continue
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
@@ -137,30 +186,28 @@ def carry(t, threads, shape, directions, levels, cell, ground_node, ext, steps, 
 
 
 @njit(**_FLAGS)
-def carry_tangent(
-    t, threads, shape, directions, levels, cell, ground_node, ext, emission, inflow, ground,
-    d_ext, d_emission, d_ground, light, d_light, d_mean,
-):  # fmt: skip
-    """`carry`, and the changes of its light and mean with d_ext, d_emission and d_ground."""
-    way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
-    )  # fmt: skip
+def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_light, d_mean):
+    """`carry`, and the `Changes` of its light and mean."""
+    shape, _, _, ground_node = grid
+    course = _course_of(grid)
+    way, entry, offset, weight, length = course
+    emission, inflow, ground = sources
+    d_ext, d_emission, d_ground = changes
     for n in range(t, directions.shape[0], threads):
         q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_mean[n]
-        upstream(q, levels, cell, shape, offset, weight, length)
-        _ways(q, shape, way)
+        _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row, first = _enters(k, j, q, way)
+                row = k == entry[0] or j == entry[1]
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         out[p], d_out[p] = ground[j * nx + i], d_ground[j * nx + i]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         out[p], d_out[p] = inflow[n, k], 0.0
                         continue
                     up, ext_up, e_up, told, d_up, d_ext_up, de_up, d_told = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -193,36 +240,32 @@ def carry_tangent(
 
 
 @njit(**_FLAGS)
-def carry_transposed(
-    t, threads, shape, directions, levels, cell, ground_node, ext, steps, light_bar, mean_bar, emission_bar,
-    ground_bar,
-):  # fmt: skip
-    """Transpose of `carry` by emission and ground: light_bar (b, nodes), used up, and mean_bar into emission_bar (b,
-    nodes) and ground_bar (b, columns)."""
-    way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
-    )  # fmt: skip
+def carry_transposed(t, threads, grid, directions, ext, steps, bars):
+    """Transpose of `carry` by emission and ground."""
+    shape, _, _, ground_node = grid
+    course = _course_of(grid)
+    way, entry, offset, weight, length = course
+    light_bar, mean_bar, emission_bar, ground_bar = bars
     for n in range(t, directions.shape[0], threads):
         q, lb, mb, eb, own = directions[n], light_bar[n], mean_bar[n], emission_bar[n], steps[n]
-        upstream(q, levels, cell, shape, offset, weight, length)
-        _ways(q, shape, way)
+        _set_out(q, grid, course, True)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node] = 0.0
             lb[node] += mb[node]
-        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
-            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
-                row, first = _enters(k, j, q, way)
-                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row = k == entry[0] or j == entry[1]
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         ground_bar[n, j * nx + i] += lb[p]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         continue
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     more = mb[p] + w0 * mb[a] + w1 * mb[b] + w2 * mb[c] + w3 * mb[d]
@@ -243,35 +286,32 @@ def carry_transposed(
 
 
 @njit(**_FLAGS)
-def carry_gradient(
-    t, threads, shape, directions, levels, cell, ground_node, ext, emission, light, light_bar, mean_bar, emission_bar,
-    ground_bar, ext_bar,
-):  # fmt: skip
+def carry_gradient(t, threads, grid, directions, ext, emission, light, bars, ext_bar):
     """`carry_transposed`, and with it ext_bar (b, nodes) by the extinction; light: the radiance itself."""
-    way, offset, weight, length = (
-        np.empty((3, 3), np.int64), np.empty((shape[0], 4), np.uint64), np.empty((shape[0], 4)), np.empty(shape[0]),
-    )  # fmt: skip
+    shape, _, _, ground_node = grid
+    course = _course_of(grid)
+    way, entry, offset, weight, length = course
+    light_bar, mean_bar, emission_bar, ground_bar = bars
     for n in range(t, directions.shape[0], threads):
         q, e, own, lb, mb, eb, xb = (
             directions[n], emission[n], light[n], light_bar[n], mean_bar[n], emission_bar[n], ext_bar[n],
         )  # fmt: skip
-        upstream(q, levels, cell, shape, offset, weight, length)
-        _ways(q, shape, way)
+        _set_out(q, grid, course, True)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         ground_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node], xb[node] = 0.0, 0.0
             lb[node] += mb[node]
-        for k in range(way[0, 1] - way[0, 2], way[0, 0] - way[0, 2], -way[0, 2]):
+        for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
-            for j in range(way[1, 1] - way[1, 2], way[1, 0] - way[1, 2], -way[1, 2]):
-                row, first = _enters(k, j, q, way)
-                for i in range(way[2, 1] - way[2, 2], way[2, 0] - way[2, 2], -way[2, 2]):
+            for j in range(way[1, 0], way[1, 1], way[1, 2]):
+                row = k == entry[0] or j == entry[1]
+                for i in range(way[2, 0], way[2, 1], way[2, 2]):
                     p = np.uint64((k * ny + j) * nx + i)
                     if rising and k <= ground_node[j, i]:
                         ground_bar[n, j * nx + i] += lb[p]
                         continue
-                    if row or i == first:
+                    if row or i == entry[2]:
                         continue
                     up, ext_up, e_up, told, more = 0.0, 0.0, 0.0, 0.0, mb[p]
                     for c in range(4):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from openswim.optics.species import Background
 from openswim.transport.air.shells import rows_between, shell_levels
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
@@ -23,13 +24,18 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
     aerosol; `swim` reads none in clouds."""
     rows = [s.phase for s in medium.species]
     if medium.air is not None:
-        last = peak_tables([medium.air.aerosol_phase], DEGREE)
+        last = aerosol_peaks(medium.air)
         clouds = peak_tables(rows, DEGREE) if rows and fast else np.zeros((len(rows), *last.shape[1:]), FLOAT)
         return np.concatenate([clouds * _scattering(medium), last])
     if not rows or not fast:
         return np.zeros((len(rows) + 1, 2, 2, PACK), FLOAT)
     clouds = peak_tables(rows, medium.degree) * _scattering(medium)
     return np.concatenate([clouds, np.zeros_like(clouds[:1])])
+
+
+def aerosol_peaks(air: Background | None) -> F32:
+    """That of the background aerosol alone; without air there is none."""
+    return np.zeros((1, 2, 2, PACK), FLOAT) if air is None else peak_tables([air.aerosol_phase], DEGREE)
 
 
 def _scattering(medium: Medium) -> F32:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.optics.displays.plates import beyond_mean
 from openswim.transport.engine.types import FLOAT
+from openswim.transport.ice.plates import beyond_means
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce, axes_at
 
@@ -28,10 +28,6 @@ def level_ice(lit: LitGrid, eye: F64 | None) -> LevelIce:
     scattering = plates.relative_extinction * plates.single_scattering_albedo
 
     def table() -> NDArray[np.float32]:
-        maps: dict[float, F64] = {}
-        for wavelength in lit.wavelengths_nm.tolist():
-            if wavelength not in maps:  # those that only fill a pack repeat others
-                maps[wavelength] = beyond_mean(wavelength, altitude)
-        return (np.stack([maps[w] for w in lit.wavelengths_nm.tolist()], axis=-1) * scattering).astype(FLOAT)
+        return (beyond_means(lit.wavelengths_nm, altitude) * scattering).astype(FLOAT)
 
     return LevelIce(which, axes, lit.once(f"level ice, sun at {altitude:.1f}", table))

@@ -13,8 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.optics.displays.crystals import phase_function, refractive_index
-from openswim.optics.displays.prisms import MOST_WAYS, even, trace
 from openswim.scene.phase import Mixture
+from openswim.transport.ice.prisms import MOST_WAYS, even, through_disc, trace
 
 F64 = NDArray[np.float64]
 
@@ -48,10 +48,7 @@ def scattered(index, half_length, sun_altitude, tilt, rays, altitudes, azimuths)
         ax, ay, az = ax / size, ay / size, az / size
         bx, by, bz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         dx, dy, dz = x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * cx + y * cy + z * cz
-        sine = math.sqrt(max(1.0 - dz * dz, 1e-12))
-        r, turn = radius * math.sqrt(even(ray, 5)), 2.0 * math.pi * even(ray, 6)
-        u, v = r * math.cos(turn), r * math.sin(turn)
-        px, py, pz = u * dy / sine + v * dx * dz / sine, -u * dx / sine + v * dy * dz / sine, -v * sine
+        px, py, pz = through_disc(dx, dy, dz, radius, even(ray, 5), even(ray, 6))
         count = trace(px, py, pz, dx, dy, dz, index, half_length, ways)
         hits += min(count, 1)
         for n in range(count):
@@ -75,6 +72,12 @@ def phase_map(wavelength_nm: float, sun_altitude_deg: float, rays: int = _RAYS) 
     altitude = np.linspace(-np.pi / 2, np.pi / 2, ALTITUDES + 1)
     sphere = 0.5 * np.diff(np.sin(altitude)) / AZIMUTHS  # share of it in a bin and its mirror image
     return np.asarray(0.5 * shares / sphere[:, None])
+
+
+def beyond_means(wavelengths_nm: F64, sun_altitude_deg: float) -> F64:
+    """`beyond_mean` (ALTITUDES, AZIMUTHS, nw) of wavelengths, of which some may be alike."""
+    maps = {w: beyond_mean(w, sun_altitude_deg) for w in dict.fromkeys(wavelengths_nm.tolist())}
+    return np.stack([maps[w] for w in wavelengths_nm.tolist()], axis=-1)
 
 
 def beyond_mean(wavelength_nm: float, sun_altitude_deg: float) -> F64:

@@ -100,6 +100,16 @@ def even(n, which):
 
 
 @njit(cache=True, error_model="numpy")
+def through_disc(dx, dy, dz, radius, share, part):
+    """The point of a disc around the origin, across a direction, at a share of its area and a part of a turn."""
+    sine = math.sqrt(max(1.0 - dz * dz, 1e-12))
+    r, turn = radius * math.sqrt(share), 2.0 * math.pi * part
+    u, v = r * math.cos(turn), r * math.sin(turn)
+    # two directions across the ray: (dy, -dx, 0)/sine, and the product of both
+    return u * dy / sine + v * dx * dz / sine, -u * dx / sine + v * dy * dz / sine, -v * sine
+
+
+@njit(cache=True, error_model="numpy")
 def scattered(index, half_length, rays, angles):
     """What prisms of all orientations scatter: shares of the light that falls on them in even bins (angles,) of the
     scattering angle, and, last, of what goes straight on."""
@@ -110,10 +120,7 @@ def scattered(index, half_length, rays, angles):
         turn = 2.0 * math.pi * even(ray, 1)
         sine = math.sqrt(1.0 - dz * dz)
         dx, dy = sine * math.cos(turn), sine * math.sin(turn)
-        r, turn = radius * math.sqrt(even(ray, 2)), 2.0 * math.pi * even(ray, 3)
-        u, v = r * math.cos(turn), r * math.sin(turn)
-        # two directions across the ray: (dy, -dx, 0)/sine, and the product of both
-        px, py, pz = u * dy / sine + v * dx * dz / sine, -u * dx / sine + v * dy * dz / sine, -v * sine
+        px, py, pz = through_disc(dx, dy, dz, radius, even(ray, 2), even(ray, 3))
         count = trace(px, py, pz, dx, dy, dz, index, half_length, ways)
         hits += min(count, 1)
         for n in range(count):

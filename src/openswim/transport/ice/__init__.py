@@ -1,0 +1,1 @@
+"""Light through crystals of ice that are smooth prisms."""
