@@ -123,6 +123,7 @@ outputs = ".tif"
     (HEAD + "wavelengths = [550, 550]\n" + CAMERA, "wavelengths"),
     (HEAD + "aod = \"much\"\n" + CAMERA, "aod"),
     (HEAD + CAMERA + "[picture]\nexposure = -1\n", "exposure"),
+    (HEAD + CAMERA + "[picture]\neye = 1\n", "true or false"),
     (HEAD + CAMERA + "[picture]\nbits = 16\n[[camera]]\nname = 'b'\noutputs = '.jpg'\nlat = 1\nlon = 1\n", "JPEG"),
     (HEAD + CAMERA + "[ensemble]\nsun_w_m2 = 0\n", "ensemble"),
     (HEAD + CAMERA + "[[weather]]\nname = 'a'\nfiles = 'run_0.nc'\n", "either files"),

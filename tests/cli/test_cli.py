@@ -97,6 +97,9 @@ def test_how_a_picture_looks_is_the_users_choice(world, tmp_path: Path) -> None:
     with Image.open(tmp_path / "given.png") as given:
         assert given.text["Exposure"] == "0.25"
         assert given.size == (9, 6)
+    assert run(["render", "f.nc", *ARGUMENTS, "--exposure", "1/250s f/8 ISO100", "--eye", "-o", "camera.png"]) == 0
+    with Image.open(tmp_path / "camera.png") as camera:
+        assert float(camera.text["Exposure"]) == pytest.approx(0.55, rel=0.03)  # .65 / 250 / 64 133 klx / 4 pi 100 / 78
 
 
 @pytest.mark.parametrize(
@@ -209,6 +212,7 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--view", "sphere", "--altitude-range", "0,9"], "has no --altitude-range"),
         (["-o", "x.png", "--view", "panorama", "--altitude-range", "9"], "BOTTOM,TOP"),
         (["-o", "x.png", "--exposure", "0:"], "ALTITUDE:EXPOSURE"),
+        (["-o", "x.png", "--exposure", "1/0s f/8 ISO100"], "ISO1600"),
         (["-o", "x.png", "--gamma", "-1"], "gamma"),
         (["-o", "x.jpg", "--bits", "16"], "JPEG has 8 bits"),
         (["-o", "x.png", "--altitude", "20"], "looks up"),

@@ -29,7 +29,7 @@ CLOUD_DEPTH = 0.03  # along a line of sight, from which on cirrus is seen (Sasse
 ENSEMBLE = "ensemble"  # the folder of what all members say
 _TOP = ("openswim_batch", "files", "members", "output", "outputs", "times", "from", "to", "sun", "solver", "quality",
         "wavelengths", "only", "aerosol", "aod", "weather", "camera", "picture", "ensemble")  # fmt: skip
-_LOOK = ("exposure", "matrix", "gamma", "bits", "caption")
+_LOOK = ("exposure", "eye", "matrix", "gamma", "bits", "caption")
 
 
 @dataclass(frozen=True)
@@ -210,6 +210,7 @@ def _look(table: Any) -> tuple[tuple[str, Any], ...]:
         raise UserError(f"[picture] matrix {shown(table['matrix'])}: choose srgb or paper")
     if table.get("bits", 8) not in (8, 16):
         raise UserError(f"[picture] bits {shown(table['bits'])}: choose 8 or 16")
+    check_kind("[picture] eye", table.get("eye", False), bool, "write true or false")
     check_caption(table.get("caption", "inside"))
     return tuple(sorted(table.items()))
 

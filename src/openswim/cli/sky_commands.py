@@ -107,8 +107,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--exposure", default="auto", show_default=True,
     help="Factor from solar-relative radiance to display; auto, by what is seen; sun, by the sun's altitude alone, "
-    "alike for all of a series; or a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's.",
+    "alike for all of a series; a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's; or a camera's, such as "
+    "'15s f/2.8 ISO1600'.",
 )
+@click.option("--eye", is_flag=True, help="Colours as an eye sees them that has got used to the dark.")
 @click.option("--matrix", type=click.Choice(("srgb", "paper")), default="srgb", show_default=True,
               help="Colours by sRGB, or by Eq. 36 of Albers et al. 2020.")  # fmt: skip
 @click.option("--gamma", type=float, help="Power law in place of sRGB's curve; the paper has 2.2.")
