@@ -1,4 +1,4 @@
-"""Exposure: by what a picture shows, by the sun's height, by a curve of it, by a camera's settings, or as it is given."""
+"""Exposure: by what a picture shows, the sun's height, a curve of it, a camera's settings, or as it is given."""
 
 import re
 from collections.abc import Sequence
