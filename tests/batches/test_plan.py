@@ -119,6 +119,7 @@ outputs = ".tif"
     (HEAD + "members = [1, 1]\n" + CAMERA, "members"),
     (HEAD + "members = [-1]\n" + CAMERA, "members"),
     (HEAD + "members = [true]\n" + CAMERA, "members"),
+    (HEAD + 'members = "every"\n' + CAMERA, 'write "all"'),
     (HEAD + 'solver = "reference"\nquality = "high"\n' + CAMERA, "quality"),
     (HEAD + "wavelengths = [550, 550]\n" + CAMERA, "wavelengths"),
     (HEAD + "aod = \"much\"\n" + CAMERA, "aod"),

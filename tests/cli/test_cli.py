@@ -394,6 +394,23 @@ def test_a_film_has_the_options_of_a_picture(monkeypatch: pytest.MonkeyPatch) ->
     ]
 
 
+def test_a_film_of_each_member(monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim import readers
+    from openswim.cli import film
+
+    found: list[film.FilmRequest] = []
+    monkeypatch.setattr(film, "_run", found.append)
+    monkeypatch.setattr(readers, "members_of", lambda file, allow: [5, 12])
+    line = ["film", "x.nc", "--lat", "47", "--lon", "8", "--keogram", "k.png", "-o", "day.mp4", "--member"]
+    assert run([*line, "all"]) == 0
+    assert [(str(one.output), str(one.keogram), one.picture.member) for one in found] == [
+        ("day_m005.mp4", "k_m005.png", 5), ("day_m012.mp4", "k_m012.png", 12)]  # fmt: skip
+    monkeypatch.setattr(readers, "members_of", lambda file, allow: [])  # no ensemble
+    assert run([*line, "all"]) == 0
+    assert (found[-1].output, found[-1].picture.member) == (Path("day.mp4"), None)
+    assert run([*line, "every"]) == 2
+
+
 def test_views_are_those_that_cameras_have() -> None:
     """The command line names them itself, since cameras are not imported for --help."""
     assert tuple(VIEWS) == VIEWS_OF_OPTIONS
