@@ -95,6 +95,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--level-ice", type=float,
     help="Share of cloud ice by plates that float level, which show sundogs.  [default: the file's, else 0]",
 )
+@click.option(
+    "--level-columns", type=float,
+    help="Share of cloud ice by columns that float level, which show tangent arcs.  [default: the file's, else 0]",
+)
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--layers", is_flag=True,
               help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
