@@ -53,6 +53,7 @@ class RenderRequest:
     error_percent: float | None = None
     checkpoint: Path | None = None
     exposure: str = "auto"
+    eye: bool = False
     matrix: str = "srgb"
     gamma: float | None = None
     bits: str = "8"
@@ -149,7 +150,7 @@ def look_of(request: RenderRequest) -> dict[str, Any]:
     gamma: float | str = "srgb" if request.gamma is None else request.gamma
     check_gamma(gamma)
     return {
-        "exposure": exposure, "matrix": request.matrix, "gamma": gamma, "bits": int(request.bits),
+        "exposure": exposure, "eye": request.eye, "matrix": request.matrix, "gamma": gamma, "bits": int(request.bits),
         "caption": request.caption,
     }  # fmt: skip
 
