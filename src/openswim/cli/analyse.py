@@ -30,17 +30,15 @@ class AnalyseRequest:
 
 def run(request: AnalyseRequest) -> None:
     """Analyse and write; what can be wrong with the request is found before any light is solved."""
-    from openswim.assimilation import observe
     from openswim.assimilation.config import read_config
+    from openswim.assimilation.configured import operator_of
     from openswim.ground.earth import preload
-    from openswim.readers import open_scene
 
     config = read_config(request.config)
     files = None if request.check else _files(request, config)
     images = config.images()
     preload()
-    scene = open_scene(config.model) if config.time is None else open_scene(config.model, time=config.time)
-    op = observe(scene, config.cameras, config.points, time=config.time, sun=config.sun, **config.observe)
+    op = operator_of(config)
     click.echo(f"{op}", err=True)
     if files is None:
         click.echo(f"{op.linearize(op.first()).check()}")
