@@ -15,7 +15,7 @@ from openswim.optics.species import background
 from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
-from openswim.transport.ice.plates import beyond_means
+from openswim.transport.ice.level import beyond_means
 from openswim.transport.march.level_ice import axes_at
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.plan import MediumPlan
@@ -126,7 +126,7 @@ def _level_plates(medium: Medium | None, radius_m: float, sun: F64, wavelengths_
     table = np.zeros((2, 2, len(wavelengths_nm)))
     if which >= 0:
         altitude_deg = float(np.degrees(np.arcsin(np.clip(sun @ axes[2], -1, 1))))
-        table = beyond_means(wavelengths_nm, altitude_deg)
+        table = beyond_means(wavelengths_nm, altitude_deg, species[which].level)
     return {"plates": which, "plate_axes": axes, "plate_map": table}
 
 
