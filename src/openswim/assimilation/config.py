@@ -29,7 +29,7 @@ _TABLES: dict[str, tuple[str, ...]] = {
                 "tolerance", "lean", "wind"),
     "observations": ("noise", "irradiance_noise", "representation", "saturated"),
     "background": ("length_m", "height_m", "spread", "filter"),
-    "analyse": ("transform", "outer", "iterations", "method", "departures"),
+    "analyse": ("transform", "outer", "iterations", "method", "departures", "signal"),
     "camera": ("file", "image", "time"),
     "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2", "time"),
 }  # fmt: skip
@@ -98,7 +98,7 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
         if not isinstance(sun, list) or len(sun) != 2:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
-    for name in ("outer", "iterations"):
+    for name in ("outer", "iterations", "signal"):
         if name in parts["analyse"]:
             whole(f"[analyse] {name}", parts["analyse"][name])
     time = tables.get("time")

@@ -117,4 +117,6 @@ def _tell(found: Analysis, files: _Files) -> None:
     before, after = found.rms(found.before), found.rms(found.after)
     for part, one, two in zip(found.rows.parts, before, after, strict=True):
         click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")
+    if found.told:
+        click.echo(f"numbers that the observations tell: {'; '.join(map(str, found.told))}")
     click.echo(f"{files.scene}: {found.used} observations, {len(found.costs) - 1} iterations; page {files.page}")
