@@ -7,6 +7,9 @@ import pytest
 hypothesis.settings.register_profile("openswim", deadline=None)  # on a busy machine any example may take long
 hypothesis.settings.load_profile("openswim")
 os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read when miepython is first imported
+if "PYTEST_XDIST_WORKER" in os.environ:  # processes beside each other; two threads are what tests of threads need
+    os.environ.setdefault("NUMBA_NUM_THREADS", "2")
+
 
 @pytest.fixture(scope="session")
 def shared() -> Path:

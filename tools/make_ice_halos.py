@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from make_mie_tables import disc_average
 
+from openswim.optics.displays.crystals import LENGTH_OVER_WIDTH
 from openswim.transport.ice.prisms import scattered
 
-LENGTH_OVER_WIDTH = {"column": 2.0, "compact": 1.0, "plate": 0.2}
 INDEX = np.array([1.3194, 1.3115, 1.3069])  # of 400, about 546, and 700 nm (Warren & Brandt 2008)
 RAYS = 10_000_000  # of which about half meet the prism
 STEPS = 1800

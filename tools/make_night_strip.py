@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
@@ -22,8 +23,10 @@ from openswim.colour.rgb import auto_exposure
 from openswim.films.keogram import keogram
 from openswim.lights.eclipses import solar_eclipse
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.frame import horizon_vector
 from openswim.scene.procedural import demo_scene
 from openswim.solver import Solver
+from openswim.validation.night.whole_day import WAVELENGTHS_NM, Skies
 
 TARGET = Path(__file__).parents[1] / "docs/images"
 MOST_BYTES = 199_000
@@ -33,6 +36,7 @@ BURGOS = 42.35, -3.70  # in the shadow's path on 2026-08-12, with the sun 9 degr
 MINUTES = (-10.0, -3.0, -1.5, -0.8, 0.0, 0.8, 1.5, 3.0, 10.0)
 BERLIN, OUTSIDE = (52.52, 13.40), (52.40, 13.40)
 BACK = (8, 10, 14)
+EVERY = np.timedelta64(4, "m")  # of the keograms
 
 
 def clouds(place: tuple[float, float], time: str, cover: float = 0.35) -> openswim.Scene:
@@ -43,7 +47,7 @@ def clouds(place: tuple[float, float], time: str, cover: float = 0.35) -> opensw
 
 
 def by_the_hour(which: str) -> NDArray[np.uint8]:
-    """24 panoramas, from noon on, and their keogram toward the south, from the ground's end to the zenith."""
+    """24 panoramas, from noon on, and a keogram of the clear sky of the same day."""
     scene, images = clouds(PLACE, f"{DAYS[which]}T12:00"), []
     camera = openswim.Camera.panorama(*PLACE, 2.0, size=(84, 320))
     for hour in range(24):
@@ -51,10 +55,23 @@ def by_the_hour(which: str) -> NDArray[np.uint8]:
         images.append(openswim.light(scene, Solver(quality="preview"), time=time).viewpoint(camera).view())
         print(time, images[-1].attrs["illuminance_lx"], images[-1].attrs.get("lights", ""), flush=True)
     pictures = developed(images, 0.95)
-    lines = [picture[:, picture.shape[1] // 2] for picture in pictures]
     shown = [labelled(picture, f"{image.attrs['light_time'][11:16]}  {lux(image)}")
              for picture, image in zip(pictures, images, strict=True)]  # fmt: skip
-    return stacked([tiled(shown, 4), keogram(lines, 4 * 320 + 3 * 4)])
+    return stacked([tiled(shown, 4), clear_keogram(DAYS[which], 4 * 320 + 3 * 4)])
+
+
+def clear_keogram(day: str, width: int, height: int = 100) -> NDArray[np.uint8]:
+    """The clear sky above the south, from the horizon to the zenith, every few minutes from 10:30 on for a day."""
+    skies = Skies.over(*PLACE)
+    altitude = np.linspace(90.0, 0.3, height)
+    south = horizon_vector(np.full(height, 180.0), altitude)
+    times = np.datetime64(f"{day}T10:30") + EVERY * np.arange(round(np.timedelta64(24, "h") / EVERY))
+    lines = []
+    for time in times:
+        seen = xr.DataArray(skies.toward(time, south)[:, None], dims=("y", "x", "wavelength"),
+                            coords={"wavelength": WAVELENGTHS_NM})  # fmt: skip
+        lines.append(seen)
+    return keogram([picture[:, 0] for picture in developed(lines, 0.95)], width)
 
 
 def by_the_minute() -> NDArray[np.uint8]:

@@ -50,7 +50,7 @@ def rainbow() -> tuple[Scene, Camera, tuple[float, float]]:
 
 
 def halo() -> tuple[Scene, Camera, tuple[float, float]]:
-    """A veil of cirrus before a sun of 22 degrees."""
+    """A veil of cirrus before a sun of 20 degrees."""
     x, z = np.arange(0, 60e3, 1000.0), np.arange(7.5e3, 9.6e3, 250.0)
     shape = np.exp(0.45 * lumps((x.size, x.size), 12, 11))
     ice = 5e-6 * shape * np.exp(-(((z - 8500) / 500) ** 2))[:, None, None]
@@ -63,7 +63,7 @@ def halo() -> tuple[Scene, Camera, tuple[float, float]]:
     camera = Camera.perspective(
         x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=33.0, fov_deg=86.0, size=(450, 600)
     )
-    return with_shapes(scene, pristine=0.3, oriented=0.015), camera, (180.0, 20.0)
+    return with_shapes(scene, pristine=0.3, oriented=0.015, columns=0.05), camera, (180.0, 20.0)
 
 
 def glory() -> tuple[Scene, Camera, tuple[float, float]]:

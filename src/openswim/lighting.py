@@ -100,8 +100,9 @@ def light(
     lamps = None if sun is not None or when is None else _lamps(scene, when, day, wavelengths)
     at = None if sun is not None else when
     if lamps is None or chosen.name == "reference" or _is_day(lamps):
-        field = chosen.solve(scene, day.direction, wavelengths)
-        alone = None if lamps is None else lamps.unsolved()
+        shadow = None if lamps is None else lamps.shadow
+        field = chosen.solve(scene, day.direction, wavelengths, shadow=shadow)
+        alone = None if lamps is None else lamps.sun_alone()
         for line in [] if alone is None else alone.stated():
             warnings.warn(f"solver {chosen.name}: {line}: take fast", stacklevel=2)
         return LitScene(scene, field, day, at, lamps=alone)
@@ -150,5 +151,5 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     another scene than is given.
     """
     scene, field, day, when = read_light(path, None if scene is None else settled(scene))
-    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).unsolved()
+    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).sun_alone()
     return LitScene(scene, field, day, when, lamps=lamps)

@@ -44,7 +44,7 @@ class Solver(Options):
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
 
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew. shadow: the
-        moon's in an eclipse of the sun, which solver reference does not know. Solver linear takes neither.
+        moon's in an eclipse of the sun. Solver linear takes neither.
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)

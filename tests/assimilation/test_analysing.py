@@ -98,7 +98,7 @@ def test_what_was_stopped_goes_on(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="another analysis"):
         analyse(op, observed, background=BELIEF, iterations=20, checkpoint=at, departures="fast", outer=1)
     np.savez_compressed(at, v=np.zeros(2**22))
-    with pytest.raises(UserError, match="another analysis"):  # before so much is unpacked
+    with pytest.raises(UserError, match="bytes of arrays"):  # before so much is unpacked
         analyse(op, observed, background=BELIEF, iterations=20, checkpoint=at)
     at.write_bytes(b"PK\x03\x04 nonsense")
     with pytest.raises(UserError, match="no checkpoint"):

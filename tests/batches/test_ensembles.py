@@ -128,7 +128,7 @@ def test_members_of_one_file_are_put_together(plan: Path, tmp_path: Path) -> Non
     one["extinction_cloud"] = (one["extinction_cloud"] * share).assign_attrs(one["extinction_cloud"].attrs)
     one.to_netcdf(tmp_path / "all.nc")
     (tmp_path / "plan.toml").write_text(PLAN.partition("[[weather]]")[0].replace(
-        "openswim_batch = 1\n", 'openswim_batch = 1\nfiles = "all.nc"\nmembers = [5, 7, 9]\n'))  # fmt: skip
+        "openswim_batch = 1\n", 'openswim_batch = 1\nfiles = "all.nc"\nmembers = "all"\n'))  # fmt: skip
     work = Work.of(read_plan(tmp_path / "plan.toml"))
     assert [task.name for task in work.waiting] == [f"20260710T120000_m00{n}" for n in (5, 7, 9)]
     assert [one.failure for one in done(work)] == [""] * 3

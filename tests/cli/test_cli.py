@@ -97,6 +97,9 @@ def test_how_a_picture_looks_is_the_users_choice(world, tmp_path: Path) -> None:
     with Image.open(tmp_path / "given.png") as given:
         assert given.text["Exposure"] == "0.25"
         assert given.size == (9, 6)
+    assert run(["render", "f.nc", *ARGUMENTS, "--exposure", "1/250s f/8 ISO100", "--eye", "-o", "camera.png"]) == 0
+    with Image.open(tmp_path / "camera.png") as camera:
+        assert float(camera.text["Exposure"]) == pytest.approx(0.55, rel=0.03)  # .65 / 250 / 64 133 klx / 4 pi 100 / 78
 
 
 @pytest.mark.parametrize(
@@ -209,6 +212,7 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--view", "sphere", "--altitude-range", "0,9"], "has no --altitude-range"),
         (["-o", "x.png", "--view", "panorama", "--altitude-range", "9"], "BOTTOM,TOP"),
         (["-o", "x.png", "--exposure", "0:"], "ALTITUDE:EXPOSURE"),
+        (["-o", "x.png", "--exposure", "1/0s f/8 ISO100"], "ISO1600"),
         (["-o", "x.png", "--gamma", "-1"], "gamma"),
         (["-o", "x.jpg", "--bits", "16"], "JPEG has 8 bits"),
         (["-o", "x.png", "--altitude", "20"], "looks up"),
@@ -388,6 +392,23 @@ def test_a_film_has_the_options_of_a_picture(monkeypatch: pytest.MonkeyPatch) ->
     assert found == [
         film.FilmRequest(picture, Path("a.mp4"), "5min", frames_per_second=10.0, speed=2.0, title=False)
     ]
+
+
+def test_a_film_of_each_member(monkeypatch: pytest.MonkeyPatch) -> None:
+    from openswim import readers
+    from openswim.cli import film
+
+    found: list[film.FilmRequest] = []
+    monkeypatch.setattr(film, "_run", found.append)
+    monkeypatch.setattr(readers, "members_of", lambda file, allow: [5, 12])
+    line = ["film", "x.nc", "--lat", "47", "--lon", "8", "--keogram", "k.png", "-o", "day.mp4", "--member"]
+    assert run([*line, "all"]) == 0
+    assert [(str(one.output), str(one.keogram), one.picture.member) for one in found] == [
+        ("day_m005.mp4", "k_m005.png", 5), ("day_m012.mp4", "k_m012.png", 12)]  # fmt: skip
+    monkeypatch.setattr(readers, "members_of", lambda file, allow: [])  # no ensemble
+    assert run([*line, "all"]) == 0
+    assert (found[-1].output, found[-1].picture.member) == (Path("day.mp4"), None)
+    assert run([*line, "every"]) == 2
 
 
 def test_views_are_those_that_cameras_have() -> None:

@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 from openswim.colour.dark_eye import mesopic
-from openswim.colour.photometry import camera_exposure, illuminance_lx, luminance_cd_m2
-from openswim.colour.rgb import to_rgb
+from openswim.colour.photometry import illuminance_lx, luminance_cd_m2
+from openswim.colour.rgb import exposure_for, to_rgb
 from openswim.errors import UserError
 
 
@@ -26,11 +26,19 @@ def test_a_white_wall_in_the_sun():
 
 def test_sunny_sixteen():
     """f/16 and one over the speed: a wall in sunlight that has come through air is just below white."""
-    wall = 4.0 * 0.75  # of the light outside of the air
-    assert 0.7 < wall * camera_exposure(1 / 100, 16.0, 100.0) < 1.3
-    assert camera_exposure(1 / 50, 16.0, 100.0) == pytest.approx(2 * camera_exposure(1 / 100, 16.0, 100.0))
-    with pytest.raises(UserError, match="iso"):
-        camera_exposure(1.0, 2.8, 0.0)
+    wall = flat(4.0 * 0.75)  # of the light outside of the air
+    assert 0.7 < 3.0 * exposure_for(wall, "1/100s f/16 ISO100") < 1.3
+    assert exposure_for(wall, ".02 s, f16, iso 100") == pytest.approx(2 * exposure_for(wall, "1/100s f/16 ISO100"))
+    assert exposure_for(wall, "1/50s f/16 ISO 100") == exposure_for(wall, "1/100s f/16 ISO 200")
+    assert exposure_for(flat(3.0, sun_distance_au=1.02), "1s f/4 ISO50") == pytest.approx(
+        exposure_for(wall, "1s f/4 ISO50") / 1.02**2
+    )
+
+
+@pytest.mark.parametrize("text", ["1s f/2.8 ISO0", "1/0s f/2.8 ISO100", "1..s f/2.8 ISO100", "1s f/0 ISO100", "1s f/4"])
+def test_no_camera(text):
+    with pytest.raises(UserError, match="ISO1600"):
+        to_rgb(flat(1.0), text)
 
 
 def test_colours_fade_and_blue_stays():

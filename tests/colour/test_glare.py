@@ -87,3 +87,15 @@ def test_no_glow_is_painted_on_the_ground() -> None:
     image.coords["latitude"] = (("y", "x"), np.where(image["altitude"].values < 1.0, 47.0, np.nan))  # a hill
     np.testing.assert_array_equal(to_rgb(image, exposure=0.5, dither=False)[image["altitude"].values < 1.0],
                                   plain[image["altitude"].values < 1.0])  # fmt: skip
+
+
+def test_glare_spreads_from_what_is_seen_of_the_sun() -> None:
+    """Of a disc whose left half is hidden, the middle is 4/(3 pi) of a radius to the right (of an even disc)."""
+    camera = Camera.perspective(**HERE, azimuth_deg=SUN[0], altitude_deg=SUN[1], fov_deg=3.0, size=(241, 241))
+    image = image_of(camera, sky=0.0)
+    image["solar_relative_radiance"][:, :121] = 0.0
+    found = glare_of_sun(image)
+    assert found is not None
+    row, column = np.argwhere(found[0] == found[0].max()).mean(axis=0)
+    assert (column - 120) * 3.0 / 241 == pytest.approx(4 / (3 * np.pi) * RADIUS_DEG, abs=0.01)
+    assert row == pytest.approx(120, abs=0.6)

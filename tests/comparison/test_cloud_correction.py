@@ -7,13 +7,15 @@ import pytest
 from tests.comparison.skies import write_frame
 
 import openswim
-from openswim import Camera, Scene, Solver, render
+from openswim import Camera, Scene, Solver, light
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings
 from openswim.comparison.cloud_edit import edited, extinction, typical_layer
 from openswim.comparison.cloud_rays import crossings
 from openswim.errors import UserError
 from openswim.scene.frame import horizon_vector
 from openswim.scene.procedural import demo_scene
+
+FAST = Solver("fast", quality="preview")
 
 
 def blocks(cloud=None):
@@ -72,23 +74,34 @@ def test_edits_take_and_add_and_leave_the_rest():
         typical_layer(blocks())
 
 
+def displaced(folder, seed, cells, axis, away_m):
+    """Cumulus and the same moved by cells along an axis of the grid, with frames of the first by cameras that stand so
+    far east and north (m) of its middle."""
+    truth = demo_scene(40, 40, 24, seed=seed, spacing_m=300.0, cloud_cover=0.15)
+    truth = replace(truth, data=truth.data.drop_vars(["ice_content", "ice_effective_radius"]))
+    lat, lon = truth.place
+    metres = 111_195 * np.array([np.cos(np.radians(lat)), 1.0])
+    lit = light(truth, FAST)
+    frames, cameras = [], []
+    for number, away in enumerate(np.array(away_m) / metres):
+        camera = Camera.fisheye(lat + away[1], lon + away[0], size=96)
+        radiance = np.nan_to_num(lit.viewpoint(camera).view().radiance.values)
+        frames.append(write_frame(folder / f"sky{number}_20260710_140000.png", radiance, (2.0, 2.0, 2.0)))
+        response = ResponseSettings(red_blue=0.0)
+        cameras.append(CameraFile(camera, "", FrameSettings(utc_offset_h=0.0), response=response))
+    moved = {
+        name: (truth.data[name].dims, np.roll(truth.data[name].values, cells, axis=axis))
+        for name in ("liquid_content", "liquid_effective_radius")
+    }
+    return replace(truth, data=truth.data.assign(moved), notes=[]), frames, cameras
+
+
 @pytest.mark.slow
 def test_a_displaced_truth_is_put_right(tmp_path):
     """Cumulus two cells off: mean r from .47 to .75 and more."""
-    fast = Solver("fast", quality="preview")
-    truth = demo_scene(40, 40, 24, seed=5, spacing_m=300.0, cloud_cover=0.15)
-    truth = replace(truth, data=truth.data.drop_vars(["ice_content", "ice_effective_radius"]))
-    camera = Camera.fisheye(*truth.place, size=96)
-    radiance = np.nan_to_num(render(truth, camera, fast).radiance.values)
-    frame = write_frame(tmp_path / "sky_20260710_140000.png", radiance, (2.0, 2.0, 2.0))
-    moved = {
-        name: (truth.data[name].dims, np.roll(truth.data[name].values, 2, axis=2))
-        for name in ("liquid_content", "liquid_effective_radius")
-    }
-    model = replace(truth, data=truth.data.assign(moved), notes=[])
-    known = CameraFile(camera, "", FrameSettings(utc_offset_h=0.0), response=ResponseSettings(red_blue=0.0))
-    scene, history = openswim.correct_clouds(model, [frame], [known], hold_out=False, lowest_deg=15, passes=1,
-                                             solver=fast)  # fmt: skip
+    model, frames, cameras = displaced(tmp_path, 5, 2, 2, [(0, 0)])
+    scene, history = openswim.correct_clouds(model, frames, cameras, hold_out=False, lowest_deg=15, passes=1,
+                                             solver=FAST)  # fmt: skip
     r = history.r_used.values[:, 0]
     assert r[0] <= 0.47  # measured: .466
     assert r[-1] >= 0.75
@@ -97,6 +110,18 @@ def test_a_displaced_truth_is_put_right(tmp_path):
     scene.to_netcdf(tmp_path / "edited.nc")
     again = openswim.open_scene(tmp_path / "edited.nc")
     np.testing.assert_allclose(extinction(again), extinction(scene), rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_several_cameras_put_a_displaced_truth_right_at_once(tmp_path):
+    """Three cameras, two kilometres apart: r rises in each of them, also on pixels that the edit has not used."""
+    model, frames, cameras = displaced(tmp_path, 6, -2, 1, [(0, 0), (2000, 1000), (-1500, 1500)])
+    scene, history = openswim.correct_clouds(model, frames, cameras, lowest_deg=15, passes=1, solver=FAST)
+    assert history.r_used.sizes == {"edit": 2, "camera": 3}
+    for r in (history.r_used, history.r_unused):
+        assert r.values[0].mean() <= 0.45
+        assert r.values[1].min() >= 0.75
+    assert scene.notes[-1].count("sky") == 3
 
 
 def test_what_cannot_be_corrected_is_one_line(tmp_path):

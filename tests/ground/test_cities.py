@@ -43,7 +43,7 @@ def test_the_users_map_goes_before(tmp_path):
 def test_clouds_over_a_city():
     """Inside a city of some millions the zenith is at 18 to 19.3 when clear, and 6 to 15 times brighter below cloud."""
     solver = Solver(quality="preview")
-    clear, overcast = (zenith_luminance(solver, 52.52, 13.4, cloudy, nodes=7) for cloudy in (False, True))
+    clear, overcast = (zenith_luminance(solver, 52.52, 13.4, cloud, nodes=7) for cloud in ("clear", "overcast"))
     assert 18.0 < magnitude_of_luminance(clear) < 19.3
     assert 6 < overcast / clear < 15
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from tests.readers.grib_files import hrrr, write
 from tests.readers.model_files import era5
 
 from openswim.errors import UserError
-from openswim.readers import describe, open_scene
+from openswim.readers import describe, members_of, open_scene
 
 
 @pytest.fixture
@@ -45,6 +47,28 @@ def test_members_that_are_not_there(ensemble, tmp_path):
         open_scene(ensemble, member=6)
     with pytest.raises(UserError, match="leave out member"):
         open_scene(era5(tmp_path / "one.nc", new=True).paths[0], member=1)
+
+
+def test_all_members_are_known_without_counting(ensemble, analysis, tmp_path):
+    assert members_of(ensemble) == [5, 7, 9]
+    assert open_scene(ensemble, member=9).source.endswith(", member 9")
+    alone = era5(tmp_path / "one.nc", new=True).paths[0]  # with a number, but of no dimension
+    assert members_of(alone) == []
+    named = xr.concat([analysis, analysis], xr.DataArray(["r1", "r2"], dims="realization", name="realization"))
+    named.to_netcdf(tmp_path / "named.nc")
+    with pytest.raises(UserError, match="realization has r1"):
+        members_of(tmp_path / "named.nc")
+
+
+def test_all_members_of_a_file_of_messages(tmp_path):
+    pytest.importorskip("eccodes")
+    product = hrrr(levels=2)
+    assert members_of(write(tmp_path / "one.grib2", product)) == []
+    product.messages = [
+        replace(one, keys={"productDefinitionTemplateNumber": 1, "perturbationNumber": number} | one.keys)
+        for number in (8, 3) for one in product.messages
+    ]  # fmt: skip
+    assert members_of(write(tmp_path / "two.grib2", product)) == [3, 8]
 
 
 def test_a_member_of_a_file_in_the_layout(tmp_path):

@@ -38,6 +38,20 @@ def test_what_is_written_is_read_at_the_same_places(picture: xr.Dataset, tmp_pat
     assert back.attrs["time_coverage_start"] == picture.attrs["time_coverage_start"]
 
 
+def test_satpy_reads_what_is_written_into_a_folder(picture: xr.Dataset, tmp_path: Path) -> None:
+    path = write(picture, tmp_path)
+    assert path.name == "goes16-abi-20210621150000-20210621150000.nc"
+    satpy = pytest.importorskip("satpy")
+    scene = satpy.Scene([str(path)], reader="satpy_cf_nc")
+    scene.load(["reflectance_factor"])
+    found = scene["reflectance_factor"].sel(band="C03")
+    np.testing.assert_array_equal(found, picture.reflectance_factor.sel(band="C03"))
+    assert scene.sensor_names == {"abi"}
+    lon, lat = found.attrs["area"].get_lonlats()
+    for places, name in ((lat, "latitude"), (lon, "longitude")):
+        np.testing.assert_allclose(places, picture[name], atol=1e-4)
+
+
 def test_the_middle_of_a_picture_across_the_date_line() -> None:
     """What himawari's grid has east of 180 and west of it in equal parts is in the middle of it."""
     grid = FixedGrid(2.8e-5 * np.arange(3600, 4200, 20), 2.8e-5 * np.arange(300, -301, -20), 140.7)

@@ -1,4 +1,4 @@
-"""Level plates in a thin veil without air: what single scattering says, by both solvers."""
+"""Level plates and columns in a thin veil without air: what single scattering says, by both solvers."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from openswim import Camera, Solver, render
 from openswim.optics import scene_optics
 from openswim.optics.displays.shapes import with_shapes
 from openswim.scene import Scene
-from openswim.transport.ice import plates
+from openswim.transport.ice import level
 
 SUN_DEG = 20.0
 
@@ -17,7 +17,7 @@ def veil() -> Scene:
     ice = np.zeros((5, 9, 9))
     ice[2] = 3e-7
     scene = Scene.from_arrays(None, x, x, z, fields={"ice_content": ice}, periodic=True)
-    return with_shapes(scene, pristine=0.2, oriented=0.3)
+    return with_shapes(scene, pristine=0.2, oriented=0.3, columns=0.2)
 
 
 @pytest.mark.parametrize("solver", ["fast", Solver("reference", paths=20_000)])
@@ -29,22 +29,23 @@ def test_brightness_of_a_sundog(solver) -> None:
         x_m=4e3, y_m=4e3, azimuth_deg=180.0 + aside, altitude_deg=SUN_DEG, fov_deg=1.2, size=(3, 3)
     )
     image = render(scene, camera, solver=solver, wavelengths_nm=[546.0], sun=(180.0, SUN_DEG))
-    ice, level = scene_optics(scene, [546.0])
-    sun = np.radians(SUN_DEG)
+    ice, afloat = scene_optics(scene, [546.0])
+    sun, diffracted = np.radians(SUN_DEG), afloat.phase[0]
     for y in range(3):
         for x in range(3):
             here = image.isel(y=y, x=x, wavelength=0)
             up, turn = np.radians(float(here.altitude)), np.radians(float(here.azimuth) - 180.0)
             cosine = np.sin(up) * np.sin(sun) + np.cos(up) * np.cos(sun) * np.cos(turn)
-            row = (np.degrees(up) / 180 + 0.5) * plates.ALTITUDES - 0.5
-            column = abs(np.degrees(turn)) / 180 * plates.AZIMUTHS - 0.5
+            row = (np.degrees(up) / 180 + 0.5) * level.ALTITUDES - 0.5
+            column = abs(np.degrees(turn)) / 180 * level.AZIMUTHS - 0.5
             i, j, f, g = int(row), int(column), row % 1, column % 1
             table = MAP[i : i + 2, j : j + 2]
             aligned = np.array([1 - f, f]) @ table @ np.array([1 - g, g])
-            peak = level.phase[0].weights[0] * level.phase[0].phases[0].value(cosine)
+            forward = zip(diffracted.weights[::2], diffracted.phases[::2], strict=True)
+            peak = sum(weight * phase.value(cosine) for weight, phase in forward)
             # a layer of hat-like profile 1 km high, whose depth is that of its middle node; half of what it takes out
             # of the beam and of the way to the eye stays within a fraction of a degree
-            depth = [1e3 * float(one.extinction_per_m[2, 0, 0]) for one in (ice, level)]
+            depth = [1e3 * float(one.extinction_per_m[2, 0, 0]) for one in (ice, afloat)]
             once = (depth[0] * ice.phase[0].value(cosine) + depth[1] * (aligned + peak)) / np.sin(up)
             ratio.append(float(here.solar_relative_radiance) / (once * np.exp(-0.5 * sum(depth) / np.sin(up))))
     each, mean = (0.011, 0.0095) if solver == "fast" else (0.1, 0.03)
@@ -52,4 +53,4 @@ def test_brightness_of_a_sundog(solver) -> None:
     np.testing.assert_allclose(ratio, 1.0, atol=each)
 
 
-MAP = plates.phase_map(546.0, SUN_DEG)
+MAP = 0.6 * level.phase_map(546.0, SUN_DEG) + 0.4 * level.phase_map(546.0, SUN_DEG, shape="column")

@@ -105,6 +105,13 @@ def test_single_rays_see_what_they_see_together(lit: LitScene, camera: Camera) -
     np.testing.assert_array_equal(alone, together)
 
 
+def test_a_single_ray_is_seen_by_the_eye_that_is_there(lit: LitScene, camera: Camera) -> None:
+    """It could be one of parallel rays, too, for which all nodes would be turned anew."""
+    eye = lit.field.viewpoint(camera.rays(lit.field.frame, 0.0, camera.pixels()))
+    (here,), (other,) = eye.packs, eye.of_others(camera.rays(lit.field.frame, 0.0, camera.pixels())[7:8]).packs
+    assert other.grid.volume.fields is here.grid.volume.fields
+
+
 @pytest.mark.parametrize("part", [(slice(0, 0), slice(None)), (slice(None), slice(0, 50, 2)), (slice(70, 90),) * 2])
 def test_tiles_that_are_none_are_refused(lit: LitScene, camera: Camera, part: tuple[slice, slice]) -> None:
     with pytest.raises(openswim.UserError, match="give slices within 60 x 120"):

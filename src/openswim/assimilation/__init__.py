@@ -9,9 +9,10 @@ from openswim.assimilation.observing.ioda import write_observations
 from openswim.assimilation.observing.linearization import Linearization
 from openswim.assimilation.observing.observe import observe
 from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.window import observe_window
 from openswim.assimilation.writing_back import write_back
 
 __all__ = [
     "Analysis", "Background", "Linearization", "Operator", "analyse", "ensemble_filter", "ensemble_of", "observe",
-    "representation_error", "write_back", "write_observations",
+    "observe_window", "representation_error", "write_back", "write_observations",
 ]  # fmt: skip

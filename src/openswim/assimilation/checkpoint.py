@@ -82,7 +82,11 @@ def _mark(space: Space, observed: xr.Dataset, settings: tuple[Any, ...]) -> str:
     quantities = [each.quantity.name for each in rows.instruments]
     plain = (space.background, space.transform, settings, names, quantities, rows.controls.floor_per_m)
     digest = hashlib.blake2b(repr(plain).encode(), digest_size=16)
-    arrays = [rows.wavelengths_nm, rows.daylight.direction, rows.points, rows.controls.where, *rows.base]
+    arrays = [rows.wavelengths_nm, rows.points, rows.controls.where]
+    for one in rows.of_times:
+        arrays += [one.daylight.direction, *one.base]
+        if one.carrier is not None:
+            arrays += [one.carrier.matrix.data, one.carrier.matrix.indices]
     for each in rows.instruments:
         camera, pixels = each.camera, each.camera.pixels()
         arrays += [np.array([*place_of(camera), camera.height_m]), pixels.azimuth_deg, pixels.altitude_deg]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from openswim.arguments import check_keys, number, shown, whole
@@ -16,6 +18,7 @@ from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened, reading
+from openswim.scene.times import parse_time
 from openswim.system.inputs import check_ordinary, check_within
 
 VERSION = 1
@@ -23,12 +26,12 @@ MOST_INSTRUMENTS = 1000
 _LARGEST_IMAGE = 4_000_000  # numbers: a camera of 1000 x 1000 pixels in four channels
 _TABLES: dict[str, tuple[str, ...]] = {
     "observe": ("wavelengths_nm", "controls", "quantity", "heights_m", "near_sun_deg", "lowest_deg", "floor_per_km",
-                "tolerance"),
+                "tolerance", "lean", "wind"),
     "observations": ("noise", "irradiance_noise", "representation", "saturated"),
     "background": ("length_m", "height_m", "spread", "filter"),
-    "analyse": ("transform", "outer", "iterations", "method", "departures"),
-    "camera": ("file", "image"),
-    "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2"),
+    "analyse": ("transform", "outer", "iterations", "method", "departures", "signal"),
+    "camera": ("file", "image", "time"),
+    "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2", "time"),
 }  # fmt: skip
 _TOP = ("openswim_analysis", "model", "time", "sun", *_TABLES)
 
@@ -36,10 +39,10 @@ _TOP = ("openswim_analysis", "model", "time", "sun", *_TABLES)
 @dataclass(frozen=True)
 class Configuration:
     """All that such a file says. Keys of ``observe``, ``observations`` and ``analyse`` are arguments of functions of
-    these names."""
+    these names. Times of cameras and points are their own, or the file's; of a ``window`` there are several."""
 
     path: Path
-    model: Path
+    models: tuple[Path, ...]
     time: str | None
     sun: tuple[float, float] | None
     background: Background
@@ -48,6 +51,9 @@ class Configuration:
     image_files: tuple[Path, ...]
     points: tuple[tuple[float, float], ...]
     w_m2: tuple[float, ...]
+    camera_times: tuple[np.datetime64 | None, ...] = ()
+    point_times: tuple[np.datetime64 | None, ...] = ()
+    window: bool = False
     observe: dict[str, Any] = field(default_factory=dict)
     observations: dict[str, Any] = field(default_factory=dict)
     analyse: dict[str, Any] = field(default_factory=dict)
@@ -59,7 +65,7 @@ class Configuration:
     @property
     def inputs(self) -> list[Path]:
         """All files that are read, this one too."""
-        return [self.path, self.model, *self.camera_files, *self.image_files]
+        return [self.path, *self.models, *self.camera_files, *self.image_files]
 
 
 def read_config(path: Path) -> Configuration:
@@ -92,15 +98,39 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
         if not isinstance(sun, list) or len(sun) != 2:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
-    for name in ("outer", "iterations"):
+    for name in ("outer", "iterations", "signal"):
         if name in parts["analyse"]:
             whole(f"[analyse] {name}", parts["analyse"][name])
     time = tables.get("time")
+    own = _times(listed, "camera", time), _times(tables.get("pyranometer", []), "pyranometer", time)
+    window = any("time" in each for each in (*listed, *tables.get("pyranometer", [])))
+    if "wind" in parts["observe"] and not window:
+        raise UserError("[observe] wind carries cloud from the file's time to that of a [[camera]], but none has one")
     return Configuration(
-        path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
+        path, _models(tables, path), None if time is None else str(time), sun, Background(**parts["background"]),
         tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
-        parts["observe"], parts["observations"], parts["analyse"],
+        *own, window, parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
+
+
+def _times(entries: list[dict[str, Any]], name: str, time: Any) -> tuple[np.datetime64 | None, ...]:
+    """Of each entry its own, or the file's; pictures of several are in the order in which they were taken."""
+    if any("time" in each for each in entries) and time is None:
+        raise UserError(f"[[{name}]] has a time: give the file one, too, of which the clouds are looked for")
+    if time is None:
+        return (None,) * len(entries)
+    found = [when for each in entries if (when := parse_time(str(each.get("time", time)))) is not None]
+    if any(one > other for one, other in pairwise(found)):
+        raise UserError(f"[[{name}]]: put the earlier ones first; those without a time are of {time}")
+    return tuple(found)
+
+
+def _models(tables: dict[str, Any], path: Path) -> tuple[Path, ...]:
+    """The model's file, or its files of one state."""
+    given = tables.get("model")
+    if not isinstance(given, list) or not given:
+        return (_file(tables, "model", path),)
+    return tuple(_file({"model": each}, "model", path) for each in given[:MOST_INSTRUMENTS])
 
 
 def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:

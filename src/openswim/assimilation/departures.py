@@ -57,23 +57,23 @@ def checked_solver(departures: str | Solver) -> Solver | None:
 def seen_by(rows: Rows, state: xr.Dataset, solver: Solver) -> F64:
     """H(x) by another solver: a row of observations. Sub-grid noise is left out, which no analysis can see."""
     quiet = replace(solver, detail=False) if solver.name == "fast" else solver
-    lit = light(scene_of(rows, state), quiet, rows.wavelengths_nm.tolist(), rows.time, rows.sun)
-    scale = rows.scale(state)
-    out = []
-    for n, each in enumerate(rows.instruments):
-        pixels = each.camera.pixels()
-        azimuth, altitude = pixels.azimuth_deg[each.inside], pixels.altitude_deg[each.inside]
-        seen = lit.viewpoint(each.camera).look(azimuth, altitude).T
-        out.append(each.quantity.value(seen if scale is None else seen * scale[n][:, None]).ravel())
-    if len(rows.points):
-        curved = rows.scene.grid is not None and rows.scene.grid.curved
-        found = []
-        for north, east in rows.points:
+    scene, lights, watts = scene_of(rows, state), [], []
+    for one in rows.of_times:
+        of_time = scene if one.carrier is None else one.carrier.scene(scene)
+        lit = light(of_time, quiet, one.wavelengths_nm.tolist(), one.time, one.sun)
+        for each in one.instruments:
+            pixels = each.camera.pixels()
+            azimuth, altitude = pixels.azimuth_deg[each.inside], pixels.altitude_deg[each.inside]
+            lights.append(lit.viewpoint(each.camera).look(azimuth, altitude).T)
+        curved = scene.grid is not None and scene.grid.curved
+        for north, east in one.points:
             place: dict[str, Any] = {"lat": north, "lon": east} if curved else {"y_m": north, "x_m": east}
             attrs = lit.viewpoint(Camera.allsky(**place, height_m=1.0, size=8)).attrs
-            found.append(float(attrs["global_horizontal_irradiance_w_m2"]))
-        out.append(np.array(found))
-    return np.concatenate(out)
+            watts.append(float(attrs["global_horizontal_irradiance_w_m2"]))
+    scale, out = rows.scale(state), []
+    for n, (each, seen) in enumerate(zip(rows.instruments, lights, strict=True)):
+        out.append(each.quantity.value(seen if scale is None else seen * scale[n][:, None]).ravel())
+    return np.concatenate([*out, watts])
 
 
 def representation_error(rows: Rows, state: xr.Dataset, solver: str | Solver = "fast") -> list[float]:

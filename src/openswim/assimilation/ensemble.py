@@ -125,22 +125,27 @@ def _columns(op: Rows) -> F64:
 
 def _segments(op: Rows) -> F64:
     """(observations, 2, 2): where each ray, of a pyranometer that to the sun, enters and leaves the layer that may
-    change; metres along the grid's axes."""
+    change; metres along the grid's axes, where the wind had what is there at the time of the state."""
     grid, frame = op.scene.grid, scene_frame(op.scene)
     assert grid is not None
     levels = np.flatnonzero(op.controls.where.any(axis=(1, 2)))
     heights = grid.height_m.reshape(grid.shape[0], -1)[levels]
     low, high = float(heights.min()), float(heights.max())
-    out = []
-    for part, each in zip(op.parts, op.instruments, strict=False):
-        rays = each.camera.rays(frame)
-        ends = _through(op, np.array(rays.origins(), float), np.array(rays.directions(), float), low, high)
-        out.append(np.tile(ends, (part.shape[0], 1, 1)))
-    if len(op.points):
-        ground = frame.position(op.points[:, 0], op.points[:, 1], 0.0)
-        sun = np.broadcast_to(op.daylight.direction, ground.shape)
-        out.append(_through(op, ground, sun, low, high))
-    return np.concatenate(out)
+    parts = iter(op.parts)
+    rays, suns = [], []
+    for one in op.of_times:
+        way: F64 = np.zeros(2)
+        if one.carrier is not None:
+            way = one.carrier.way[levels].mean(axis=0) * grid.spacing_m()
+        for each in one.instruments:
+            seen = each.camera.rays(frame)
+            ends = _through(op, np.array(seen.origins(), float), np.array(seen.directions(), float), low, high)
+            rays.append(np.tile(ends - way, (next(parts).shape[0], 1, 1)))
+        if len(one.points):
+            ground = frame.position(one.points[:, 0], one.points[:, 1], 0.0)
+            sun = np.broadcast_to(one.daylight.direction, ground.shape)
+            suns.append(_through(op, ground, sun, low, high) - way)
+    return np.concatenate([*rays, *suns])
 
 
 def _through(op: Rows, origin: F64, direction: F64, low: float, high: float) -> F64:

@@ -29,16 +29,18 @@ CLOUD_DEPTH = 0.03  # along a line of sight, from which on cirrus is seen (Sasse
 ENSEMBLE = "ensemble"  # the folder of what all members say
 _TOP = ("openswim_batch", "files", "members", "output", "outputs", "times", "from", "to", "sun", "solver", "quality",
         "wavelengths", "only", "aerosol", "aod", "weather", "camera", "picture", "ensemble")  # fmt: skip
-_LOOK = ("exposure", "matrix", "gamma", "bits", "caption")
+_LOOK = ("exposure", "eye", "matrix", "gamma", "bits", "caption")
 
 
 @dataclass(frozen=True)
 class Weather:
-    """One run of a model: its files, as patterns that are resolved, and which members of them (None: the first)."""
+    """One run of a model: its files, as patterns that are resolved, and which members of them: the first (None) or
+    numbers; ``all_members``: those that the files of each time hold."""
 
     name: str
     files: tuple[Path, ...]
     members: tuple[int | None, ...] = (None,)
+    all_members: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,12 +137,12 @@ def _weathers(
     if files and listed:
         raise UserError("has tables [[weather]] with files of their own: leave out the files on the command line")
     if not listed and watched:
-        return (Weather("", (), _members(tables.get("members"))),)
+        return (Weather("", (), *_members(tables.get("members"))),)
     if not listed:
         found = tuple(files) if files else names.files(texts(tables, "files", ()), "files")
         if not found:
             raise UserError('names no files: write files = "wrfout_d01_*", or give them on the command line')
-        return (Weather("", found, _members(tables.get("members"))),)
+        return (Weather("", found, *_members(tables.get("members"))),)
     if "members" in tables:
         raise UserError("members belong to each [[weather]]")
     if len(listed) > MOST_WEATHERS:
@@ -152,7 +154,7 @@ def _weathers(
         check_keys(table, ("name", "files", "members"), what)
         name = check_name(f"{what} name", table.get("name"))
         weathers.append(Weather(name, names.files(texts(table, "files", ()), f"{what} files"),
-                                _members(table.get("members"))))  # fmt: skip
+                                *_members(table.get("members"))))  # fmt: skip
     if "ensemble" in tables and any(weather.name == ENSEMBLE for weather in weathers):
         raise UserError(f"[[weather]] is called {ENSEMBLE}, as the folder of what all members say: call it otherwise")
     if len({weather.name for weather in weathers}) < len(weathers):
@@ -160,16 +162,19 @@ def _weathers(
     return tuple(weathers)
 
 
-def _members(given: Any) -> tuple[int | None, ...]:
-    if given is None:
-        return (None,)
+def _members(given: Any) -> tuple[tuple[int | None, ...], bool]:
+    """Numbers, and whether all are wanted, whatever their numbers."""
+    if given is None or given == "all":
+        return (None,), given is not None
+    if isinstance(given, str):
+        raise UserError(f'members = {shown(given)}: write "all", or the files\' own numbers')
     listed = given if isinstance(given, list) else [given]
     found = tuple(whole("members", each) for each in listed)
     if not found or len(found) > MOST_MEMBERS or len(set(found)) < len(found):
         raise UserError(f"members: give 1 to {MOST_MEMBERS} numbers, each once")
     if min(found) < 0:
         raise UserError(f"members: {min(found)} is no member: give the files' own numbers")
-    return found
+    return found, False
 
 
 def _times(given: Any) -> tuple[np.datetime64, ...]:
@@ -210,6 +215,7 @@ def _look(table: Any) -> tuple[tuple[str, Any], ...]:
         raise UserError(f"[picture] matrix {shown(table['matrix'])}: choose srgb or paper")
     if table.get("bits", 8) not in (8, 16):
         raise UserError(f"[picture] bits {shown(table['bits'])}: choose 8 or 16")
+    check_kind("[picture] eye", table.get("eye", False), bool, "write true or false")
     check_caption(table.get("caption", "inside"))
     return tuple(sorted(table.items()))
 

@@ -16,7 +16,7 @@ from openswim.batches.names import stamp_of
 from openswim.batches.plan import Plan, Weather
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
-from openswim.readers import states_of
+from openswim.readers import members_of, states_of
 from openswim.readers.common.base import times_text
 from openswim.system.inputs import size_and_change
 
@@ -62,14 +62,26 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
     tasks = []
     for weather in plan.weathers:
         marks: dict[str, str] = {}
+        members: dict[tuple[Path, ...], Sequence[int | None]] = {}
         for time, files in _states(plan, weather, unreadable):
-            for member in weather.members:
+            for member in _members(plan, weather, tuple(files), members):
                 mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
                 tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
                 if len(tasks) * len(plan.cameras) > MOST_PICTURES:
                     raise UserError(f"more than {MOST_PICTURES} times, members and cameras: make several plans")
     _check_targets(plan, tasks)
     return tasks
+
+
+def _members(
+    plan: Plan, weather: Weather, files: tuple[Path, ...], known: dict[tuple[Path, ...], Sequence[int | None]]
+) -> Sequence[int | None]:
+    """The members that are wanted of the files of a time; files are looked at once."""
+    if not weather.all_members:
+        return weather.members
+    if files not in known:
+        known[files] = members_of(files, plan.allow_references) or [None]
+    return known[files]
 
 
 def part_of(tasks: Sequence[Task], part: tuple[int, int]) -> list[Task]:

@@ -30,17 +30,15 @@ class AnalyseRequest:
 
 def run(request: AnalyseRequest) -> None:
     """Analyse and write; what can be wrong with the request is found before any light is solved."""
-    from openswim.assimilation import observe
     from openswim.assimilation.config import read_config
+    from openswim.assimilation.configured import operator_of
     from openswim.ground.earth import preload
-    from openswim.readers import open_scene
 
     config = read_config(request.config)
     files = None if request.check else _files(request, config)
     images = config.images()
     preload()
-    scene = open_scene(config.model) if config.time is None else open_scene(config.model, time=config.time)
-    op = observe(scene, config.cameras, config.points, time=config.time, sun=config.sun, **config.observe)
+    op = operator_of(config)
     click.echo(f"{op}", err=True)
     if files is None:
         click.echo(f"{op.linearize(op.first()).check()}")
@@ -85,8 +83,7 @@ def _files(request: AnalyseRequest, config: Configuration) -> _Files:
         check_target(target, config.inputs)
     taken = [*config.inputs, *own]
     if request.write_back is not None:
-        check_write_back(config.model, config.observe.get("controls", "cloud_liquid"))
-        check_target(request.write_back, taken, "--write-back")
+        check_write_back(config.models, request.write_back, config.observe.get("controls", "cloud_liquid"), taken)
         taken.append(request.write_back)
     if request.observations is not None:
         check_target(request.observations, taken, "--observations")
@@ -108,7 +105,7 @@ def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _
     if files.observations is not None:
         write_observations(files.observations, op, observed, found.after)
     if files.write_back is not None:
-        changed = write_back(found, config.model, files.write_back)
+        changed = write_back(found, config.models, files.write_back)
         told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
         click.echo(f"{files.write_back}: {told or 'nothing'} changed")
     if not found.interrupted:
@@ -120,4 +117,6 @@ def _tell(found: Analysis, files: _Files) -> None:
     before, after = found.rms(found.before), found.rms(found.after)
     for part, one, two in zip(found.rows.parts, before, after, strict=True):
         click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")
+    if found.told:
+        click.echo(f"numbers that the observations tell: {'; '.join(map(str, found.told))}")
     click.echo(f"{files.scene}: {found.used} observations, {len(found.costs) - 1} iterations; page {files.page}")

@@ -31,9 +31,41 @@ class FilmRequest:
     speed: float = 1.0
     keogram: Path | None = None
     title: bool = True
+    all_members: bool = False  # a film of each, its number in the name
 
 
 def run(request: FilmRequest) -> None:
+    """Make the film, or one of each member."""
+    for one in _of_each_member(request) if request.all_members else [request]:
+        _run(one)
+
+
+def _of_each_member(request: FilmRequest) -> list[FilmRequest]:
+    """The requests for all members that there are, whose outputs have "_m003" in their names."""
+    from openswim.readers import members_of
+
+    def named(path: Path, number: int) -> Path:
+        return path.with_name(f"{path.stem}_m{number:03d}{path.suffix}")
+
+    return [
+        replace(
+            request, picture=replace(request.picture, member=number), output=named(request.output, number),
+            keogram=None if request.keogram is None else named(request.keogram, number),
+        )
+        for number in members_of(request.picture.file, request.picture.allow_references)
+    ] or [request]  # fmt: skip
+
+
+def member_of(text: str | None) -> tuple[int | None, bool]:
+    """A member's number, None where none is given, and whether all are wanted."""
+    if text is None or text.strip().lower() == "all":
+        return None, text is not None
+    if not re.fullmatch(r"\s*\d{1,9}\s*", text):
+        raise UserError(f"--member {text}: give a member's number, or all")
+    return int(text), False
+
+
+def _run(request: FilmRequest) -> None:
     """Check the request, say what it will take, make the film."""
     from openswim.cli.estimate import estimate
     from openswim.films import CameraPath, Weather, film

@@ -53,6 +53,7 @@ quality = click.option(
     "--quality", type=click.Choice(QUALITIES),
     help="Of --solver fast: how finely light is solved for.  [default: standard]",
 )  # fmt: skip
+member = click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]")
 observer_options = stacked(  # of render and film: `RenderRequest` has them
     click.option("--lat", type=float, help="Observer's latitude, degrees north."),
     click.option("--lon", type=float, help="Observer's longitude, degrees east."),
@@ -74,7 +75,6 @@ observer_options = stacked(  # of render and film: `RenderRequest` has them
     click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon."),
     click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees."),
     click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS."),
-    click.option("--member", type=int, help="Of an ensemble, by the file's own number.  [default: its first]"),
     quality,
     allow_references,
 )  # fmt: skip

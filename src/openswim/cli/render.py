@@ -53,6 +53,7 @@ class RenderRequest:
     error_percent: float | None = None
     checkpoint: Path | None = None
     exposure: str = "auto"
+    eye: bool = False
     matrix: str = "srgb"
     gamma: float | None = None
     bits: str = "8"
@@ -70,6 +71,7 @@ class RenderRequest:
     droplet_variance: float | None = None
     pristine_ice: float | None = None
     level_ice: float | None = None
+    level_columns: float | None = None
     wavelengths: str | None = None
     layers: bool = False
 
@@ -116,7 +118,7 @@ def run(request: RenderRequest) -> None:
         allow_references=request.allow_references, member=request.member,
     )
     scene = only(scene, *request.only) if request.only else scene
-    shapes = request.droplet_variance, request.pristine_ice, request.level_ice
+    shapes = request.droplet_variance, request.pristine_ice, request.level_ice, request.level_columns
     if any(shape is not None for shape in shapes):
         scene = with_shapes(scene, *shapes)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
@@ -148,7 +150,7 @@ def look_of(request: RenderRequest) -> dict[str, Any]:
     gamma: float | str = "srgb" if request.gamma is None else request.gamma
     check_gamma(gamma)
     return {
-        "exposure": exposure, "matrix": request.matrix, "gamma": gamma, "bits": int(request.bits),
+        "exposure": exposure, "eye": request.eye, "matrix": request.matrix, "gamma": gamma, "bits": int(request.bits),
         "caption": request.caption,
     }  # fmt: skip
 

@@ -35,6 +35,8 @@ def run(request: SatelliteRequest) -> None:
         raise UserError(f"--band missing: give some of {', '.join(known[request.imager])}")
     bands = [band(request.imager, name) for name in request.bands]
     for output in request.outputs:
+        if output.is_dir():
+            continue  # the file gets the name that satpy knows
         if output.suffix.lower() not in (".nc", ".tif", ".tiff"):
             raise UserError(f"output {output}: suffix {output.suffix!r} is unknown; use .nc or .tif")
         check_target(output, [*request.files, request.like])

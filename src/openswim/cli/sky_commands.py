@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from openswim.cli.options import PATH, allow_references, debug, observer_options, solver
+from openswim.cli.options import PATH, allow_references, debug, member, observer_options, solver
 
 
 @click.command()
@@ -43,6 +43,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.command()
 @click.argument("file", type=PATH, nargs=-1, required=True)
 @observer_options
+@member
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
 @click.option(
     "--sun",
@@ -94,6 +95,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "--level-ice", type=float,
     help="Share of cloud ice by plates that float level, which show sundogs.  [default: the file's, else 0]",
 )
+@click.option(
+    "--level-columns", type=float,
+    help="Share of cloud ice by columns that float level, which show tangent arcs.  [default: the file's, else 0]",
+)
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--layers", is_flag=True,
               help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
@@ -107,8 +112,10 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option(
     "--exposure", default="auto", show_default=True,
     help="Factor from solar-relative radiance to display; auto, by what is seen; sun, by the sun's altitude alone, "
-    "alike for all of a series; or a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's.",
+    "alike for all of a series; a curve ALTITUDE:FACTOR,ALTITUDE:FACTOR,... of the sun's; or a camera's, such as "
+    "'15s f/2.8 ISO1600'.",
 )
+@click.option("--eye", is_flag=True, help="Colours as an eye sees them that has got used to the dark.")
 @click.option("--matrix", type=click.Choice(("srgb", "paper")), default="srgb", show_default=True,
               help="Colours by sRGB, or by Eq. 36 of Albers et al. 2020.")  # fmt: skip
 @click.option("--gamma", type=float, help="Power law in place of sRGB's curve; the paper has 2.2.")
@@ -134,6 +141,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.command()
 @click.argument("file", type=PATH, nargs=-1, required=True)
 @observer_options
+@click.option("--member", help="Of an ensemble, by the file's own number; all: a film of each.  [default: its first]")
 @click.option("--path", type=PATH,
               help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
               "like) or GPX. The film then follows it.")  # fmt: skip
@@ -155,19 +163,20 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @debug
 def film(
     file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
-    frames_per_second: float, speed: float, keogram: Path | None, title: bool, **options: Any,
+    frames_per_second: float, speed: float, keogram: Path | None, title: bool, member: str | None, **options: Any,
 ) -> None:  # fmt: skip
     """Make a film of the sky over FILE's times, or along a camera's path.
 
     It shows its progress; stopped by Ctrl-C or worse, the same command goes on where it was.
     """
-    from openswim.cli.film import FilmRequest, run
+    from openswim.cli.film import FilmRequest, member_of, run
     from openswim.cli.render import RenderRequest
 
-    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), **options)
+    number, all_members = member_of(member)
+    picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), member=number, **options)
     run(FilmRequest(
         picture, output, every=every, path=path, start=start, end=end, frames_per_second=frames_per_second,
-        speed=speed, keogram=keogram, title=title,
+        speed=speed, keogram=keogram, title=title, all_members=all_members,
     ))  # fmt: skip
 
 

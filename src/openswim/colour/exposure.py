@@ -1,4 +1,4 @@
-"""Exposure: by what a picture shows, by the sun's height alone, by a curve, or as it is given."""
+"""Exposure: by what a picture shows, the sun's height, a curve of it, a camera's settings, or as it is given."""
 
 import re
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.arguments import shown
+from openswim.colour.cie import solar_illuminance_lx
 from openswim.errors import UserError
 
 MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
@@ -61,6 +62,8 @@ def exposure_of(image: xr.Dataset | xr.DataArray, exposure: Any) -> float | None
         return float(exposure)
     if exposure == "auto":
         return None
+    if (settings := _settings(exposure)) is not None:
+        return camera_exposure(*settings, image.attrs.get("sun_distance_au", 1.0))
     curve = SUN_CURVE if exposure == "sun" else _curve(exposure)
     altitude = image.attrs.get("sun_altitude_deg")
     if altitude is None:
@@ -69,11 +72,20 @@ def exposure_of(image: xr.Dataset | xr.DataArray, exposure: Any) -> float | None
     return float(np.exp(np.interp(float(altitude), heights, np.log(values))))
 
 
+def camera_exposure(seconds: float, f_number: float, iso: float, sun_distance_au: float = 1.0) -> float:
+    """The factor from L' to display light of a camera's settings: white is where a sensor of that speed is full (ISO
+    12232: 78 lx s over the speed, of .65 of the scene's light by the square of the f-number)."""
+    luminance = solar_illuminance_lx() / (4 * np.pi * sun_distance_au**2)  # of L' = 1
+    return float(0.65 * seconds / f_number**2 * luminance * iso / 78.0)
+
+
 def check_exposure(exposure: Any) -> None:
     """Raise UserError unless it is a positive number, "auto", "sun" (by the sun's altitude alone, alike for all
-    pictures of a series), or such a curve as "-6:900,0:14,30:1.3" of altitudes in degrees and exposures."""
+    pictures of a series), such a curve as "-6:900,0:14,30:1.3" of altitudes in degrees and exposures, or a camera's
+    settings such as "1/250s f/8 ISO100"."""
     if isinstance(exposure, str) and exposure not in ("auto", "sun"):
-        _curve(exposure)
+        if _settings(exposure) is None:
+            _curve(exposure)
     elif not isinstance(exposure, str) and not is_positive(exposure):
         raise UserError(_WRONG.format(shown(exposure)))
 
@@ -88,7 +100,26 @@ def is_positive(value: object) -> bool:
     return isinstance(value, (int, float, np.number)) and bool(0 < value <= LARGEST_EXPOSURE)
 
 
-_WRONG = "exposure {} must be a positive number up to 1e12, 'auto', 'sun', or a curve ALTITUDE:EXPOSURE,... of the sun"
+_WRONG = (
+    "exposure {} must be a positive number up to 1e12, 'auto', 'sun', a curve ALTITUDE:EXPOSURE,... of the sun, or a "
+    "camera's, such as '15s f/2.8 ISO1600'"
+)
+
+
+def _settings(text: str) -> tuple[float, float, float] | None:
+    """Seconds, f-number and speed of a camera; None where the text does not speak of one."""
+    found = re.fullmatch(r"\s*(?:1/)?([\d.]+)\s*s[,\s]+f/?([\d.]+)[,\s]+iso\s*([\d.]+)\s*", text, re.IGNORECASE)
+    if found is None:
+        return None
+    try:
+        seconds, f_number, iso = (float(part) for part in found.groups())
+        seconds = 1 / seconds if text.lstrip().startswith("1/") else seconds
+        sensible = 1e-9 < seconds < 1e9 and 1e-2 < f_number < 1e4 and 1e-2 < iso < 1e9
+    except (ValueError, ZeroDivisionError):
+        sensible = False
+    if not sensible:
+        raise UserError(_WRONG.format(shown(text)))
+    return seconds, f_number, iso
 
 
 def _curve(text: str) -> Sequence[tuple[float, float]]:

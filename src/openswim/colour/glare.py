@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from openswim.scene.frame import horizon_vector
+from openswim.scene.frame import azimuth_altitude, horizon_vector
 
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
@@ -25,7 +25,7 @@ def spread(angle_deg: np.ndarray) -> np.ndarray:
 class SunSeen(NamedTuple):
     """Where the sun's disc is in an image, and what it adds."""
 
-    angle_deg: np.ndarray  # (y, x) of every pixel to the sun
+    angle_deg: np.ndarray  # (y, x) of every pixel to the middle of the light that is seen of the sun
     rows: slice  # that hold the disc and what is around it
     sunny: np.ndarray  # of these rows (rows, x): the pixels of the disc
     sky: np.ndarray  # (wavelength,) L' around it
@@ -73,7 +73,12 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
         solid_angle = np.linalg.norm(np.cross(np.gradient(direction, axis=0), np.gradient(direction, axis=1)), axis=-1)
     light = np.nan_to_num(image["solar_relative_radiance"].transpose(..., "wavelength").values[some])
     sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
-    held = np.maximum(((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny].sum(axis=0), 0)
+    each = ((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny]
+    held, bright = np.maximum(each.sum(axis=0), 0), np.maximum(each, 0).sum(axis=1)
+    if bright.any():  # of a sun that is hidden in part, glare spreads from what is seen
+        toward = horizon_vector(*np.degrees([azimuth[some][sunny], altitude[some][sunny]]).astype(float))
+        middle = bright @ toward
+        angle = np.degrees(_between(azimuth, altitude, *np.radians(azimuth_altitude(middle / np.linalg.norm(middle)))))
     return SunSeen(angle, some, sunny, sky, held)
 
 

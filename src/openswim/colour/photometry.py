@@ -8,23 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.colour.cie import solar_illuminance_lx
 from openswim.colour.rgb import to_xyz
-from openswim.errors import UserError
 
 
 def luminance_cd_m2(image: xr.Dataset) -> NDArray[np.float64]:
     """Luminance (y, x) of a rendered image; 22 magnitudes per square second of arc are 1.7e-4."""
     distance = float(image.attrs.get("sun_distance_au", 1.0))
     return np.asarray(to_xyz(image)[..., 1], float) * solar_illuminance_lx() / (4 * np.pi * distance**2)
-
-
-def camera_exposure(seconds: float, f_number: float, iso: float, sun_distance_au: float = 1.0) -> float:
-    """`exposure` of `to_rgb` for a camera's settings: white is where a sensor of that speed is full (ISO 12232: 78 lx s
-    over the speed, of .65 of the scene's light by the square of the f-number)."""
-    for name, value in (("seconds", seconds), ("f_number", f_number), ("iso", iso)):
-        if not 0 < value < np.inf:
-            raise UserError(f"{name} = {value}: give a positive number")
-    luminance = solar_illuminance_lx() / (4 * np.pi * sun_distance_au**2)  # of L' = 1
-    return float(0.65 * seconds / f_number**2 * luminance * iso / 78.0)
 
 
 def illuminance_lx(relative: ArrayLike, wavelengths_nm: ArrayLike, sun_distance_au: float = 1.0) -> float:

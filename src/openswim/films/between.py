@@ -41,15 +41,34 @@ class Motion:
             east, north = (
                 0.5 * (before.data[name].values + after.data[name].values).astype(np.float32) for name in WIND
             )
-            dx, dy, angle = _axes(grid)
-            along = east * np.cos(angle) + north * np.sin(angle)
-            across = north * np.cos(angle) - east * np.sin(angle)
-            return cls((along / dx).astype(np.float32), (across / dy).astype(np.float32), "the model's wind")
+            return cls.of_wind(grid, east, north, "the model's wind")
         seconds = _seconds(before, after)
         moved = drift_of(_cloud(before), _cloud(after), grid.periodic) / seconds
         x, y = (moved[:, axis, None, None].astype(np.float32) for axis in (0, 1))
         return cls(x, y, "the clouds' own drift")
 
+    @classmethod
+    def of_wind(cls, grid: Grid, east: NDArray, north: NDArray, source: str) -> Motion:
+        """By a wind in m/s, (nz, ny, nx) or what becomes that."""
+        dx, dy, angle = _axes(grid)
+        along = east * np.cos(angle) + north * np.sin(angle)
+        across = north * np.cos(angle) - east * np.sin(angle)
+        return cls((along / dx).astype(np.float32), (across / dy).astype(np.float32), source)
+
+    def came_from(self, k: int, seconds: float, shape: tuple[int, int], mode: str) -> tuple[F32, F32]:
+        """Rows and columns (ny, nx) from which air on level k has come so many seconds before: by the wind at the
+        middle of its way."""
+        from scipy.ndimage import map_coordinates
+
+        along, across = (each[min(k, len(each) - 1)] * seconds for each in (self.x, self.y))
+        along, across = np.broadcast_to(along, shape), np.broadcast_to(across, shape)
+        here = np.indices(shape, np.float32)
+        y, x = here[0] - across, here[1] - along
+        for _ in range(2):
+            middle = [here[0] + 0.5 * (y - here[0]), here[1] + 0.5 * (x - here[1])]
+            y = here[0] - map_coordinates(across, middle, order=1, mode=mode)
+            x = here[1] - map_coordinates(along, middle, order=1, mode=mode)
+        return y, x
 
     def of_clouds(self, before: Scene, after: Scene) -> NDArray[np.float64]:
         """Mean speed (2,) of the clouds of two scenes to the east and north, m/s; 0 where there are none."""
@@ -157,22 +176,14 @@ class _Carrier:
 
     def __call__(self, field: NDArray) -> F32:
         out = np.empty(field.shape, np.float32)
-        _, ny, nx = field.shape
-        here = list(np.meshgrid(np.arange(ny, dtype=np.float32), np.arange(nx, dtype=np.float32), indexing="ij"))
         for k, level in enumerate(field):
-            out[k] = level if level.min() == level.max() else self._carried(level, k, here)
+            out[k] = level if level.min() == level.max() else self._carried(level, k)
         return out
 
-    def _carried(self, level: NDArray, k: int, here: list[NDArray]) -> F32:
+    def _carried(self, level: NDArray, k: int) -> F32:
         from scipy.ndimage import map_coordinates
 
-        along, across = (each[min(k, len(each) - 1)] * self.seconds for each in (self.motion.x, self.motion.y))
-        along, across = np.broadcast_to(along, level.shape), np.broadcast_to(across, level.shape)
-        y, x = here[0] - across, here[1] - along
-        for _ in range(2):  # the wind at the middle of the way
-            middle = [here[0] + 0.5 * (y - here[0]), here[1] + 0.5 * (x - here[1])]
-            y = here[0] - map_coordinates(across, middle, order=1, mode=self.mode)
-            x = here[1] - map_coordinates(along, middle, order=1, mode=self.mode)
+        y, x = self.motion.came_from(k, self.seconds, level.shape, self.mode)
         smooth = map_coordinates(level, [y, x], order=3, mode=self.mode)
         # a cubic keeps edges sharp; the four nodes around bound it, so that it makes nothing of clear air
         low, high = np.full(level.shape, np.inf, np.float32), np.full(level.shape, -np.inf, np.float32)

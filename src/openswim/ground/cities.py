@@ -62,6 +62,7 @@ def lamps_seen(lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike, radiance_
     north = lat * _DEGREE_M
     j = np.floor(north / _LATTICE_M)
     east = lon * _DEGREE_M * np.cos(np.radians((j + 0.5) * _LATTICE_M / _DEGREE_M))
+    east = east + _LATTICE_M * _chance(0 * j, j, 3)  # no row stands in line with the next
     i = np.floor(east / _LATTICE_M)
     across, along, chance = (_chance(i, j, n) for n in range(3))
     share = np.clip(bright / _TOWN_NW, *_LIT_CELLS)

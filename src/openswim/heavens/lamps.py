@@ -49,7 +49,7 @@ class Lamp:
 class Lamps:
     """The lights over a place (latitude, longitude) at a time. in_field (nw,): what of the night sky's mean radiance is
     solved for with the lamps, W m-2 sr-1 nm-1. shadow: the moon's, where it is on the scene or
-    near it. left_out: what shines, or takes light, and is not solved for."""
+    near it. left_out: what shines and is not solved for."""
 
     every: tuple[Lamp, ...]
     time: Time
@@ -63,19 +63,17 @@ class Lamps:
         """What is to be seen of the sky behind; worked out when it is asked for, which is not by day."""
         return NightSky.at(self.time, *self.place, np.eye(3))
 
-    def unsolved(self) -> Lamps:
-        """Where none but the whole sun is solved for."""
+    def sun_alone(self) -> Lamps:
+        """Where none but the sun is solved for."""
         sun = tuple(lamp for lamp in self.every if lamp.name == "sun")
-        left_out = [_WORDS[lamp.name] for lamp in self.every if lamp.name != "sun"]
-        if self.shadow is not None:
-            left_out.append("the moon's shadow")
-        return replace(self, every=sun, in_field=np.zeros_like(self.in_field), left_out=tuple(left_out))
+        left_out = tuple(_WORDS[lamp.name] for lamp in self.every if lamp.name != "sun")
+        return replace(self, every=sun, in_field=np.zeros_like(self.in_field), left_out=left_out)
 
     def stated(self) -> list[str]:
         """What of this is to be said of a picture."""
         if not self.left_out:
             return []
-        return [f"air, clouds and ground are lit by the whole sun alone, without {' and '.join(self.left_out)}"]
+        return [f"air, clouds and ground are lit by the sun alone, without {' and '.join(self.left_out)}"]
 
 
 def toa_irradiance(wavelengths_nm: F64, day: Daylight) -> F64:

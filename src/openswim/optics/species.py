@@ -38,8 +38,8 @@ class OpticalSpecies:
 
     extinction_per_m: (nz, ny, nx) float32 at the reference (550 nm for aerosol); relative_extinction,
     single_scattering_albedo: (nwl,); phase: one per wavelength; fine: whether it is known to have lumps finer than
-    the grid, as a model's own liquid cloud has (what is given as extinction is given as it is); level: whether they are
-    plates of ice that float level, whose ``phase`` is that of all orientations (`transport.ice.plates`).
+    the grid, as a model's own liquid cloud has (what is given as extinction is given as it is); level: shapes and
+    shares of crystals of ice that float level, whose ``phase`` is that of all orientations (`transport.ice.level`).
     """
 
     name: str
@@ -49,7 +49,7 @@ class OpticalSpecies:
     single_scattering_albedo: FloatArray
     phase: list[PhaseFunction]
     fine: bool = False
-    level: bool = False
+    level: tuple[tuple[str, float], ...] = ()
 
     @property
     def backscatter_fraction(self) -> float:
@@ -151,15 +151,17 @@ def _hydrometeor(
     if names is not None:
         split_spread = 0.0 if f"{kind}, small" in names else np.inf
     found, shapes = [], Shapes.of(scene)
-    plates = shapes.oriented if kind == "ice" else 0.0
+    level = {"plate": shapes.oriented, "column": shapes.columns} if kind == "ice" else {}
+    afloat = sum(level.values())
     for name, mean_m, weight in size_bins(kind, radius, extinction, split_spread):
         on_grid = np.zeros(content.shape, np.float32)
         on_grid[present] = extinction * weight
-        found.append(_of_size(name, kind, on_grid * np.float32(1 - plates), mean_m, wavelengths, shapes))
-        if plates:
-            phase = [crystals.phase_function(float(wl), ("plate",)) for wl in wavelengths]
-            level = replace(found[-1], name=f"{name}, level", phase=phase, level=True)
-            found.append(replace(level, extinction_per_m=on_grid * np.float32(plates)))
+        found.append(_of_size(name, kind, on_grid * np.float32(1 - afloat), mean_m, wavelengths, shapes))
+        if afloat:
+            shares = tuple((shape, share / afloat) for shape, share in level.items() if share > 0)
+            phase = [crystals.mixed(float(wl), shares) for wl in wavelengths]
+            theirs = replace(found[-1], name=f"{name}, level", phase=phase, level=shares)
+            found.append(replace(theirs, extinction_per_m=on_grid * np.float32(afloat)))
     return found
 
 

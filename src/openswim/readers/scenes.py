@@ -65,6 +65,8 @@ def open_scene(
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
+    if member is not None:
+        scene.source = f"{scene.source}, member {member}"
     if place is not None and scene.cut and scene.wider is None and not place.from_space:
         scene.notes.append("a part of the domain was read; clouds beyond it are not in the picture")
     if ground is not None:
@@ -94,6 +96,14 @@ def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.date
         infos = [each for group in groups.items() for each in _described(*group)]
     times = np.unique([np.datetime64(time, "ms") for each in infos for time in each.times])
     return [(time, paths) for time in times] if times.size else [(None, paths)]
+
+
+def members_of(path: Paths, allow_references: bool = False) -> list[int]:
+    """The members of an ensemble that files hold, by their own numbers, ascending; none where there is no ensemble."""
+    with references_allowed(allow_references):
+        groups = by_reader(files_of(path))
+        found = [reader.members(each) for reader, own in groups.items() if hasattr(reader, "members") for each in own]
+    return sorted(set().union(*found))
 
 
 def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:

@@ -17,16 +17,28 @@ from openswim.scene.files import written_whole
 F64 = NDArray[np.float64]
 
 
-def write(picture: xr.Dataset, path: str | Path) -> None:
+def write(picture: xr.Dataset, path: str | Path) -> Path:
     """A picture of `openswim.satellites.reflectance` as .nc (CF, which satpy and xarray read) or .tif (a
-    cloud-optimised GeoTIFF of reflectance factors, one band each)."""
+    cloud-optimised GeoTIFF of reflectance factors, one band each). In a folder it is a .nc of the name by which satpy
+    knows it. Returns what was written."""
     target = Path(path)
+    if target.is_dir():
+        target = target / satpy_name(picture)
     if target.suffix.lower() == ".nc":
         save_netcdf(picture, target)
     elif target.suffix.lower() in (".tif", ".tiff"):
         _write_geotiff(picture, target)
     else:
         raise UserError(f"output {target}: suffix {target.suffix!r} is unknown; use .nc or .tif")
+    return target
+
+
+def satpy_name(picture: xr.Dataset) -> str:
+    """IMAGER-START-END.nc: satpy's reader "satpy_cf_nc" takes files of no other names."""
+    times = ("time_coverage_start", "time_coverage_end")
+    stamps = ["".join(c for c in picture.attrs[name] if c.isdigit())[:14] for name in times]
+    platform, sensor = picture.attrs["platform"].rsplit(" ", 1)
+    return "-".join((platform.replace("-", ""), sensor, *stamps)) + ".nc"
 
 
 def _write_geotiff(picture: xr.Dataset, target: Path) -> None:

@@ -145,7 +145,8 @@ def _dataset(
     with np.errstate(all="ignore"):
         over = np.where(up > 0.01, values / up, np.nan).astype(np.float32)
     dims = ("band", "y", "x")
-    about = {"units": "1", "grid_mapping": "geostationary"}
+    platform, sensor = bands[0].imager.rsplit(" ", 1)
+    about = {"units": "1", "grid_mapping": "geostationary", "platform_name": platform, "sensor": sensor}
     turned = dict(standard_name="toa_lambertian_equivalent_albedo_multiplied_by_cosine_solar_zenith_angle")
     out = xr.Dataset(
         {

@@ -38,8 +38,8 @@ def solve(
 ) -> Field | ReferenceField:  # fmt: skip
     """Solve the field of light of ``matter`` over ``surface``, at their wavelengths, lit from ``sun`` (3,).
 
-    plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it. shadow: the moon's, which
-    solver reference knows nothing of.
+    plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it. shadow: the moon's, in
+    an eclipse of the sun.
     """
     sun = sun / np.linalg.norm(sun)
     if plan is None:
@@ -49,9 +49,7 @@ def solve(
     if options.name == "reference":
         if matter.wider is not None:
             warnings.warn("solver reference sees the innermost of nested grids alone", stacklevel=3)
-        if shadow is not None:
-            warnings.warn("solver reference does not know the moon's shadow, and takes the whole sun", stacklevel=3)
-        return solve_reference(options, plan.medium, matter, surface, sun)
+        return solve_reference(options, plan.medium, matter, surface, sun, shadow)
     packs: list[LitGrid | LitDomain] = []
     for pack, first in enumerate(range(0, matter.wavelengths_nm.size, PACK)):
         which = np.minimum(np.arange(first, first + PACK), matter.wavelengths_nm.size - 1)

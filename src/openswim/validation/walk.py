@@ -18,6 +18,7 @@ from openswim.validation import (
     clearsky,
     colours,
     displays,
+    level_crystals,
     measured,
     slab_tables,
     slabs,
@@ -39,6 +40,12 @@ class Family(NamedTuple):
 
     matches: Callable[[Reference], bool]
     compare: Callable[[Reference, Solver, PhaseTables], Iterator[Row]]
+
+
+def halos(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
+    """Of crystals in all orientations, and of level ones."""
+    yield from displays.compare_halos(reference, solver, phases)
+    yield from level_crystals.compare_level_crystals(reference, solver, phases)
 
 
 FAMILIES = (
@@ -68,7 +75,7 @@ FAMILIES = (
     Family(lights.is_refraction_table, lights.compare_refraction),
     Family(displays.is_rainbow_table, displays.compare_rainbow),
     Family(displays.is_ring_table, displays.compare_rings),
-    Family(displays.is_halo_table, displays.compare_halos),
+    Family(displays.is_halo_table, halos),
     Family(displays.is_halo_profile, displays.compare_halo_profile),
     Family(skies.is_moonlit_table, skies.compare_moonlit_sky),
     Family(skies.is_illuminance_table, skies.compare_illuminance),

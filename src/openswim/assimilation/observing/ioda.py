@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from openswim.assimilation.observing.instruments import sun_at
 from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 from openswim.scene.files import check_target, written_whole
 from openswim.scene.frame import azimuth_altitude, scene_frame
@@ -39,6 +40,7 @@ class _Places:
     azimuth: F64
     sun: tuple[float, float]  # azimuth, altitude
     station: str
+    time: np.datetime64
 
 
 def write_observations(
@@ -64,7 +66,7 @@ def observation_files(path: str | os.PathLike[str], op: Operator) -> dict[Path, 
     """The files that `write_observations` makes, and whether each is that of cameras; raises UserError where IODA has
     no names for what is observed."""
     target = Path(path)
-    if op.time is None:
+    if any(one.time is None for one in op.of_times):
         raise UserError(f"{target}: the observations have no time: observe(..., time=...) gives them one")
     names = {each.quantity.name for each in op.instruments}
     if len(names) > 1 or not names <= NAMES.keys():
@@ -76,7 +78,7 @@ def observation_files(path: str | os.PathLike[str], op: Operator) -> dict[Path, 
 def _write(path: Path, op: Operator, observed: xr.Dataset, seen: xr.DataArray | None, cameras: bool) -> None:
     from netCDF4 import Dataset
 
-    places = [_of_camera(op, n) for n in range(len(op.instruments))] if cameras else [_of_points(op)]
+    places = [place for one in op.of_times for place in (_of_cameras(one) if cameras else _of_points(one))]
     variable, units = NAMES[op.instruments[0].quantity.name] if cameras else IRRADIANCE
     rows: dict[str, NDArray[Any]] = {"ObsValue": observed["value"].values, "ObsError": observed["error"].values,
                                      "PreQC": np.where(observed["use"].values, 0, _NOT_USED)}  # fmt: skip
@@ -119,10 +121,8 @@ def _meta(group: Any, op: Operator, places: list[_Places], cameras: bool) -> Non
     put("latitude", of_each("latitude"), "degrees_north")
     put("longitude", of_each("longitude"), "degrees_east")
     put("height", of_each("height"), "m")
-    count = sum(p.latitude.size for p in places)
-    assert op.time is not None
-    seconds = op.time.astype("datetime64[s]").astype(np.int64)
-    put("dateTime", np.full(count, seconds), _EPOCH, kind="i8")
+    seconds = [np.full(p.latitude.size, p.time.astype("datetime64[s]").astype(np.int64)) for p in places]
+    put("dateTime", np.concatenate(seconds), _EPOCH, kind="i8")
     sun = np.concatenate([np.tile(p.sun, (p.latitude.size, 1)) for p in places])
     put("solarZenithAngle", 90 - sun[:, 1], "degree")
     put("solarAzimuthAngle", sun[:, 0], "degree")
@@ -136,7 +136,12 @@ def _meta(group: Any, op: Operator, places: list[_Places], cameras: bool) -> Non
         put("sensorChannelNumber", np.arange(1, len(channels) + 1), "", ("Channel",), "i4")
 
 
-def _of_camera(op: Operator, n: int) -> _Places:
+def _of_cameras(op: Rows) -> list[_Places]:
+    return [_of_camera(op, n) for n in range(len(op.instruments))]
+
+
+def _of_camera(op: Rows, n: int) -> _Places:
+    assert op.time is not None
     each, frame = op.instruments[n], scene_frame(op.scene)
     camera, pixels = each.camera, each.camera.pixels()
     north, east = (camera.lat, camera.lon) if camera.x_m is None else (camera.y_m, camera.x_m)
@@ -144,7 +149,8 @@ def _of_camera(op: Operator, n: int) -> _Places:
     if camera.above == "ground":
         azimuth, altitude = pixels.azimuth_deg[each.inside], pixels.altitude_deg[each.inside]
         lat, lon = _latlon(op, np.full(count, north), np.full(count, east))
-        return _Places(lat, lon, np.full(count, camera.height_m), 90 - altitude, azimuth, each.sun, f"camera {n}")
+        height = np.full(count, camera.height_m)
+        return _Places(lat, lon, height, 90 - altitude, azimuth, each.sun, f"camera {n}", op.time)
     rays = camera.rays(frame)
     origin, direction = np.array(rays.origins(), float), np.array(rays.directions(), float)
     radius = frame.radius_m
@@ -154,25 +160,28 @@ def _of_camera(op: Operator, n: int) -> _Places:
     root = np.sqrt(np.maximum(along**2 - beyond, 0.0))
     distance = np.where(along < 0, beyond / np.maximum(-along + root, 1e-9), 0.0)  # the nearer end, without cancelling
     place = origin + direction * distance[:, None]
-    ground_north, ground_east, height = frame.latlon(place)
+    ground_north, ground_east, over = frame.latlon(place)
     zenith, azimuth = np.empty(count), np.empty(count)
     for k in range(count):
         toward = frame.enu(float(ground_north[k]), float(ground_east[k])) @ -direction[k]
         azimuth[k], up = azimuth_altitude(toward)
         zenith[k] = 90 - up
     lat, lon = _latlon(op, ground_north, ground_east)
-    return _Places(lat, lon, np.maximum(height, 0.0), zenith, azimuth, each.sun, f"camera {n}")
+    return _Places(lat, lon, np.maximum(over, 0.0), zenith, azimuth, each.sun, f"camera {n}", op.time)
 
 
-def _of_points(op: Operator) -> _Places:
+def _of_points(op: Rows) -> list[_Places]:
+    if not len(op.points):
+        return []
+    assert op.time is not None
     frame = scene_frame(op.scene)
     lat, lon = _latlon(op, op.points[:, 0], op.points[:, 1])
     sun = sun_at(frame, op.daylight.direction, float(op.points[0, 0]), float(op.points[0, 1]))
     nothing = np.zeros(len(lat))
-    return _Places(lat, lon, nothing, nothing, nothing, sun, "pyranometer")
+    return [_Places(lat, lon, nothing, nothing, nothing, sun, "pyranometer", op.time)]
 
 
-def _latlon(op: Operator, north: F64, east: F64) -> tuple[F64, F64]:
+def _latlon(op: Rows, north: F64, east: F64) -> tuple[F64, F64]:
     """Degrees; of a flat scene by the place that it has, its origin lying there."""
     if scene_frame(op.scene).curved:
         return np.asarray(north, float), np.asarray(east, float)

@@ -41,7 +41,7 @@ class Linearization:
         """See `Operator.linearize`."""
         lifted = operator.controls.lifted(state)
         start = None if near is None else near._light
-        images, light = operator.core.forward(*operator.filled(operator.controls.fill(lifted)), start=start)
+        images, light = operator.light(operator.controls.fill(lifted), start)
         slopes = operator.controls.slopes(lifted)
         return cls(operator, lifted, images, slopes, state, _mark(state, operator), light)
 
@@ -60,7 +60,7 @@ class Linearization:
         op = self.operator
         whole = op.controls.checked(self._whole(change))
         fill = op.controls.tangent(self.slopes, whole)
-        images = op.core.tangent(self._light, *op.filled(fill, change=True))
+        images = op.light_tangent(self._light, fill)
         return op.row(op.tangent_values(self.images, images, self._scale, fill.scale))
 
     def vjp(self, bar: ArrayLike) -> xr.Dataset:
@@ -69,8 +69,7 @@ class Linearization:
         op = self.operator
         row = op.row(np.asarray(bar, float)).values
         images, scale = op.adjoint_values(self.images, row, self._scale)
-        extinction, albedo = op.core.adjoint(self._light, images)
-        fill = op.gathered(extinction, albedo)
+        fill = op.light_adjoint(self._light, images)
         return op.controls.adjoint(self.slopes, replace(fill, scale=scale))
 
     def jacobian(self, pixels: Iterable[int]) -> xr.Dataset:

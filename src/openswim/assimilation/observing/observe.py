@@ -105,12 +105,14 @@ def observe(
     floor = number("observe: floor_per_km", floor_per_km) / 1e3
     if not 0 < floor < 1:
         raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")
-    allowed = _where(scene, variables_of(scene, controls), where, heights_m)
+    allowed = nodes_that_change(scene, variables_of(scene, controls), where, heights_m)
     made = core if core is not None else _core(scene, listed, points, wavelengths, day.direction, tolerance, lean)
     albedo = np.asarray(made.albedo, float)
     held = Controls.of(scene, controls, wavelengths, allowed, albedo, len(listed), floor)
     when = None if sun is not None else (scene.time if time is None else parse_time(time))
-    watts = watts_of(scene, wavelengths, day) if len(points) else np.zeros(wavelengths.size)
+    watts = np.zeros((wavelengths.size, len(points)))
+    if len(points):
+        watts += watts_of(scene, wavelengths, day)[:, None]
     relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
     return Operator(scene, made, held, tuple(instruments), points, relative, watts, day, when, sun)
 
@@ -136,7 +138,7 @@ def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float
     return float(bilinear(np.ascontiguousarray(terrain_m), np.array([found[1]]), np.array([found[2]]))[0])
 
 
-def _where(
+def nodes_that_change(
     scene: Scene, variables: tuple[Variable, ...], where: ArrayLike | None, heights_m: tuple[float, float] | None
 ) -> NDArray[np.bool_]:
     """Nodes (nz, ny, nx) at which fields on levels may change: those that are given, or those between heights, but for

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.assimilation.observing.carrying import Carrier
 from openswim.assimilation.observing.controls import Controls, Fill
 from openswim.assimilation.observing.core import Core, Images
 from openswim.assimilation.observing.instruments import Instrument
@@ -38,8 +39,9 @@ class Rows:
     """H(x) as rows of observations; see `operator.Operator`.
 
     relative: (w,) extinction of each of the core's classes over that at 550 nm, by name.
-    watts (w,): W m-2 of broadband global irradiance for each wavelength's share of E_TOA.
+    watts (w, n): W m-2 of broadband global irradiance for each wavelength's share of E_TOA, at each point.
     points (n, 2): latitudes and longitudes of pyranometers, in flat scenes y and x in metres.
+    carrier: from the time of a state to ``time``; None where they are the same.
     """
 
     scene: Scene
@@ -52,6 +54,7 @@ class Rows:
     daylight: Daylight
     time: np.datetime64 | None = None
     sun: tuple[float, float] | None = None
+    carrier: Carrier | None = None
     _base: dict[str, F64] = field(default_factory=dict, repr=False)
 
     @property
@@ -79,8 +82,27 @@ class Rows:
 
     def __call__(self, state: xr.Dataset) -> xr.DataArray:
         """H(x), a row of observations."""
-        images, _ = self.core.forward(*self.filled(self.controls.fill(self.controls.lifted(state))))
+        images, _ = self.light(self.controls.fill(self.controls.lifted(state)))
         return self.row(self.values(images, self.scale(state)))
+
+    @property
+    def of_times(self) -> tuple[Rows, ...]:
+        """Those of one time each, whose instruments and points, one after the other, are these."""
+        return (self,)
+
+    # light
+
+    def light(self, fill: Fill, start: Any = None) -> tuple[Images, Any]:
+        """What is seen of a fill, and what the core keeps of it; start: the same of a fill that is near."""
+        return self.core.forward(*self.filled(fill), start=start)
+
+    def light_tangent(self, light: Any, change: Fill) -> Images:
+        """J v."""
+        return self.core.tangent(light, *self.filled(change, change=True))
+
+    def light_adjoint(self, light: Any, residual: Images) -> Fill:
+        """J^T r."""
+        return self.gathered(*self.core.adjoint(light, residual))
 
     # rows of observations
 
@@ -138,7 +160,7 @@ class Rows:
         if not change:
             extinction, albedo = self.base[0].copy(), self.base[1]
         for species, values in fill.extinction.items():
-            at = self.core.drawn.to_nodes(values)
+            at = self.core.drawn.to_nodes(values if self.carrier is None else self.carrier(values))
             for k, share in self.shares(species):
                 extinction[:, k] = self._relative(k)[:, None, None, None] * at * share
         if fill.albedo is not None:
@@ -157,7 +179,8 @@ class Rows:
             bar = np.zeros(self.core.shape)
             for k, share in self.shares(species):
                 bar += share * np.einsum("w,wzyx->zyx", self._relative(k), extinction[:, k])
-            out[species] = self.core.drawn.from_nodes(bar)
+            back = self.core.drawn.from_nodes(bar)
+            out[species] = back if self.carrier is None else self.carrier.transposed(back)
         return Fill(out, np.asarray(albedo))
 
     def shares(self, species: str) -> list[tuple[int, F64 | float]]:
@@ -191,7 +214,7 @@ class Rows:
             seen = light if scale is None else light * scale[n][:, None]
             rows.append(each.quantity.value(seen).ravel())
         if len(self.points):
-            rows.append(self.watts @ images.ghi)
+            rows.append((self.watts * images.ghi).sum(axis=0))
         return np.concatenate(rows)
 
     def tangent_values(self, images: Images, change: Images, scale: F64 | None, d_scale: F64 | None) -> F64:
@@ -202,7 +225,7 @@ class Rows:
             seen = more * by if d_scale is None else more * by + light * d_scale[n][:, None]
             rows.append(each.quantity.tangent(light * by, seen).ravel())
         if len(self.points):
-            rows.append(self.watts @ change.ghi)
+            rows.append((self.watts * change.ghi).sum(axis=0))
         return np.concatenate(rows)
 
     def adjoint_values(self, images: Images, bar: F64, scale: F64 | None) -> tuple[Images, F64 | None]:
@@ -215,5 +238,5 @@ class Rows:
             scales.append((seen * light).sum(axis=1))
         ghi = np.zeros((self.wavelengths_nm.size, len(self.points)))
         if len(self.points):
-            ghi += self.watts[:, None] * bar[self.parts[-1].here]
+            ghi += self.watts * bar[self.parts[-1].here]
         return Images(lights, ghi), None if scale is None else np.array(scales)

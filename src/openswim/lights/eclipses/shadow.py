@@ -64,7 +64,7 @@ class MoonShadow:
 
     def left(self, place_m: F64, wavelengths_nm: ArrayLike) -> F64:
         """Share (n, nw) of the sun's light at places (n, 3), its corona's included; it falls to zero smoothly."""
-        table = self._table(tuple(np.asarray(wavelengths_nm, float).tolist()))
+        table = self.table(wavelengths_nm)
         sun, to_sun = _from(self.to_sun_m, place_m)
         moon, to_moon = _from(self.to_moon_m, place_m)
         chord2 = sum((a / to_sun - b / to_moon) ** 2 for a, b in zip(sun, moon, strict=True))
@@ -76,17 +76,18 @@ class MoonShadow:
         low = table[k]
         return np.asarray(low + (at - k)[:, None] * (table[k + 1] - low))
 
-    def _table(self, wavelengths_nm: tuple[float, ...]) -> F64:
+    def table(self, wavelengths_nm: ArrayLike) -> F64:
         """Light left (n, nw) by where the moon's edge is on the sun's diameter. The moon is as wide as from the origin:
-        elsewhere by some thousandths less or more, of which here nothing is to be seen."""
-        if wavelengths_nm not in self.tables:
+        elsewhere by some thousandths less or more, of which here nothing is to be seen. Even in the root of the way."""
+        nm = tuple(np.asarray(wavelengths_nm, float).tolist())
+        if nm not in self.tables:
             at = self.discs(np.zeros((1, 3)))
             ratio, edge = float((at.moon_deg / at.sun_deg)[0]), np.linspace(0, 1, _NODES) ** 2
             ones = np.ones(_NODES)
             found = Discs(np.maximum(2 * edge - 1 + ratio, 0.0), ones, ratio * ones)
-            left = light_left(found, np.asarray(wavelengths_nm), _RINGS)
-            self.tables[wavelengths_nm] = left + CORONA_SHARE * (1 - left)
-        return self.tables[wavelengths_nm]
+            left = light_left(found, np.asarray(nm), _RINGS)
+            self.tables[nm] = left + CORONA_SHARE * (1 - left)
+        return self.tables[nm]
 
 
 def _from(body_m: F64, place_m: F64) -> tuple[list[F64], F64]:

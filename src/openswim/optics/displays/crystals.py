@@ -18,6 +18,7 @@ _INDEX = np.array([1.3194, 1.3157, 1.3130, 1.3112, 1.3098, 1.3090, 1.3069])
 DIFFRACTION = HenyeyGreenstein(0.998)  # half of what large particles scatter
 _CORNERS_DEG = 178.0
 RANDOM = ("column", "compact")  # the shapes that lie in all orientations, of each as much
+LENGTH_OVER_WIDTH = {"column": 2.0, "compact": 1.0, "plate": 0.2}  # the width is that of the circumscribed circle
 
 
 def refractive_index(wavelength_nm: float) -> float:
@@ -56,6 +57,18 @@ def phase_function(wavelength_nm: float, shapes: tuple[str, ...] = RANDOM) -> Ph
             value += share / len(shapes) * (1 - passed) * np.exp(logs)
             straight += share / len(shapes) * passed
     return Mixture((0.5 + 0.5 * straight, 0.5 - 0.5 * straight), (DIFFRACTION, TablePhase(angle, value)))
+
+
+def mixed(wavelength_nm: float, shares: tuple[tuple[str, float], ...]) -> PhaseFunction:
+    """Of several shapes, each with its share, in all orientations."""
+    weights: list[float] = []
+    phases: list[PhaseFunction] = []
+    for shape, share in shares:
+        one = phase_function(wavelength_nm, (shape,))
+        assert isinstance(one, Mixture)
+        weights += [share * weight for weight in one.weights]
+        phases += one.phases
+    return Mixture(weights, phases)
 
 
 def _fixed_deg(index: float) -> list[float]:

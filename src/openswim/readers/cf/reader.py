@@ -21,7 +21,7 @@ from openswim.readers.common.base import (
     pick_time,
 )
 from openswim.readers.common.bounds import check_size
-from openswim.readers.common.members import MEMBER_DIMS, member_index
+from openswim.readers.common.members import MEMBER_DIMS, member_index, member_numbers
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
@@ -99,6 +99,11 @@ class CFReader:
         """The grid at one time; None for a clear sky."""
         with naming(path), _opened(path) as whole, reading(path, _NOT_THE_LAYOUT):
             return grid_of(upright(_of_member(path, _at_time(path, whole, time)[0], None, [])), [])
+
+    def members(self, path: Path) -> set[int]:
+        """Of an ensemble, by their own numbers."""
+        with _opened(path) as whole:
+            return member_numbers(path, whole)
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents, from the header, the coordinates and the heights of the first time."""

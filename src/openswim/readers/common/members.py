@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
 
@@ -23,9 +24,26 @@ def member_index(path: Path, data: xr.Dataset, member: int | None, notes: list[s
     for dim in MEMBER_DIMS:
         if dim not in data.dims:
             continue
-        own = data[dim].values if dim in data.variables and data[dim].dims == (dim,) else np.arange(data.sizes[dim])
-        chosen[dim] = picked(path, list(own), member, notes)
+        chosen[dim] = picked(path, list(_own(data, dim)), member, notes)
     return chosen
+
+
+def member_numbers(path: Path, data: xr.Dataset) -> set[int]:
+    """The members of a dataset, by their own numbers; none where it holds no ensemble."""
+    found: list[set[int]] = []
+    for dim in (dim for dim in MEMBER_DIMS if dim in data.dims):
+        own = _own(data, dim)
+        if own.dtype.kind not in "iuf" or not (np.isfinite(own) & (own == np.round(own))).all():
+            raise UserError(f"{path}: its members are not numbered ({dim} has {own.ravel()[0]!s:.20}): number them")
+        found.append({int(each) for each in own})
+    return set.intersection(*found) if found else set()
+
+
+def _own(data: xr.Dataset, dim: str) -> NDArray[Any]:
+    """The file's own names of its members along a dimension, else numbers from 0."""
+    if dim in data.variables and data[dim].dims == (dim,):
+        return np.asarray(data[dim].values)
+    return np.arange(data.sizes[dim])
 
 
 def picked(path: Path, members: Sequence[Any], member: int | None, notes: list[str]) -> int:

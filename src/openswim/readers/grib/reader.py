@@ -112,6 +112,12 @@ class GRIBReader:
                 cut=columns.selection.cut,
             )
 
+    def members(self, path: Path) -> set[int]:
+        """Of an ensemble, by their own numbers; files of one run call it 0, which is no ensemble."""
+        with naming(path), reading(path), GRIBFile(path) as file:
+            found = {one.member for one in file.fields if one.kind != "surface"}
+            return set() if found == {0} else found
+
     def describe(self, path: Path) -> SceneInfo:
         """What a file holds, from its headers and the heights of the first time (of 21 columns across the middle)."""
         with naming(path), reading(path), GRIBFile(path) as file:

@@ -25,6 +25,7 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.clock import start_of_undated, undated
 from openswim.readers.common.fileset import FileSet, Part, opened_set
+from openswim.readers.common.members import member_numbers
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.units import canonical
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -95,6 +96,11 @@ class GriddedReader:
     ) -> Scene:
         """The scene of several files that hold different variables or times of one model."""
         return _read(self, paths, time, around, member)[0]
+
+    def members(self, path: Path) -> set[int]:
+        """Of an ensemble, by their own numbers."""
+        with opened(path, decode=False) as data:
+            return member_numbers(path, self.adapt(path, data))
 
     def describe(self, path: Path) -> SceneInfo:
         """Grid, times and contents; the first time is read for it."""

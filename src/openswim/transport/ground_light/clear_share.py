@@ -39,7 +39,7 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
             x, y = (np.rint(height * way[n, axis] / way[n, 2] / medium.cell_m[axis]).astype(int) for axis in range(2))
             for k, own in enumerate(depth):
                 rows, columns = _shifted(ny, y[k], medium.periodic), _shifted(nx, x[k], medium.periodic)
-                out[n] += own[rows[:, None], columns]
+                out[n] += own.take(rows, axis=0).take(columns, axis=1)  # thrice as fast as both at once
             np.exp(out[n] / FLOAT(-way[n, 2]), out=out[n])
 
     in_threads(share)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.sample import SurfaceSample
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.gas_bands import Terms
 from openswim.optics.matter import Matter
 from openswim.options import Options
@@ -56,11 +57,12 @@ class ReferenceView(View):
 
 
 def solve_reference(
-    options: Options, plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
-) -> ReferenceField:
+    options: Options, plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64,
+    shadow: MoonShadow | None = None,
+) -> ReferenceField:  # fmt: skip
     """Make ready what paths need; they are followed when rays are known."""
     started = time.perf_counter()
-    world, phases, medium, lighting = build_world(plan, matter, surface, sun)
+    world, phases, medium, lighting = build_world(plan, matter, surface, sun, shadow)
     return ReferenceField(
         options, surface, matter.frame, sun, matter.terms, world, phases, medium, lighting,
         timings={"solve": time.perf_counter() - started},

@@ -8,6 +8,7 @@ from numba import njit
 
 from openswim.transport.engine.scalar import flat, shadow_fraction
 from openswim.transport.march.volume import SUN_RADIUS_RAD
+from openswim.transport.montecarlo.covered import cover
 from openswim.transport.montecarlo.phase import exponential, uniform
 from openswim.transport.montecarlo.place import (
     FAR,
@@ -337,6 +338,7 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
     else:
         for w in range(nw):
             beam[w] = 1.0
+    cover(x, y, z, world.moon, beam)
     if not world.gridded:
         return True
     dx, dy, dz = world.sun[0], world.sun[1], world.sun[2]

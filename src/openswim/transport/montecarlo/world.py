@@ -10,16 +10,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.optics.species import background
 from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
-from openswim.transport.ice.plates import beyond_means
+from openswim.transport.ice.level import beyond_means
 from openswim.transport.march.level_ice import axes_at
 from openswim.transport.medium.medium import Medium, build_medium
 from openswim.transport.medium.plan import MediumPlan
 from openswim.transport.medium.surface import Surface
+from openswim.transport.montecarlo.covered import Covered, covered_by
 from openswim.transport.montecarlo.phase import Phases, phases_of
 
 F32 = NDArray[np.float32]
@@ -80,10 +82,11 @@ class World(NamedTuple):
     plates: int  # which species is ice that floats level, or -1; with axes and map as `march.level_ice` has them, but
     plate_axes: F64  # upright as at the origin of the frame,
     plate_map: F64  # and of P alone, (altitude, azimuth, nw)
+    moon: Covered
 
 
 def build_world(
-    plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64
+    plan: MediumPlan | None, matter: Matter, surface: Surface, sun: F64, shadow: MoonShadow | None = None
 ) -> tuple[World, Phases, Medium | None, Lighting]:
     """Everything the kernels need to know; phase functions of the species, then molecules, then haze."""
     frame = matter.frame
@@ -113,6 +116,7 @@ def build_world(
         "layer_edge_m": edges, "layer_of": layer_of, "layer_majorant": layer_majorant, "sun": np.array(sun, float),
         "sun_depth": sun_depth, "mean_albedo": np.array(lighting.mean_albedo, float),
         **_level_plates(medium, frame.radius_m, np.array(sun, float), matter.wavelengths_nm),
+        "moon": covered_by(shadow, matter.wavelengths_nm),
     }  # fmt: skip
     if medium is None:
         return World(**common, **_no_grid(ground_m, nw)), phases, None, lighting
@@ -126,7 +130,7 @@ def _level_plates(medium: Medium | None, radius_m: float, sun: F64, wavelengths_
     table = np.zeros((2, 2, len(wavelengths_nm)))
     if which >= 0:
         altitude_deg = float(np.degrees(np.arcsin(np.clip(sun @ axes[2], -1, 1))))
-        table = beyond_means(wavelengths_nm, altitude_deg)
+        table = beyond_means(wavelengths_nm, altitude_deg, species[which].level)
     return {"plates": which, "plate_axes": axes, "plate_map": table}
 
 

@@ -1,4 +1,4 @@
-"""The level plates of ice in solved light, as an eye sees them."""
+"""The crystals of ice that float level in solved light, as an eye sees them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.engine.types import FLOAT
-from openswim.transport.ice.plates import beyond_means
+from openswim.transport.ice.level import beyond_means
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce, axes_at
 
@@ -24,10 +24,10 @@ def level_ice(lit: LitGrid, eye: F64 | None) -> LevelIce:
     axes = axes_at(np.zeros(3) if eye is None else eye, lit.sun, lit.frame.radius_m)
     altitude = float(np.degrees(np.arcsin(np.clip(lit.sun @ axes[2], -1, 1))))
     altitude = _SAME_DEG * round(altitude / _SAME_DEG)
-    plates = species[which]
-    scattering = plates.relative_extinction * plates.single_scattering_albedo
+    crystals = species[which]
+    scattering = crystals.relative_extinction * crystals.single_scattering_albedo
 
     def table() -> NDArray[np.float32]:
-        return (beyond_means(lit.wavelengths_nm, altitude) * scattering).astype(FLOAT)
+        return (beyond_means(lit.wavelengths_nm, altitude, crystals.level) * scattering).astype(FLOAT)
 
     return LevelIce(which, axes, lit.once(f"level ice, sun at {altitude:.1f}", table))

@@ -200,11 +200,17 @@ class Viewer:
     def of_others(self, rays: Rays, relief: Relief | None) -> Viewer:
         """That of other rays from the same eye, not down to water; its sources are the same, and not made again."""
         lit = self.lit
-        eye, parallel = _eye_of(rays)
-        if parallel != self.parallel or not np.array_equal(eye, self.eye) or _layered(lit):
+        if not self._is_of(rays) or _layered(lit):
             return Viewer.of(lit, rays, relief)
         grid = _with_land(self.grid, relief, skies_for(lit, rays))
         return replace(self, grid=grid.seen_by(rays).mirroring(None))
+
+    def _is_of(self, rays: Rays) -> bool:
+        """Whether rays come from this eye; a single one, that tells no eye of its own, too."""
+        if len(rays) == 1 and not self.parallel:
+            return np.array_equal(rays.origins()[0], self.eye)
+        eye, parallel = _eye_of(rays)
+        return parallel == self.parallel and np.array_equal(eye, self.eye)
 
     def view(self, rays: Rays) -> View:
         """What rays see; memory is bounded by tiling over them."""

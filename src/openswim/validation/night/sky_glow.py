@@ -18,14 +18,18 @@ from openswim.validation.reference.metrics import Score
 from openswim.validation.reference.phases import PhaseTables
 
 _WAVELENGTHS_NM = np.array([615.0, 546.0, 450.0])
-_NODES, _STEP_KM, _CLOUD_PER_M = 15, 8.0, 0.02  # stratus from 1 to 1.5 km of depth 15 in the middle
+_NODES, _STEP_KM = 15, 8.0
+_Z_M = np.array([0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0])
+# The lowest and the highest node of a cloud, m, and its optical depth: stratus, and rain cloud of .5 kg m-2 of droplets
+# of 10 um, as the darkest overcast is the thickest
+_CLOUDS = {"clear": (0.0, 0.0, 0.0), "overcast": (1000.0, 1500.0, 20.0), "darkest": (1000.0, 4000.0, 75.0)}
 _TIME = "2016-03-09T00:00"  # without a moon
-# What a row speaks of: a place, and whether it is overcast, clear, or the first over the second
+# What a row speaks of: a place, and its cloud, or "ratio": overcast over clear
 _ROWS = {
     "overcast / clear sky luminance, 32 km": (52.24, 13.4, "ratio"),
     "overcast / clear, lowest of the stations": (44.6, 7.05, "ratio"),
     "zenith, clear, Lake Stechlin": (53.15, 13.02, "clear"),
-    "zenith, overcast, darkest, Lake Stechlin": (53.15, 13.02, "overcast"),
+    "zenith, overcast, darkest, Lake Stechlin": (53.15, 13.02, "darkest"),
     "zenith, Vienna inside": (48.21, 16.37, "clear"),
 }
 
@@ -39,7 +43,7 @@ def is_sky_glow(reference: Reference) -> bool:
 def compare_sky_glow(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
     """The zenith by a coarse domain around each place, over the value that was published; in magnitudes the difference
     in light. What lies beyond the domain, 56 km away, sends no light."""
-    known: dict[tuple[float, float, bool], float] = {}
+    known: dict[tuple[float, float, str], float] = {}
     for text, value in zip(reference.column("quantity"), reference.column("value").astype(float), strict=True):
         row = next((row for start, row in _ROWS.items() if str(text).startswith(start)), None)
         if row is None:
@@ -47,26 +51,26 @@ def compare_sky_glow(reference: Reference, solver: Solver, phases: PhaseTables) 
         lat, lon, kind = row
         watch = Stopwatch()
         with watch.running():
-            for overcast in (False, True):
-                if kind in ("ratio", "overcast" if overcast else "clear") and (lat, lon, overcast) not in known:
-                    known[lat, lon, overcast] = zenith_luminance(solver, lat, lon, overcast)
+            for cloud in ("overcast", "clear") if kind == "ratio" else (kind,):
+                if (lat, lon, cloud) not in known:
+                    known[lat, lon, cloud] = zenith_luminance(solver, lat, lon, cloud)
         if kind == "ratio":
-            off = known[lat, lon, True] / known[lat, lon, False] / value - 1
+            off = known[lat, lon, "overcast"] / known[lat, lon, "clear"] / value - 1
         else:
-            off = 10 ** (-0.4 * (float(magnitude_of_luminance(known[lat, lon, kind == "overcast"])) - value)) - 1
+            off = 10 ** (-0.4 * (float(magnitude_of_luminance(known[lat, lon, kind])) - value)) - 1
         yield reference.row(solver.name, str(text), Score(abs(off), off, np.nan, 1), watch.lap())
 
 
-def zenith_luminance(solver: Any, lat: float, lon: float, overcast: bool, nodes: int = _NODES) -> float:
-    """cd/m2, stars and planets left out."""
+def zenith_luminance(solver: Any, lat: float, lon: float, cloud: str, nodes: int = _NODES) -> float:
+    """cd/m2 under one of `_CLOUDS`, stars and planets left out."""
     north = lat + (np.arange(nodes) - nodes // 2) * _STEP_KM / 111.2
     east = lon + (np.arange(nodes) - nodes // 2) * _STEP_KM / 111.2 / np.cos(np.radians(lat))
-    z = np.array([0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0])
-    extinction = np.zeros((len(z), nodes, nodes), np.float32)
-    if overcast:
-        extinction[2:4] = _CLOUD_PER_M
+    low, high, depth = _CLOUDS[cloud]
+    filled = (low <= _Z_M) & (high >= _Z_M) & (depth > 0)
+    extinction = np.zeros((len(_Z_M), nodes, nodes), np.float32)
+    extinction[filled] = depth / max(float(np.trapezoid(filled.astype(float), _Z_M)), 1.0)
     air = Atmosphere.us_standard(300.0, AerosolProfile(0.15))
-    scene = Scene.from_arrays(extinction, east, north, z, crs="latlon", surface_albedo=0.15, atmosphere=air)
+    scene = Scene.from_arrays(extinction, east, north, _Z_M, crs="latlon", surface_albedo=0.15, atmosphere=air)
     frame = scene_frame(scene)
     sky = NightSky.at(_TIME, lat, lon, np.eye(3))
     mean = sky.mean(_WAVELENGTHS_NM)

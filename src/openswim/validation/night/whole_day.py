@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from openswim.cameras import Rays
 from openswim.colour.photometry import illuminance_lx
 from openswim.fluxes import Quadrature, quadrature_directions
-from openswim.heavens.lamps import Lamp, lamps_of, toa_irradiance
+from openswim.heavens.lamps import Lamp, Lamps, lamps_of, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.lighting import daylight
+from openswim.lights.daylight import Daylight
 from openswim.lights.units import magnitude_of_radiance
 from openswim.scene import Scene
 from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector, scene_frame
@@ -56,27 +57,41 @@ class Skies:
         when = parse_time(time)
         assert when is not None
         day = daylight(self.scene, when)
-        place = self.scene.place
-        lamps = lamps_of(when, place, self.frame, day, WAVELENGTHS_NM, towns=False)
-        toa = toa_irradiance(WAVELENGTHS_NM, day)
-        origin, axes = self.frame.position(*place, 2.0), self.frame.enu(*place)
-        azimuth, altitude = azimuth_altitude(day.direction)
-        rule = quadrature_directions(_DIRECTIONS, azimuth, altitude)
-        up = np.vstack([[0.0, 0.0, 1.0], horizon_vector(rule.azimuth_deg, rule.altitude_deg)]) @ axes
-        radiance, falling = np.zeros((len(up), len(WAVELENGTHS_NM))), np.zeros(len(WAVELENGTHS_NM))
+        lamps = self._lamps(when, day)
+        rule = quadrature_directions(_DIRECTIONS, *azimuth_altitude(day.direction))
+        falling = _falling(self._diffuse(lamps, horizon_vector(rule.azimuth_deg, rule.altitude_deg)), rule)
         for lamp in lamps.every:
-            field = self._field(lamp)
-            radiance += field.view(Rays(origin, up)).radiance * lamp.strength
-            falling += self._beam(lamp, field, origin)
-        falling += _falling(radiance[1:], rule)
-        zenith = radiance[0]
+            falling = falling + self._beam(lamp, self._field(lamp), self._origin)
+        zenith = self.toward(when, np.array([[0.0, 0.0, 1.0]]))[0] * toa_irradiance(WAVELENGTHS_NM, day) / (4 * np.pi)
+        return float(zenith[_GREEN]), illuminance_lx(falling, WAVELENGTHS_NM, day.distance_au)
+
+    def toward(self, time: str | np.datetime64, direction: F64) -> F64:
+        """Solar-relative radiance (n, nw) toward unit vectors (n, 3), east, north, up, without discs and stars."""
+        when = parse_time(time)
+        assert when is not None
+        day = daylight(self.scene, when)
+        lamps, place, altitude = self._lamps(when, day), self.scene.place, azimuth_altitude(day.direction)[1]
+        radiance, axes = self._diffuse(lamps, direction), self.frame.enu(*place)
         if altitude < DUSK_DEG:
-            air = self.scene.atmosphere
-            heavens = Heavens(lamps, when, place, 2.0, axes, air, WAVELENGTHS_NM, toa, altitude, origin)
-            through = self.beam.view(Rays(origin, up[:1]))
-            zenith = zenith + heavens.behind(up[:1], through.transmittance, through.hit)[0]
-        lux = illuminance_lx(falling, WAVELENGTHS_NM, day.distance_au)
-        return float((zenith * toa / (4 * np.pi))[_GREEN]), lux
+            air, toa = self.scene.atmosphere, toa_irradiance(WAVELENGTHS_NM, day)
+            heavens = Heavens(lamps, when, place, 2.0, axes, air, WAVELENGTHS_NM, toa, altitude, self._origin)
+            through = self.beam.view(Rays(self._origin, direction @ axes))
+            radiance = radiance + heavens.behind(direction @ axes, through.transmittance, through.hit)
+        return radiance
+
+    @property
+    def _origin(self) -> F64:
+        return self.frame.position(*self.scene.place, 2.0)
+
+    def _lamps(self, when: np.datetime64, day: Daylight) -> Lamps:
+        return lamps_of(when, self.scene.place, self.frame, day, WAVELENGTHS_NM, towns=False)
+
+    def _diffuse(self, lamps: Lamps, direction: F64) -> F64:
+        """What the air sends from unit vectors (n, 3), east, north, up, in all lights; solar-relative (n, nw)."""
+        rays, radiance = Rays(self._origin, direction @ self.frame.enu(*self.scene.place)), np.zeros(1)
+        for lamp in lamps.every:
+            radiance = radiance + self._field(lamp).view(rays).radiance * lamp.strength
+        return radiance
 
     def _field(self, lamp: Lamp) -> Field:
         if lamp.direction is None:

@@ -1,0 +1,33 @@
+"""The operator that a configuration asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from openswim.assimilation.config import Configuration
+from openswim.assimilation.observing.observe import observe
+from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.window import observe_window
+from openswim.readers import open_scene
+
+
+def operator_of(config: Configuration) -> Operator:
+    """Of the model's file; where there are times of their own, with the wind by which its cloud is carried."""
+    settings: dict[str, Any] = {"sun": config.sun, **config.observe}
+    if not config.window:
+        scene = open_scene(list(config.models), config.time)
+        return observe(scene, config.cameras, config.points, time=config.time, **settings)
+    wind = settings.pop("wind", None)
+    scene = open_scene(list(config.models), config.time, winds=wind is None)
+    cameras = _by_time(config.camera_times, config.cameras)
+    return observe_window(scene, cameras, _by_time(config.point_times, config.points), wind, **settings)
+
+
+def _by_time(times: Sequence[np.datetime64 | None], each: Sequence[Any]) -> dict[Any, list[Any]]:
+    out: dict[Any, list[Any]] = {}
+    for time, one in zip(times, each, strict=True):
+        out.setdefault(time, []).append(one)
+    return out
