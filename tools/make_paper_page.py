@@ -103,7 +103,7 @@ def cloud_and_smoke() -> xr.Dataset:
 
 def dusty_gulf(data: Path, height_m: float, bottom_deg: float) -> xr.Dataset:
     """Figure 9: clouds of a hurricane's outer bands in desert dust over a gulf, from 4 km and from 20 m."""
-    lat, lon, when = 23.2, -88.0, "2005-08-28T18:00"
+    lat, lon, when = 25.3, -89.6, "2005-08-28T18:00"
     scene = open_scene(data / "nwp" / GULF, time=when, around=Neighbourhood(lat, lon, reach_m(height_m), if_large=True))
     assert scene.atmosphere is not None
     dust = openswim.optics.aerosol_profile("saudi_dust_pollution", 0.4)
@@ -114,7 +114,7 @@ def dusty_gulf(data: Path, height_m: float, bottom_deg: float) -> xr.Dataset:
 
 
 FIGURES: dict[str, Callable[[Path], xr.Dataset]] = {
-    "smoke": lambda data: from_space(data / "nwp" / SMOKE, 34.5, -86.0, 4e7, "2026-03-01T20:00", 3.0),
+    "smoke": lambda data: from_space(data / "nwp" / SMOKE, 35.5, -94.0, 4e7, "2026-03-01T20:00", 1.2),
     "aerosol": lambda data: from_space(data / "nwp" / SPECIES, 10.0, 25.0, 1.5e9, "2024-03-09T10:00", None, "aerosol"),
     "smoke_and_cloud": lambda data: cloud_and_smoke(),
     "dust_4_km": lambda data: dusty_gulf(data, 4000.0, -60.0),

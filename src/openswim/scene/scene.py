@@ -18,10 +18,10 @@ from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
+from openswim.scene.oddities.values import odd_time
 from openswim.scene.optics import Optics
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
-from openswim.scene.plausibility.gate import check_plausible
-from openswim.scene.plausibility.values import odd_time
+from openswim.scene.plausible import check_plausible
 from openswim.scene.times import parse_time
 from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.fields.air import relative_humidity
 from openswim.scene.checks import checked_values
-from openswim.scene.plausibility.air import sampled, times_text
+from openswim.scene.plausible_air import sampled, times_text
 from openswim.scene.variables import Variable
 
 F32 = NDArray[np.float32]

@@ -6,13 +6,10 @@ Damage to a file (a flipped bit, a block of noise) leaves means as they were, so
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.scene.grid import Grid
-from openswim.scene.plausibility.air import GAS_CONSTANT, GRAVITY, sampled
-
-F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+GAS_CONSTANT, GRAVITY = 287.05, 9.80665
 _SAMPLES = 256  # columns each way
 _THICK, _THICK_SHARE = 0.004, 0.04  # of ln p of a layer, beside its neighbours': vapour 2 %, inversions within it 2 %
 _SPIKE = 0.004  # of ln p, to its neighbours on both sides: 4 hPa, where no balance with the wind is known
@@ -23,23 +20,17 @@ _FAR_M = 1e5
 _LOW_PA = 5000.0
 
 
-def uneven_air(data: xr.Dataset, grid: Grid) -> list[str]:
+def uneven_air(pressure: F32, temperature: F32, height_m: F32, cell_m: float) -> list[str]:
     """Notes on layers that are thicker or thinner than their temperature makes them, and on pressure (z, y, x) that
-    jumps up and down from node to node."""
-    if "air_pressure" not in data or "air_temperature" not in data:
-        return []
-    shape = data["air_pressure"].shape
-    height = grid.height_m if grid.height_m.ndim == 3 else np.broadcast_to(grid.height_m[:, None, None], shape)
-    thick, warm, high = (sampled(each, _SAMPLES) for each in (
-        np.maximum(data["air_pressure"].values, 1e-3), data["air_temperature"].values, height,
-    ))  # fmt: skip
-    notes = _layers(thick, warm, high)
-    cell_m = max(grid.spacing_m())
-    near = thick.shape == shape and cell_m < _FAR_M  # what is far from each other tells nothing of noise
-    return notes + (_spikes(thick, warm, high, cell_m) if near else [])
+    jumps up and down from node to node. height_m: (z, y, x), or one column for all."""
+    every = (slice(None), *(slice(None, None, max(1, size // _SAMPLES)) for size in pressure.shape[1:]))
+    high = np.broadcast_to(height_m, pressure.shape)[every]
+    thick, warm = np.maximum(pressure[every], np.float32(1e-3)), temperature[every]
+    near = thick.shape == pressure.shape and cell_m < _FAR_M  # what is far from each other tells nothing of noise
+    return _layers(thick, warm, high) + (_spikes(thick, warm, high, cell_m) if near else [])
 
 
-def _layers(pressure: NDArray[np.float32], warm: NDArray[np.float32], height: NDArray[np.float32]) -> list[str]:
+def _layers(pressure: F32, warm: F32, height: F32) -> list[str]:
     odd, where = 0, 0
     for k in range(len(pressure) - 1):
         known = np.minimum(pressure[k + 1], pressure[k]) > _LOW_PA
@@ -60,8 +51,7 @@ def _layers(pressure: NDArray[np.float32], warm: NDArray[np.float32], height: ND
     ]
 
 
-def _spikes(pressure: NDArray[np.float32], warm: NDArray[np.float32], height: NDArray[np.float32], cell_m: float
-            ) -> list[str]:  # fmt: skip
+def _spikes(pressure: F32, warm: F32, height: F32, cell_m: float) -> list[str]:
     """Pressure is compared at the same height."""
     allowed = _SPIKE + _SPIKE_PER_M * cell_m
     for k in range(len(pressure)):

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
-from openswim.scene.plausibility.air import check_pressure, check_temperature, sampled, times_text, warmth
-from openswim.scene.plausibility.neighbours import uneven_air
-from openswim.scene.plausibility.values import odd_values
+from openswim.scene.oddities.neighbours import uneven_air
+from openswim.scene.oddities.values import odd_values
+from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
 from openswim.scene.variables import HYDROMETEORS
 
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
@@ -46,6 +46,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
     if grid is None:
         return []
     notes = _places(grid)
+    heights_m = grid.height_m if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
     heights = sampled(grid.height_m) if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
     if _EARTHS_M[0] < grid.earth_radius_m < _EARTHS_M[1]:
         if "air_temperature" in data:
@@ -55,9 +56,9 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
             check_pressure(pressure, grid.height_m, heights)
             if "air_temperature" in data:
                 notes += warmth(pressure, data["air_temperature"].values, heights)
-                notes += uneven_air(data, grid)
+                notes += uneven_air(pressure, data["air_temperature"].values, heights_m, max(grid.spacing_m()))
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
-    notes += _water(data, heights, min(grid.size_m())) + odd_values(data, grid) + _cover(data)
+    notes += _water(data, heights, min(grid.size_m())) + odd_values(data, (grid.shape[1], grid.shape[2])) + _cover(data)
     return notes + high_bottom(grid.height_m[0], terrain)
 
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from openswim.scene.grid import Grid
-from openswim.scene.variables import HYDROMETEORS
-
 _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is next to nothing
     "liquid": 2e-6, "ice": 1e-8, "rain": 1e-7, "snow": 1e-8, "graupel": 1e-9,
 }  # fmt: skip
@@ -18,13 +15,13 @@ _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("250
 _CLOCKS_START = np.datetime64("1970-01-01", "ms")
 
 
-def odd_values(data: xr.Dataset, grid: Grid) -> list[str]:
-    """Notes on contents that are next to nothing, fields with one value, winds that are not, and strips."""
+def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
+    """Notes on contents that are next to nothing, fields with one value, winds in two units, and strips."""
     notes = []
-    for species in HYDROMETEORS:
+    for species, faint in _FAINT_KG_M3.items():
         name = f"{species}_content"
         most = float(data[name].max()) if name in data else 0.0
-        if 0 < most < _FAINT_KG_M3[species]:
+        if 0 < most < faint:
             notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
     for field in map(str, data.data_vars):
         if field.endswith(("_content", "cloud_area_fraction", "_10m")) and data[field].size > _FEW_NODES:
@@ -35,7 +32,7 @@ def odd_values(data: xr.Dataset, grid: Grid) -> list[str]:
         east, north = (float(np.abs(data[f"wind_{way}_10m"]).mean()) for way in ("east", "north"))
         if max(east, north) > _UNEVEN_WINDS * min(east, north):
             notes.append(f"the wind is {east:.2g} m s-1 along east and {north:.2g} along north: both in the same unit?")
-    ny, nx = grid.shape[1:]
+    ny, nx = columns
     if 1 < min(ny, nx) < _FEW_ROWS <= max(ny, nx):
         notes.append(f"a strip of {nx} x {ny} columns: is it the whole domain?")
     return notes

@@ -1,0 +1,1 @@
+"""What may be, but is odd enough to be told."""

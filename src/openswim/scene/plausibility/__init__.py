@@ -1,1 +1,0 @@
-"""Whether a scene can be."""
