@@ -152,6 +152,9 @@ def test_shapes_are_a_scenes_and_its_files(tmp_path):
     told.to_netcdf(tmp_path / "told.nc")
     read = Shapes.of(open_scene(tmp_path / "told.nc"))
     assert (read.droplet_variance, read.pristine, read.oriented) == pytest.approx((0.02, 0.05, 0.25))
+    for end in np.array([0.01, 0.1], np.float32):  # a little less and more
+        ends = scene.data.assign(liquid_effective_variance=((), end))
+        assert Shapes.of(Scene(scene.grid, ends)).droplet_variance == end
     with pytest.raises(UserError, match="droplets must be a number within"):
         with_shapes(scene, droplet_variance=0.3)
     with pytest.raises(UserError, match="more than all"):

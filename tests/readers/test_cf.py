@@ -440,3 +440,9 @@ def test_readers_of_other_packages_come_first(tmp_path, monkeypatch):
         assert readers.readers()[0].name == "texts"
     finally:
         readers.readers.cache_clear()
+
+
+def test_fields_that_others_name_as_coordinates_are_read(tmp_path):
+    data = _dataset(rain_content=(("z", "y", "x"), 0.5 * CONTENT, {"units": "kg m-3"}))
+    data.liquid_content.attrs["coordinates"] = "rain_content"
+    assert float(_read(tmp_path, data).data.rain_content.max()) == pytest.approx(0.5 * CONTENT.max())

@@ -77,6 +77,11 @@ def test_negative_noise_is_clipped_and_said_more_is_refused(tmp_path):
     assert "liquid_content runs from" in _error(path)
 
 
+def test_smoke_below_zero_is_refused(tmp_path):
+    path = _changed(tmp_path, gf.hrrr(), (0, 20, 0), 4, values=lambda lat, lon: -np.ones(lat.shape))
+    assert "smoke runs from -1" in _error(path)
+
+
 @pytest.mark.parametrize("gap", ["bitmap", "1e20"])
 def test_gaps_in_contents_are_no_cloud_and_said(tmp_path, gap):
     def west(lat, lon):

@@ -383,3 +383,22 @@ def test_fuzzed_files_give_a_scene_or_one_line(tmp_path, seed):
     )
     last = done.stdout.strip().splitlines()[-1] if done.stdout.strip() else ""
     assert done.returncode < 0 or (done.returncode == 0 and last == "done"), f"{last}\n{done.stderr[-3000:]}"
+
+
+def test_radii_of_kinds_that_cosp_has_not(tmp_path):
+    import xarray as xr
+
+    path = cosp(tmp_path / "a.nc").paths[0]
+    with xr.open_dataset(path, decode_cf=False) as opened:
+        data = opened.load()
+    more = xr.concat([data.Reff] * 2, "hydro")
+    data.drop_vars("Reff").assign(Reff=more).to_netcdf(tmp_path / "b.nc")
+    _refused(tmp_path / "b.nc", "kinds of particles", "damaged")
+
+
+def test_air_that_lost_its_vapour_is_told(analysis):
+    def lost(q):
+        q[:, -3:, 2:4] = 0
+        return q
+
+    assert any("is zero at" in note and "warm air" in note for note in open_scene(_change(analysis, "q", lost)).notes)

@@ -116,3 +116,62 @@ def test_the_core_of_a_storm_is_borne_where_the_domain_is_narrow():
     for species, step_m in (("graupel", 1e5), ("liquid", 4e3)):
         with pytest.raises(UserError, match="hurricanes have 5"):
             scene(species, step_m)
+
+
+def _wide(change=None) -> Scene:
+    """The standard atmosphere over 12 x 12 columns; `change` spoils its pressure, temperature and heights (z, y, x)."""
+    pressure, temperature = us_standard_pressure_temperature(HEIGHT)
+    fields = [np.repeat(v, 144).reshape(31, 12, 12) for v in (pressure, temperature, HEIGHT)]
+    if change:
+        change(*fields)
+    grid = Grid(np.arange(12) * 1e3, np.arange(12) * 1e3, fields[2])
+    names = zip(("air_pressure", "air_temperature"), fields, strict=False)
+    return Scene(grid, xr.Dataset({name: (LEVELS, values.astype("f4")) for name, values in names}))
+
+
+def _at_one_node(which, factor):
+    def change(*fields):
+        fields[which][10, 5, 6] *= factor
+
+    return change
+
+
+@pytest.mark.parametrize(("which", "factor"), [(0, 1.03), (1, 1.15), (2, 1.02)])
+def test_one_damaged_node_is_told(which, factor):
+    """Layers are as thick as pressure and temperature make them, to some per cent, in every column."""
+    assert any("disagree between some levels" in note for note in _wide(_at_one_node(which, factor)).notes)
+
+
+def test_noise_in_pressure_is_told_and_a_cyclone_is_not():
+    """Whole columns of another pressure agree with themselves, not with those beside them."""
+    factor = np.ones((12, 12))
+    factor[3:5] += 0.02 * np.random.default_rng(1).uniform(-1, 1, (2, 12))
+    spoilt = _wide(lambda p, t, z: np.multiply(p, factor, out=p))
+    assert any("jumps up and down" in note for note in spoilt.notes)
+    away = np.hypot(*(np.mgrid[:12, :12] - 5.5))
+    eye = 1 - 0.1 * np.exp(-away / 2)  # 100 hPa, as deep as any, and its core at four nodes
+    assert _wide(lambda p, t, z: np.multiply(p, eye, out=p)).notes == _wide().notes == []
+
+
+@pytest.mark.parametrize(
+    ("time", "odd"),
+    [("1970-01-01T00:00:00.500", True), ("1970-01-01", True), ("2024-06-21T12:00:00.25", True), ("0001-01-01", True),
+     ("2024-06-21T12:00", False), ("1836-01-01", False)],
+)  # fmt: skip
+def test_times_of_no_weather_are_told(time, odd):
+    one = Scene.clear(0.0, 0.0, time=np.datetime64(time))
+    assert any("odd for weather" in note for note in one.notes) == odd
+
+
+def test_winds_of_two_units_single_values_and_strips_are_told():
+    cloud = np.where((HEIGHT > 2e3) & (HEIGHT < 4e3), 3e-4, 0.0)[:, None, None] * np.ones((31, 6, 6))
+    axis = np.arange(6) * 1e3
+    winds = {"wind_east_10m": np.full((6, 6), 5.0), "wind_north_10m": np.linspace(4, 5, 36).reshape(6, 6)}
+    told = Scene.from_arrays(None, axis, axis, HEIGHT, fields={"liquid_content": cloud} | winds).notes
+    assert any("wind_east_10m is 5 m s-1 everywhere" in note for note in told)
+    winds["wind_east_10m"] = 1e-3 * winds["wind_north_10m"]
+    told = Scene.from_arrays(None, axis, axis, HEIGHT, fields=winds).notes
+    assert any("both in the same unit" in note for note in told)
+    strip = {name: field[:3] for name, field in winds.items()}
+    told = Scene.from_arrays(None, axis, axis[:3], HEIGHT, fields=strip).notes
+    assert any("a strip of 6 x 3 columns" in note for note in told)

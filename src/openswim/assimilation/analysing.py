@@ -19,6 +19,7 @@ from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.report import write_report
 from openswim.assimilation.result import Found
+from openswim.assimilation.signal import signal as signal_of
 from openswim.errors import UserError
 from openswim.progress import job
 from openswim.solver import Solver
@@ -49,6 +50,7 @@ def analyse(
     departures: str | Solver = "linear",
     checkpoint: str | os.PathLike[str] | None = None,
     told: Callable[[int, float], None] | None = None,
+    signal: int = 0,
 ) -> Analysis:
     """Minimise v.v/2 + sum ((y - H(x(v)))/error)^2/2.
 
@@ -60,6 +62,8 @@ def analyse(
         loops (default 3) it tells what is seen of the state so far, and the linear core only how that changes.
     checkpoint : a file (.npz) in which the way so far is kept; a Ctrl-C then returns what there is, and the same call
         with the same file goes on. told : called with the number of each iteration and its cost.
+    signal : by so many probes, each as dear as two dozen iterations, it is found out how many numbers the observations
+        tell of each control, and of its columns and heights: `Analysis.told`.
     """
     check_kind("operator", op, Operator, "give one: openswim.observe(scene, cameras, ...)")
     check_kind("background", background, Background, "give Background(length_m=...): how far errors are alike")
@@ -68,6 +72,8 @@ def analyse(
     loops = whole("analyse: outer", (1 if solver is None and method == "lbfgs" else 3) if outer is None else outer)
     if loops < 1 or whole("analyse: iterations", iterations) < 1:
         raise UserError("analyse: outer and iterations must be 1 or more")
+    if whole("analyse: signal", signal) < 0:
+        raise UserError("analyse: signal must be 0 or a number of probes, such as 2")
     if method not in METHODS:
         raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
     check_observed(op, observed)
@@ -99,7 +105,7 @@ def analyse(
             claim()
             kept.save()
             run.interrupted = True
-        return run.result(solver, observed)
+        return run.result(solver, observed, signal)
 
 
 class _Run:
@@ -137,14 +143,15 @@ class _Run:
         if self.told is not None:
             self.told(self.kept.done, value)
 
-    def result(self, solver: Solver | None, observed: xr.Dataset) -> Analysis:
+    def result(self, solver: Solver | None, observed: xr.Dataset, probes: int) -> Analysis:
         rows, state = self.cost.rows, self.cost.space.state(self.kept.v)
         if solver is None or self.interrupted:
             seen = self.cost.linearized(self.kept.v).value.values + self.cost.shift
         else:
             seen = seen_by(rows, state, solver)
         name = "linear" if solver is None else solver.name
+        told = () if self.interrupted or not probes else tuple(signal_of(self.cost, self.kept.v, probes))
         return Analysis(
             rows, state, self.cost.space.first, observed, np.array(self.kept.costs), rows.row(self.before),
-            rows.row(seen), name, self.interrupted,
+            rows.row(seen), name, self.interrupted, told,
         )  # fmt: skip

@@ -29,7 +29,7 @@ _TABLES: dict[str, tuple[str, ...]] = {
                 "tolerance", "lean", "wind"),
     "observations": ("noise", "irradiance_noise", "representation", "saturated"),
     "background": ("length_m", "height_m", "spread", "filter"),
-    "analyse": ("transform", "outer", "iterations", "method", "departures"),
+    "analyse": ("transform", "outer", "iterations", "method", "departures", "signal"),
     "camera": ("file", "image", "time"),
     "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2", "time"),
 }  # fmt: skip
@@ -42,7 +42,7 @@ class Configuration:
     these names. Times of cameras and points are their own, or the file's; of a ``window`` there are several."""
 
     path: Path
-    model: Path
+    models: tuple[Path, ...]
     time: str | None
     sun: tuple[float, float] | None
     background: Background
@@ -65,7 +65,7 @@ class Configuration:
     @property
     def inputs(self) -> list[Path]:
         """All files that are read, this one too."""
-        return [self.path, self.model, *self.camera_files, *self.image_files]
+        return [self.path, *self.models, *self.camera_files, *self.image_files]
 
 
 def read_config(path: Path) -> Configuration:
@@ -98,7 +98,7 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
         if not isinstance(sun, list) or len(sun) != 2:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
-    for name in ("outer", "iterations"):
+    for name in ("outer", "iterations", "signal"):
         if name in parts["analyse"]:
             whole(f"[analyse] {name}", parts["analyse"][name])
     time = tables.get("time")
@@ -107,7 +107,7 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     if "wind" in parts["observe"] and not window:
         raise UserError("[observe] wind carries cloud from the file's time to that of a [[camera]], but none has one")
     return Configuration(
-        path, _file(tables, "model", path), None if time is None else str(time), sun, Background(**parts["background"]),
+        path, _models(tables, path), None if time is None else str(time), sun, Background(**parts["background"]),
         tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
         *own, window, parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
@@ -123,6 +123,14 @@ def _times(entries: list[dict[str, Any]], name: str, time: Any) -> tuple[np.date
     if any(one > other for one, other in pairwise(found)):
         raise UserError(f"[[{name}]]: put the earlier ones first; those without a time are of {time}")
     return tuple(found)
+
+
+def _models(tables: dict[str, Any], path: Path) -> tuple[Path, ...]:
+    """The model's file, or its files of one state."""
+    given = tables.get("model")
+    if not isinstance(given, list) or not given:
+        return (_file(tables, "model", path),)
+    return tuple(_file({"model": each}, "model", path) for each in given[:MOST_INSTRUMENTS])
 
 
 def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -18,10 +18,10 @@ def operator_of(config: Configuration) -> Operator:
     """Of the model's file; where there are times of their own, with the wind by which its cloud is carried."""
     settings: dict[str, Any] = {"sun": config.sun, **config.observe}
     if not config.window:
-        scene = open_scene(config.model, config.time)
+        scene = open_scene(list(config.models), config.time)
         return observe(scene, config.cameras, config.points, time=config.time, **settings)
     wind = settings.pop("wind", None)
-    scene = open_scene(config.model, config.time, winds=wind is None)
+    scene = open_scene(list(config.models), config.time, winds=wind is None)
     cameras = _by_time(config.camera_times, config.cameras)
     return observe_window(scene, cameras, _by_time(config.point_times, config.points), wind, **settings)
 

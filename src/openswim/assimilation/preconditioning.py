@@ -46,7 +46,7 @@ class Cosines:
         """By u, of one by v."""
         out = np.empty(bar.size)
         for p, scale in zip(self.pieces, self.scales, strict=True):
-            out[p.here] = (scale * _cosines(bar[p.here].reshape(scale.shape))).ravel()
+            out[p.here] = (scale * in_cosines(bar[p.here].reshape(scale.shape))).ravel()
         return out
 
 
@@ -60,12 +60,13 @@ def cosines_of(cost: Cost, v: F64, probes: int = PROBES, seed: int = 0) -> Cosin
             signs = rng.choice([-1.0, 1.0], cost.weight.size)
             row = cost.space.adjoint(v, lin.vjp(cost.weight * signs))
             for square, p in zip(squares, pieces, strict=True):
-                square += _cosines(row[p.here].reshape(square.shape)) ** 2 / probes
+                square += in_cosines(row[p.here].reshape(square.shape)) ** 2 / probes
     smooth = [gaussian_filter(each, 1.0, mode="nearest") if each.ndim else each for each in squares]
     return Cosines(v, pieces, [(1 + each) ** -POWER for each in smooth])
 
 
-def _cosines(field: F64) -> F64:
+def in_cosines(field: F64) -> F64:
+    """A field by its cosines along all axes."""
     return np.asarray(dctn(field, norm="ortho")) if field.ndim else field
 
 

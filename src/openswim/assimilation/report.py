@@ -48,6 +48,8 @@ def _summary(analysis: Found) -> str:
         f"{analysis.costs[0]:.4g} to {analysis.costs[-1]:.4g}; where all errors are as they were said to be, it ends "
         f"near half the number of observations, {analysis.used / 2:.4g}."
     )
+    if analysis.told:
+        text += f" Numbers that the observations tell: {'; '.join(map(str, analysis.told))}."
     return text + (" It was stopped before its end." if analysis.interrupted else "")
 
 

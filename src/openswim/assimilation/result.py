@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.assimilation.departures import scene_of
 from openswim.assimilation.observing.rows import Rows
+from openswim.assimilation.signal import Told
 from openswim.scene import Scene
 
 F64 = NDArray[np.float64]
@@ -21,7 +22,8 @@ class Found:
 
     state: the analysis, with less than the floor where there is no cloud; first: the guess before. costs: of the guess
     and after each iteration. before, after: what is seen of both, by ``departures``.
-    interrupted: whether it was stopped, to go on from its checkpoint.
+    interrupted: whether it was stopped, to go on from its checkpoint. told: by the observations, of each control, where
+    it was asked for.
     """
 
     rows: Rows
@@ -33,6 +35,7 @@ class Found:
     after: xr.DataArray
     departures: str
     interrupted: bool = False
+    told: tuple[Told, ...] = ()
 
     @property
     def used(self) -> int:

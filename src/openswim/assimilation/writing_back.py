@@ -14,8 +14,11 @@ from openswim.assimilation.departures import scene_of
 from openswim.assimilation.observing.variables import variable_of
 from openswim.assimilation.result import Found
 from openswim.errors import UserError
+from openswim.readers.common.base import Reader
+from openswim.readers.models.laps import LAPSReader
+from openswim.readers.models.laps_increments import put_increments as put_into_laps
 from openswim.readers.registry import by_reader
-from openswim.readers.wrf.increments import put_increments
+from openswim.readers.wrf.increments import put_increments as put_into_wrf
 from openswim.readers.wrf.reader import WRFReader
 from openswim.scene.files import check_target
 from openswim.scene.variables import LEVEL_DIMS
@@ -25,36 +28,53 @@ F64 = NDArray[np.float64]
 _PUT_BACK = ("content", "number")
 
 
-def write_back(
-    analysis: Found, model_file: str | os.PathLike[str], out: str | os.PathLike[str]
-) -> dict[str, int]:
+Names = str | os.PathLike[str]
+
+
+def write_back(analysis: Found, model_file: Names | Sequence[Names], out: Names) -> dict[str, int]:
     """Write a copy of a model's file with what an analysis changed; returns how many nodes of each variable changed.
 
-    model_file : of WRF, on the grid of the analysis and with its time; it is never written to. Contents and numbers
-    that were controls are put back, as analysis minus first guess, at the analysis's time only. Where cloud was added
-    vapour is raised to saturation, where all was taken away it is lowered to 95 % of it; temperature stays.
+    model_file : of WRF, or of LAPS, whose products of one time may be several; on the grid of the analysis and with its
+    time. It is never written to. out : a file, of several products a folder. Contents and numbers that were controls
+    are put back, as analysis minus first guess, at the analysis's time only. Where cloud was added vapour is raised to
+    saturation, where all was taken away it is lowered to 95 % of it; temperature stays.
     """
     check_kind("write_back: analysis", analysis, Found, "give what openswim.analyse returns")
-    for name in (model_file, out):
+    listed = list(model_file) if isinstance(model_file, list | tuple) else [model_file]
+    for name in (*listed, out):
         check_kind("write_back: file", name, (str, os.PathLike), "give a file's name")
-    path, target = Path(model_file), Path(out)
-    check_write_back(path, [each.name for each in analysis.rows.controls.variables])
-    check_target(target, [path], "write-back")
-    scene = analysis.rows.scene
+    paths, target = [Path(name) for name in listed], Path(out)  # type: ignore[arg-type]
+    reader = check_write_back(paths, target, [each.name for each in analysis.rows.controls.variables])
+    scene, found = analysis.rows.scene, increments_of(analysis)
     assert scene.grid is not None
-    return put_increments(path, target, scene.grid, increments_of(analysis), scene.time)
+    if isinstance(reader, LAPSReader):
+        return put_into_laps(paths, target, scene.grid, found, scene.time)
+    return put_into_wrf(paths[0], target, scene.grid, found, scene.time)
 
 
-def check_write_back(model_file: Path, controls: Sequence[str] | str) -> None:
-    """Raise UserError where an analysis with these controls could not be put back into this file."""
+def check_write_back(
+    model_files: Sequence[Path], out: Path, controls: Sequence[str] | str, taken: Sequence[Path] = ()
+) -> Reader:
+    """Raise UserError where an analysis with these controls could not be put back into copies of these files, or the
+    copies would replace them or what is ``taken``; the files' reader."""
     named = controls if isinstance(controls, list | tuple) else [controls]
     listed = [variable_of(str(name)) for name in named]
     if not any(each.kind in _PUT_BACK for each in listed):
         names = ", ".join(each.name for each in listed)
         raise UserError(f"write-back: {names} cannot be put back: contents such as cloud_liquid and numbers can")
-    reader = next(iter(by_reader([model_file])))
-    if not isinstance(reader, WRFReader):
-        raise UserError(f"{model_file}: {reader.name} files cannot be written back to; those of WRF can")
+    readers = list(by_reader(model_files))
+    where = ", ".join(map(str, model_files))
+    if len(readers) > 1 or not isinstance(readers[0], WRFReader | LAPSReader):
+        names = ", ".join(each.name for each in readers)
+        raise UserError(f"{where}: {names} files cannot be written back to; those of WRF can, and products of LAPS")
+    several = len(model_files) > 1
+    if several and isinstance(readers[0], WRFReader):
+        raise UserError(f"{where}: name the one WRF file that has the time of the analysis")
+    if several and not out.is_dir():
+        raise UserError(f"write-back {out}: name a folder that exists, for copies of {len(model_files)} products")
+    for target in [out / path.name for path in model_files] if several else [out]:
+        check_target(target, [*model_files, *taken], "write-back")
+    return readers[0]
 
 
 def increments_of(analysis: Found) -> dict[str, F64]:

@@ -83,8 +83,7 @@ def _files(request: AnalyseRequest, config: Configuration) -> _Files:
         check_target(target, config.inputs)
     taken = [*config.inputs, *own]
     if request.write_back is not None:
-        check_write_back(config.model, config.observe.get("controls", "cloud_liquid"))
-        check_target(request.write_back, taken, "--write-back")
+        check_write_back(config.models, request.write_back, config.observe.get("controls", "cloud_liquid"), taken)
         taken.append(request.write_back)
     if request.observations is not None:
         check_target(request.observations, taken, "--observations")
@@ -106,7 +105,7 @@ def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _
     if files.observations is not None:
         write_observations(files.observations, op, observed, found.after)
     if files.write_back is not None:
-        changed = write_back(found, config.model, files.write_back)
+        changed = write_back(found, config.models, files.write_back)
         told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
         click.echo(f"{files.write_back}: {told or 'nothing'} changed")
     if not found.interrupted:
@@ -118,4 +117,6 @@ def _tell(found: Analysis, files: _Files) -> None:
     before, after = found.rms(found.before), found.rms(found.after)
     for part, one, two in zip(found.rows.parts, before, after, strict=True):
         click.echo(f"{part.name}: departures of {one:.2f} errors before, {two:.2f} after (root mean square)")
+    if found.told:
+        click.echo(f"numbers that the observations tell: {'; '.join(map(str, found.told))}")
     click.echo(f"{files.scene}: {found.used} observations, {len(found.costs) - 1} iterations; page {files.page}")

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.comparison.categories import contingency
-from openswim.comparison.correlation import correlation
+from openswim.comparison.correlation import correlations_by_channel
 from openswim.comparison.prepared import Prepared
 from openswim.comparison.response import Curve
 from openswim.comparison.scores import Region, Scores
@@ -45,16 +45,14 @@ def below_scores(
         truth = simulated[region.valid]
         linear = frame.linear[region.valid].astype(float)
         seen = np.stack([c(part) for c, part in zip(curves, linear.T, strict=True) if c is not None], axis=-1)
-        for k in range(len(channels)):
-            part = slice(None) if k == len(channels) - 1 else slice(k, k + 1)
-            found[k] = correlation(seen[:, part], truth[:, part], region.weight, region.tiles)
+        found[:] = correlations_by_channel(seen, truth, region.weight, region.tiles)
         if len(channels) == 4 and (ground := _irradiance(image)) is not None:
             masks = [_snow(light, ground) for light in (seen, truth)]
             table = contingency(masks[0], masks[1], region.weight, region.tiles)
             snow[:] = [table.scores[name.removeprefix("snow_")] for name in _NAMES]
             names = ("observed_snow_cover", "simulated_snow_cover")
             for name, score in zip(names, ("observed_cover", "simulated_cover"), strict=True):
-                scores.data.attrs[name] = table.scores[score].value
+                scores.attrs[name] = table.scores[score].value
     scores.add("r_below", ("score_channel",), found, "correlation of the light of the land")
     for name, interval in zip(_NAMES, snow, strict=True):
         scores.add(name, (), np.array(interval, object), "snow on the land: " + name.removeprefix("snow_"))

@@ -25,19 +25,24 @@ def pearson(sums: F64) -> F64:
 
 def correlation(x: F64, y: F64, weight: F64, tiles: Tiles) -> Interval:
     """Mean over channels of r of pairs (n, channels): the paper's mean r; of one channel its r."""
+    return correlations_by_channel(x, y, weight, tiles)[-1]
+
+
+def correlations_by_channel(x: F64, y: F64, weight: F64, tiles: Tiles) -> list[Interval]:
+    """r of each channel of pairs (n, channels), and last their mean."""
+    channels = x.shape[1]
     if not x.size:
-        return Interval(np.nan, reason="no pixel is left")
-    flat = [bool(values.std() <= 1e-12 * abs(values).max()) for each in (x, y) for values in each.T]
-    if any(flat):
-        return Interval(np.nan, reason=_FLAT)
+        return [Interval(np.nan, reason="no pixel is left")] * (channels + 1)
+    flat = [any(v.std() <= 1e-12 * abs(v).max() for v in pair) for pair in zip(x.T, y.T, strict=True)]
     # about the means, so that nothing is lost to rounding
-    x, y = (values - np.average(values, axis=0, weights=weight) for values in (x, y))
+    x, y = (np.where(flat, 0.0, values - np.average(values, axis=0, weights=weight)) for values in (x, y))
     pairs = np.concatenate([moments(weight, a, b) for a, b in zip(x.T, y.T, strict=True)], axis=-1)
 
-    def mean(sums: F64) -> F64:
-        return np.asarray(np.mean([pearson(part) for part in np.split(sums, x.shape[1], axis=-1)], axis=0))
+    def each(sums: F64) -> F64:
+        found = [pearson(part) for part in np.split(sums, channels, axis=-1)]
+        return np.stack([*found, np.mean(found, axis=0)])
 
-    return tiles.interval(pairs, mean, (-1.0, 1.0), _FLAT)
+    return tiles.intervals(pairs, each, (-1.0, 1.0), _FLAT)
 
 
 def root_mean_square(x: F64, y: F64, weight: F64, tiles: Tiles) -> Interval:

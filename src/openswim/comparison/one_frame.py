@@ -36,8 +36,7 @@ def compare_frame(
         valid = valid_pixels(ready, sun, mask_deg, settings.lowest_deg)
         regions[mask_deg] = Region.of(ready, valid & np.isfinite(simulated).all(axis=-1))
     region = regions[settings.sun_mask_deg]
-    scores = Scores()
-    scores.data = _pictures(ready, simulated[..., part], clear[..., part], region)
+    scores = Scores(_pictures(ready, simulated[..., part], clear[..., part], region))
     correlations(scores, ready, simulated[..., part], regions, known.curves)
     scale = _scale(known, settings, image, ready, simulated[..., part], region)
     radiance_errors(scores, ready, simulated[..., part], region, scale)
@@ -53,10 +52,10 @@ def compare_frame(
     _response(scores, ready, simulated[..., part], region, curves)
     shown = as_stored(simulated[..., part], ready, region, known)
     text = {"long_name": "the simulated picture as this camera would store it"}
-    scores.data["simulated_as_stored"] = (("y", "x", "channel"), shown.astype(np.float32), text)
-    scores.data.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
-    scores.data["sun_distance"] = (("y", "x"), pixels.angle_to_deg(*sun).astype(np.float32), {"units": "degree"})
-    return scores.data
+    scores.variables["simulated_as_stored"] = (("y", "x", "channel"), shown.astype(np.float32), text)
+    scores.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
+    scores.variables["sun_distance"] = (("y", "x"), pixels.angle_to_deg(*sun).astype(np.float32), {"units": "degree"})
+    return scores.dataset()
 
 
 def _pictures(frame: Prepared, simulated: F64, clear: F64, region: Region) -> xr.Dataset:
@@ -86,16 +85,16 @@ def _clouds(
     plane = ("y", "x")
     raw = departure(frame.linear, clear)
     typical = weighted_median(raw[region.valid], region.weight)
-    scores.data.attrs["red_blue_of_this_frame"] = typical
+    scores.attrs["red_blue_of_this_frame"] = typical
     masks = {}
     if known.red_blue is not None:
         with np.errstate(invalid="ignore"):
             pair = raw - known.red_blue > DEPARTURE, departure(simulated, clear) > DEPARTURE
         masks[CLEAR_SKY] = pair
-        scores.data["departure"] = (plane, (raw - known.red_blue).astype(np.float32),
-                                    {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
+        scores.variables["departure"] = (plane, (raw - known.red_blue).astype(np.float32),
+                                         {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
         for name, mask in zip(("observed_cloud", "simulated_cloud"), pair, strict=True):
-            scores.data[name] = (plane, mask & region.valid)
+            scores.variables[name] = (plane, mask & region.valid)
     counts = as_stored(simulated, frame, region, known)
     for name, rule in FIXED.items():
         pair = np.zeros(region.valid.shape, bool), np.zeros(region.valid.shape, bool)
@@ -134,8 +133,8 @@ def _aerosol_range(
         truth = sky[..., part][region.valid]
         light = undone(frame.linear[region.valid].astype(float), truth, region, None)
         found.append(correlation(light, truth, region.weight, region.tiles).value)
-    scores.data = scores.data.assign_coords(aod=("aod", depths, {"long_name": "aerosol optical depth at 550 nm"}))
-    scores.data["r_by_aod"] = ("aod", found, {"long_name": "mean r, response undone, if the aerosol were this"})
+    scores.coords["aod"] = ("aod", depths, {"long_name": "aerosol optical depth at 550 nm"})
+    scores.variables["r_by_aod"] = ("aod", found, {"long_name": "mean r, response undone, if the aerosol were this"})
 
 
 def _response(scores: Scores, frame: Prepared, simulated: F64, region: Region, curves: list[Curve | None]) -> None:
@@ -148,8 +147,8 @@ def _response(scores: Scores, frame: Prepared, simulated: F64, region: Region, c
         gamma, exposure, balance = law.gamma, law.exposure, law.white_balance
         rms = np.array([curve.rms for curve in known]) * 255
         at = np.linspace(0, 1, 65)
-        scores.data = scores.data.assign_coords(light_level=at)
-        scores.data["response_curve"] = (
+        scores.coords["light_level"] = at
+        scores.variables["response_curve"] = (
             ("light_level", "channel"), np.stack([curve(at) for curve in known], axis=-1),
             {"long_name": "radiance by linear light", "units": "W m-2 sr-1 nm-1"},
         )  # fmt: skip
@@ -160,7 +159,7 @@ def _response(scores: Scores, frame: Prepared, simulated: F64, region: Region, c
         "response_rms": (rms, "what the curve leaves, counts of 255"),
     }
     for name, (values, text) in texts.items():
-        scores.data[name] = ("channel", values, {"long_name": text})
+        scores.variables[name] = ("channel", values, {"long_name": text})
 
 
 def _scale(

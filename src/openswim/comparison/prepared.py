@@ -1,7 +1,7 @@
 """A frame made ready: linear light of averaged pixels, and which of them say something."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -53,16 +53,22 @@ def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = Non
         encoding = "srgb" if frame.full_scale < 256 else "linear"
     counts = frame.counts if frame.counts.ndim == 3 else frame.counts[..., None]
     full = np.greater_equal(counts, frame.saturated).max(axis=-1, keepdims=True).astype(np.float32)
-    smaller = camera.resized(size) if size < camera.shape[1] else camera
+    smaller, pixels = _made_small(camera, size)
     shape = smaller.shape
     linear = _curve(counts, frame.full_scale, encoding)
-    pixels = smaller.pixels()
     width_deg = float(np.nanmedian(pixels.half_width_deg)) * 2
     return Prepared(
         smaller, pixels, averaged(counts.astype(np.float32) / np.float32(frame.full_scale), shape),
         averaged(linear, shape), grown(averaged(full, shape)[..., 0] > 0, width_deg),
         frame.time, frame.path.name, encoding,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _made_small(camera: Camera, size: int) -> tuple[Camera, Pixels]:
+    """The camera of at most `size` columns and its pixels: the same objects for each frame of a series."""
+    smaller = camera.resized(size) if size < camera.shape[1] else camera
+    return smaller, smaller.pixels()
 
 
 def averaged(values: F32, shape: tuple[int, int]) -> F32:

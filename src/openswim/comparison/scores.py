@@ -1,6 +1,7 @@
 """All scores of one frame beside one simulated picture, as an xarray Dataset."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.comparison.categories import SCORES, contingency
 from openswim.comparison.cloud_rules import CLEAR_SKY, FIXED
-from openswim.comparison.correlation import bias, correlation, root_mean_square
+from openswim.comparison.correlation import bias, correlations_by_channel, root_mean_square
 from openswim.comparison.neighbourhoods import lambert_map, neighbourhoods
 from openswim.comparison.prepared import Prepared
 from openswim.comparison.response import Curve, fit_curve
@@ -25,18 +26,25 @@ NO_BALANCE = "the camera's white balance is not known: give a clear frame (--cle
 
 @dataclass
 class Scores:
-    """Scores as they come, and why some are NaN."""
+    """Scores as they come, beside the pictures that they are of, and why some are NaN."""
 
-    data: xr.Dataset = field(default_factory=xr.Dataset)
+    pictures: xr.Dataset
+    variables: dict[str, Any] = field(default_factory=dict)
+    coords: dict[str, Any] = field(default_factory=dict)
+    attrs: dict[str, Any] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
+
+    def dataset(self) -> xr.Dataset:
+        """All of it, put together once: xarray aligns the whole of a Dataset with each variable that is added."""
+        return self.pictures.assign_coords(self.coords).assign(self.variables).assign_attrs(self.attrs)
 
     def add(self, name: str, dims: tuple[str, ...], intervals: NDArray, text: str, **attrs: str) -> None:
         """Intervals (array of `Interval`) as a variable and, beside it, its bounds."""
         values = np.vectorize(lambda i: i.value, otypes=[float])(intervals)
         ends = [np.vectorize(lambda i, end=end: getattr(i, end), otypes=[float])(intervals) for end in BOUNDS]
-        self.data[name] = (dims, values, {"long_name": text, "ancillary_variables": f"{name}_bounds", **attrs})
+        self.variables[name] = (dims, values, {"long_name": text, "ancillary_variables": f"{name}_bounds", **attrs})
         bounds = {"long_name": f"95 % interval of {text}"}
-        self.data[f"{name}_bounds"] = ((*dims, "bound"), np.stack(ends, axis=-1), bounds)
+        self.variables[f"{name}_bounds"] = ((*dims, "bound"), np.stack(ends, axis=-1), bounds)
         missing = {each.reason for each in intervals.ravel() if each.reason and not np.isfinite(each.value)}
         self.reasons += [f"{name}: {reason}" for reason in sorted(missing)]
 
@@ -71,13 +79,11 @@ def correlations(
         seen.append(undone(seen[1], truth, region, curves))
         for i, light in enumerate(seen):
             for j, weight in enumerate((region.weight, np.ones(len(region.weight)))):
-                for k in range(len(channels)):
-                    part = slice(None) if k == len(channels) - 1 else slice(k, k + 1)
-                    found[i, j, m, k] = correlation(light[:, part], truth[:, part], weight, region.tiles)
-    scores.data = scores.data.assign_coords(
-        light=list(LIGHTS), weighting=list(WEIGHTINGS), sun_mask=("sun_mask", list(regions), {"units": "degree"}),
-        score_channel=list(channels), bound=list(BOUNDS),
-    )  # fmt: skip
+                found[i, j, m] = correlations_by_channel(light, truth, weight, region.tiles)
+    scores.coords |= {
+        "light": list(LIGHTS), "weighting": list(WEIGHTINGS), "score_channel": list(channels), "bound": list(BOUNDS),
+        "sun_mask": ("sun_mask", list(regions), {"units": "degree"}),
+    }  # fmt: skip
     scores.add(
         "r", ("light", "weighting", "sun_mask", "score_channel"), found, "correlation of observed and simulated light",
         source="Albers et al. 2020, Eq. 37",
@@ -130,8 +136,8 @@ def cloud_scores(
         table = contingency(observed[region.valid], simulated[region.valid], region.weight, region.tiles)
         found[:, j] = [table.scores[score] for score in SCORES]
         cells[j] = table.hits, table.false_alarms, table.misses, table.both_clear
-    scores.data = scores.data.assign_coords(rule=list(names), cell=["hits", "false alarms", "misses", "both clear"])
-    scores.data["contingency"] = (("rule", "cell"), cells, {"long_name": "share of the solid angle", "units": "1"})
+    scores.coords |= {"rule": list(names), "cell": ["hits", "false alarms", "misses", "both clear"]}
+    scores.variables["contingency"] = (("rule", "cell"), cells, {"long_name": "share of the solid angle", "units": "1"})
     texts = ("probability of detection", "false alarm ratio", "equitable threat score", "observed cloud cover",
              "simulated cloud cover")  # fmt: skip
     for score, row, text in zip(SCORES, found, texts, strict=True):
@@ -144,16 +150,14 @@ def cloud_scores(
     parts = neighbourhoods(simulated, observed, valid, direction)
     if CLEAR_SKY not in masks:
         scores.reasons.append(f"fss: {NO_BALANCE}")
-    scores.data = scores.data.assign_coords(
-        window=("window", [part.window_deg for part in parts], {"units": "degree"})
-    )
+    scores.coords["window"] = ("window", [part.window_deg for part in parts], {"units": "degree"})
     intervals = np.array([None, *(part.score for part in parts)], object)[1:]
     if CLEAR_SKY in masks:
         scores.add("fss", ("window",), intervals, "fractions skill score of cloud in windows of equal area")
     else:
-        scores.data["fss"] = ("window", np.full(len(parts), np.nan))
-        scores.data["fss_bounds"] = (("window", "bound"), np.full((len(parts), 2), np.nan))
-    scores.data["fss_random"] = ("window", [part.random for part in parts],
-                                 {"long_name": "FSS of the observed clouds in random order"})  # fmt: skip
-    scores.data["fss_useful"] = ("window", [part.useful for part in parts],
-                                 {"long_name": "FSS from which on a simulation is useful: .5 + cover / 2"})  # fmt: skip
+        scores.variables["fss"] = ("window", np.full(len(parts), np.nan))
+        scores.variables["fss_bounds"] = (("window", "bound"), np.full((len(parts), 2), np.nan))
+    scores.variables["fss_random"] = ("window", [part.random for part in parts],
+                                      {"long_name": "FSS of the observed clouds in random order"})  # fmt: skip
+    useful = {"long_name": "FSS from which on a simulation is useful: .5 + cover / 2"}
+    scores.variables["fss_useful"] = ("window", [part.useful for part in parts], useful)

@@ -44,6 +44,7 @@ class Skies:
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
     _times: NDArray[Any] | None = field(default=None, repr=False)
+    _picture: tuple[LitScene, Camera, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
         """Azimuth and altitude (degrees) at which the sun is seen."""
@@ -58,7 +59,10 @@ class Skies:
         """The model's picture, or that of the clear sky."""
         if self.model is None:
             return self._clear_lit(camera, time, self.aod).viewpoint(camera).view()
-        return self._model_lit(camera, time).viewpoint(camera).view()
+        lit, kept = self._model_lit(camera, time), self._picture
+        if kept is None or kept[0] is not lit or kept[1] is not camera:  # what has the same light looks the same
+            kept = self._picture = lit, camera, lit.viewpoint(camera).view()
+        return kept[2]
 
     def clear(self, camera: Camera, time: np.datetime64, aod: float | None = None) -> F64:
         """Radiance (ny, nx, 3; W m-2 sr-1 nm-1) of the clear sky; `aod` in place of that which the model has."""

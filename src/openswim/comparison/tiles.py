@@ -72,21 +72,32 @@ class Tiles:
     def interval(
         self, values: F64, statistic: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
     ) -> Interval:
-        """A statistic ((r, k) -> (r,)) of the sums over n directions of values (n, k), with a 95 % interval.
+        """A statistic ((r, k) -> (r,)) of the sums over n directions of values (n, k), with a 95 % interval."""
+        return self.intervals(values, lambda sums: statistic(sums)[None], bounds, reason)[0]
+
+    def intervals(
+        self, values: F64, statistics: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
+    ) -> list[Interval]:
+        """Several statistics ((r, k) -> (s, r)) of the same sums.
 
         A block bootstrap: tiles are weighed at random, neighbours alike (Rubin 1981; Shao 2010), 1000 times; the
         interval's ends are the percentiles' distances from the score, widened. `reason`: why the score may be NaN.
         """
         if not len(values):
-            return Interval(np.nan, reason="no pixel is left")
+            return [Interval(np.nan, reason="no pixel is left")]
         sums = self.sums(values)
+        enough = len(sums) >= FEWEST_TILES and np.isfinite(self.widening)
         with np.errstate(invalid="ignore", divide="ignore"):
-            value = float(statistic(sums.sum(axis=0, keepdims=True))[0])
-            if not np.isfinite(value):
-                return Interval(np.nan, reason=reason or "not defined here")
-            if len(sums) < FEWEST_TILES or not np.isfinite(self.widening):
-                return Interval(value, reason="too few tiles of the sky for an interval")
-            found = statistic(_weights()[:, self.which] @ sums)
+            whole = statistics(sums.sum(axis=0, keepdims=True))[:, 0]
+            drawn = statistics(_weights()[:, self.which] @ sums) if enough else [None] * len(whole)
+        return [self._interval(float(value), each, bounds, reason) for value, each in zip(whole, drawn, strict=True)]
+
+    def _interval(self, value: float, found: F64 | None, bounds: tuple[float, float], reason: str) -> Interval:
+        """Of a score and what it is for each drawing of weights (RESAMPLES,)."""
+        if not np.isfinite(value):
+            return Interval(np.nan, reason=reason or "not defined here")
+        if found is None:
+            return Interval(value, reason="too few tiles of the sky for an interval")
         found = found[np.isfinite(found)]
         if found.size < RESAMPLES / 2:
             return Interval(value, reason="most draws of tiles have no score")

@@ -98,7 +98,8 @@ def checked_values(
     if values.size == 0:
         raise UserError(f"{what} is empty")
     lowest, highest = float(values.min()), float(values.max())  # NaN anywhere makes these NaN
-    if spec.low <= lowest and highest <= spec.high:
+    low, high = np.float32(spec.low), np.float32(spec.high)  # as values have them
+    if low <= lowest and highest <= high:
         return values
     missing = int(values.size - np.isfinite(values).sum())
     if missing or highest > 1e19:
@@ -108,7 +109,7 @@ def checked_values(
             "or crop the file to where it has data"
         )
     units = "" if spec.units == "1" else f" {spec.units}"
-    clipped = np.clip(values, np.float32(spec.low), np.float32(spec.high))
+    clipped = np.clip(values, low, high)
     changed = float(np.abs(values - clipped).sum(dtype=np.float64))
     kept = float(np.abs(clipped).sum(dtype=np.float64))
     noise = highest <= spec.high * 1.01 and (lowest >= spec.low or changed <= _CLIPPED_SHARE * kept)

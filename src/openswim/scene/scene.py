@@ -20,7 +20,8 @@ from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
 from openswim.scene.optics import Optics
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
-from openswim.scene.plausible import check_plausible
+from openswim.scene.plausibility.gate import check_plausible
+from openswim.scene.plausibility.values import odd_time
 from openswim.scene.times import parse_time
 from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
 
@@ -75,10 +76,10 @@ class Scene:
         if self.wider is not None:
             _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
-        odd = check_plausible(self.data, self.grid)
+        self.time = parse_time(self.time)
+        odd = check_plausible(self.data, self.grid) + odd_time(self.time)
         self.notes = list(dict.fromkeys(" ".join(note.split()) for note in [*self.notes, *repairs, *odd]))
         self.source = " ".join(self.source.split())
-        self.time = parse_time(self.time)
         direct = [
             str(name).removeprefix(DIRECT_PREFIX)
             for name in self.data.data_vars

@@ -1,6 +1,7 @@
 """Slopes of every formula against differences of its value, and values against those that `fast` computes with."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -33,10 +34,17 @@ def test_slopes_of_a_step(depth, ratio):
     assert np.abs(found - slopes).max() < 1e-9 * np.abs(slopes).max()
 
 
-def test_the_mean_of_a_step_meets_its_series():
+@pytest.mark.parametrize("depth", [0.0, 1e-9, *DEPTHS, 43.9, 44.1, 200.0, 1e6])
+def test_what_a_step_lets_through(depth):
+    """Against the library's functions; beyond a depth of 44 there is no light that one could tell from none."""
+    trans, mean = cell.through.py_func(depth)
+    assert trans == pytest.approx(math.exp(-depth), rel=2e-14, abs=1e-19)
+    assert mean == pytest.approx(-math.expm1(-depth) / depth if depth else 1.0, rel=2e-15, abs=0)
+
+
+def test_the_slope_of_the_mean_meets_its_series():
     below, above = cell.SMALL * (1 - 1e-13), cell.SMALL * (1 + 1e-13)
-    for function, bound in ((cell.through.py_func, 1e-13), (cell.through_slope.py_func, 1e-10)):
-        assert np.allclose(function(below), function(above), rtol=bound, atol=0)
+    assert np.allclose(cell.through_slope.py_func(below), cell.through_slope.py_func(above), rtol=1e-12, atol=0)
 
 
 @pytest.mark.parametrize("depth", [1e-4, 0.01, 0.2, 0.9, 4.0])

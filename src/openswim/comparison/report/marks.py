@@ -1,5 +1,6 @@
 """What may be drawn over a picture of the sky: sun, moon, planets, compass, rings of altitude; as SVG."""
 
+from functools import lru_cache
 from html import escape
 from itertools import pairwise
 
@@ -37,6 +38,20 @@ def overlay(camera: Camera, places: dict[str, tuple[float, float]]) -> str:
     """An SVG of the picture's size with groups of class rings, compass and bodies."""
     ny, nx = camera.shape
     size = min(ny, nx) / 28
+    marked = []
+    for name, at in places.items():
+        y, x = (float(v) for v in camera.pixel_of(*at))
+        if np.isfinite(y):
+            marked.append(f'<circle cx="{x + 0.5:.1f}" cy="{y + 0.5:.1f}" r="{0.5 * size:.1f}"/>')
+            marked.append(_text(y + (size if name in PLANETS else -size), x, name, size, camera.shape))
+    groups = f'{_fixed_marks(camera, size)}<g class="bodies">{"".join(marked)}</g>'
+    return f'<svg class="marks" viewBox="0 0 {nx} {ny}" preserveAspectRatio="none">{groups}</svg>'
+
+
+@lru_cache(maxsize=4)
+def _fixed_marks(camera: Camera, size: float) -> str:
+    """Rings and compass, which are the same in all of a camera's pictures."""
+    nx = camera.shape[1]
     rings = []
     turn = np.linspace(0, 360, 181)
     for altitude in RINGS_DEG:
@@ -48,17 +63,7 @@ def overlay(camera: Camera, places: dict[str, tuple[float, float]]) -> str:
         row, column = camera.pixel_of(float(azimuth), np.linspace(0, 85, 35))
         compass.append(_path(row, column, nx))
         compass.append(_text(row[2], column[2], letter, 1.3 * size, camera.shape))
-    marked = []
-    for name, at in places.items():
-        y, x = (float(v) for v in camera.pixel_of(*at))
-        if np.isfinite(y):
-            marked.append(f'<circle cx="{x + 0.5:.1f}" cy="{y + 0.5:.1f}" r="{0.5 * size:.1f}"/>')
-            marked.append(_text(y + (size if name in PLANETS else -size), x, name, size, camera.shape))
-    groups = "".join(
-        f'<g class="{name}">{"".join(parts)}</g>'
-        for name, parts in (("rings", rings), ("compass", compass), ("bodies", marked))
-    )
-    return f'<svg class="marks" viewBox="0 0 {nx} {ny}" preserveAspectRatio="none">{groups}</svg>'
+    return f'<g class="rings">{"".join(rings)}</g><g class="compass">{"".join(compass)}</g>'
 
 
 def _path(row: np.ndarray, column: np.ndarray, width: int) -> str:

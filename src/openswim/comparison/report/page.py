@@ -75,11 +75,11 @@ def _viewer(comparison: xr.Dataset, camera: Camera, places: dict[str, tuple[floa
         layers["clouds"] = masks
     views = []
     for name, view in {"camera": camera, **common_views(camera)}.items():
-        images = []
+        images, marks = [], overlay(view, places)
         for layer, picture in layers.items():
             drawn = picture if view is camera else reprojected(picture, camera, view, 0 if layer == "clouds" else 1)
             uri = data_uri(drawn, lossless=layer == "clouds")
-            images.append(f'<figure class="{layer}"><img alt="{layer}" src="{uri}">{overlay(view, places)}</figure>')
+            images.append(f'<figure class="{layer}"><img alt="{layer}" src="{uri}">{marks}</figure>')
         ratio = f"{view.shape[1]}/{view.shape[0]}"
         views.append(f'<div class="view" data-view="{name}" style="--ratio:{ratio}">{"".join(images)}</div>')
     modes = ["swipe", "blink", "difference", "side by side", *(["clouds"] if masks is not None else [])]

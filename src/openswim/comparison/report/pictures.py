@@ -2,6 +2,7 @@
 
 import base64
 import io
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,15 +55,21 @@ def reprojected(picture: U8, camera: Camera, view: Camera, order: int = 1) -> U8
     black where it does not look."""
     from scipy.ndimage import map_coordinates
 
+    at, outside = _places(camera, view)
+    channels = np.moveaxis(picture.astype(np.float32), -1, 0)
+    parts = [map_coordinates(channel, at, order=order, mode="nearest") for channel in channels]
+    return np.where(outside[..., None], 0, np.round(np.stack(parts, axis=-1))).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _places(camera: Camera, view: Camera) -> tuple[list[NDArray[np.float64]], NDArray[np.bool_]]:
+    """Row and column (ny, nx) in one camera's picture of another's pixels, and which of these it does not see."""
     pixels = view.pixels()
     row, column = camera.pixel_of(pixels.azimuth_deg, pixels.altitude_deg)
     outside = ~(np.isfinite(row) & (row > -0.5) & (row < camera.shape[0] - 0.5))
     outside |= ~((column > -0.5) & (column < camera.shape[1] - 0.5))
     outside |= ~pixels.inside
-    at = [np.where(outside, 0, v) for v in (row, column)]
-    channels = np.moveaxis(picture.astype(np.float32), -1, 0)
-    parts = [map_coordinates(channel, at, order=order, mode="nearest") for channel in channels]
-    return np.where(outside[..., None], 0, np.round(np.stack(parts, axis=-1))).astype(np.uint8)
+    return [np.where(outside, 0, v) for v in (row, column)], outside
 
 
 def common_views(camera: Camera) -> dict[str, Camera]:

@@ -17,12 +17,13 @@ from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
 from openswim.readers.fields.absent import DEFAULT_AEROSOL
-from openswim.scene import Grid, Optics, plausible
+from openswim.scene import Grid, Optics
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.cf import AEROSOL, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.phase import by_wavelength, phases_from_dict
+from openswim.scene.plausibility import gate
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
@@ -95,9 +96,9 @@ def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
     if grid is None:
         return []
     if "surface_altitude" not in data:
-        return plausible.high_bottom(grid.height_m[0], None)
+        return gate.high_bottom(grid.height_m[0], None)
     terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
-    return plausible.high_bottom(grid.height_m[0], terrain)
+    return gate.high_bottom(grid.height_m[0], terrain)
 
 
 def misspelt(data: xr.Dataset) -> list[str]:

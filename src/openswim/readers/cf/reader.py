@@ -150,7 +150,8 @@ def _opened(path: Path) -> Iterator[xr.Dataset]:
             raise UserError(
                 f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
             )
-        yield data
+        # an attribute "coordinates" may name fields; they are fields all the same
+        yield data.reset_coords([name for name in data.coords if name not in data.dims and is_known(str(name))])
 
 
 def _times(data: xr.Dataset) -> NDArray[np.datetime64]:

@@ -45,7 +45,7 @@ from openswim.readers.grib.grid import NAMES, grid_of
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.plausible import high_bottom
+from openswim.scene.plausibility.gate import high_bottom
 from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000

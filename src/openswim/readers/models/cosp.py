@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.errors import UserError
 from openswim.readers.common.fileset import values
 from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
@@ -17,6 +18,7 @@ F32 = NDArray[np.float32]
 # Scene species: (mixing ratio, index of its effective radius along `hydro`), large-scale then convective.
 SPECIES = {"liquid": (("mr_lsliq", 0), ("mr_ccliq", 4)), "ice": (("mr_lsice", 1), ("mr_ccice", 5))}
 RAIN, SNOW, GRAUPEL = ("fl_lsrain", "fl_ccrain"), ("fl_lssnow", "fl_ccsnow"), ("fl_lsgrpl",)
+_KINDS = 9  # of particles in COSP, along `hydro`
 _SNOW_FALL_M_S, _GRAUPEL_FALL_M_S = 1.0, 3.0
 
 
@@ -38,8 +40,11 @@ class COSPReader(GriddedReader):
             return checked_content(name, values(path, data[name].transpose(*dims), units), units, notes)
 
         def radius(index: int) -> F32 | None:
-            if "Reff" not in data.variables or data["Reff"].ndim != 4 or data["Reff"].shape[0] <= index:
+            if "Reff" not in data.variables or data["Reff"].ndim != 4:
                 return None
+            if data["Reff"].shape[0] != _KINDS:
+                kinds = data["Reff"].shape[0]
+                raise UserError(f"{path}: Reff has {kinds} kinds of particles; COSP has {_KINDS}: damaged header")
             return known_sizes(f"Reff {index}", values(path, data["Reff"][index].transpose(*dims), "m"), notes)
 
         wanted = [name for kinds in SPECIES.values() for name, _ in kinds]

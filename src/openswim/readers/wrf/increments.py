@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.common.base import Time, naming
 from openswim.readers.common.opening import reading
-from openswim.readers.fields.air import VAPOUR_RATIO, saturation_over_ice_pa, saturation_pa
+from openswim.readers.fields.increments import added, on_levels, vapour_beside_cloud, window
 from openswim.readers.wrf.file import MASS_LEVELS, WRFFile
 from openswim.readers.wrf.grid import wrf_grid
 from openswim.readers.wrf.particles import CATEGORIES
@@ -23,11 +22,6 @@ from openswim.scene.files import written_whole
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-HUMIDITY_LEFT = 0.95  # of saturation, at most, where an analysis took all cloud away
-NO_CLOUD = 1e-8  # kg/kg of liquid and ice, up to which a node has no cloud
-_ROUNDING = 1e-6  # share of what was there, below which the rest is rounding of single precision
-_SAME_PLACE = 0.01  # cells, by which columns may be off
 
 
 def put_increments(
@@ -44,8 +38,8 @@ def put_increments(
             raise UserError(f"{path}: has no QVAPOR, which must go with its cloud: keep it when cutting the file")
         file.go_to(time)
         here = wrf_grid(file, [])
-        window = _window(grid, here, path)
-        own = {name: _on_levels(field, grid, here, window) for name, field in increments.items() if field.any()}
+        part = window(grid, here, path)
+        own = {name: on_levels(field, grid, here, part) for name, field in increments.items() if field.any()}
         changed = _changed(file, own) if own else {}
         where = file.time_index
     counts = {name: int(np.count_nonzero(after != before)) for name, (before, after) in changed.items()}
@@ -67,35 +61,6 @@ def _write(path: Path, fields: Mapping[str, F32], time_index: int) -> None:
             variable[time_index if variable.dimensions[:1] == ("Time",) else ...] = values
 
 
-def _window(grid: Grid, here: Grid, path: Path) -> tuple[slice, slice]:
-    """Rows and columns of the file's grid that an analysis has; raises UserError where they are others."""
-    out = []
-    for own, whole in ((grid.y, here.y), (grid.x, here.x)):
-        step = whole[1] - whole[0]
-        start = int(np.rint((own[0] - whole[0]) / step))
-        inside = 0 <= start <= whole.size - own.size
-        off = np.abs(own - whole[start : start + own.size]).max() if inside else np.inf
-        if grid.crs != here.crs or off > _SAME_PLACE * step:
-            raise UserError(f"{path}: its columns are not those of the analysis: give the file that was analysed")
-        out.append(slice(start, start + own.size))
-    return out[0], out[1]
-
-
-def _on_levels(field: F64, grid: Grid, here: Grid, window: tuple[slice, slice]) -> F64:
-    """A field on a grid's nodes, on the file's: linear in height in each column, 0 beyond."""
-    out = np.zeros(here.shape)
-    target = np.asarray(here.height_m[(slice(None), *window)], float)
-    height = np.broadcast_to(grid.height_m.reshape(len(field), *(grid.height_m.shape[1:] or (1, 1))), field.shape)
-    if np.array_equal(height, target):
-        out[(slice(None), *window)] = field
-        return out
-    part = np.empty(target.shape)
-    for j, i in np.ndindex(target.shape[1:]):
-        part[:, j, i] = np.interp(target[:, j, i], height[:, j, i], field[:, j, i], left=0.0, right=0.0)
-    out[(slice(None), *window)] = part
-    return out
-
-
 def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, tuple[F32, F32]]:
     """The file's variables without and with increments on its own levels, by name."""
     levels, dry_density, _, _ = air_of(file, [])
@@ -110,9 +75,7 @@ def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, tuple[F32, F32]
         total = np.sum([np.maximum(each, 0.0) for each in raw], axis=0, dtype=float) if raw else np.zeros(1)
         before[species] = after[species] = total
         if more is not None:
-            found = np.maximum(total + more / dry_density, 0.0)
-            found = np.where(more == 0, total, np.where(found < _ROUNDING * total, 0.0, found))
-            after[species] = found
+            found = after[species] = added(total, more / dry_density)
             for n, (mass, each) in enumerate(zip(masses, raw, strict=True)):
                 share = np.where(total > 0, np.maximum(each, 0.0) / np.where(total > 0, total, 1.0), float(n == 0))
                 out[mass] = each, np.where(more == 0, each, found * share).astype(np.float32)
@@ -133,30 +96,3 @@ def _number_of(file: WRFFile, species: str) -> str:
             if name in file:
                 return name
     raise UserError(f"{file.path}: has no number of {species}, which the analysis changed")
-
-
-def vapour_beside_cloud(
-    vapour: F32, pressure_pa: F64, temperature_k: F64, before: Mapping[str, F64], after: Mapping[str, F64]
-) -> F32:
-    """QVAPOR (kg/kg) that goes with liquid and ice (kg/kg) as they were before and are after.
-
-    Where there is more liquid, saturated over water at least; where only ice is more, over ice. Where no cloud is left,
-    `HUMIDITY_LEFT` of saturation at most, over the phase of which there had been more.
-    """
-    celsius: NDArray[Any] = temperature_k - 273.15
-    over_water = saturation_pa(celsius)
-    over_ice = np.where(celsius < 0, saturation_over_ice_pa(celsius), over_water)
-    wetter = after["liquid"] > before["liquid"]
-    icier = ~wetter & (after["ice"] > before["ice"])
-    was, left = before["liquid"] + before["ice"], after["liquid"] + after["ice"]
-    gone = (left < was) & (left <= NO_CLOUD) & ~wetter & ~icier
-    least = np.where(wetter, over_water, np.where(icier, over_ice, 0.0))
-    most = HUMIDITY_LEFT * np.where(before["liquid"] >= before["ice"], over_water, over_ice)
-    out = np.where(wetter | icier, np.maximum(vapour, _mixing_ratio(least, pressure_pa)), vapour)
-    return np.where(gone, np.minimum(out, _mixing_ratio(most, pressure_pa)), out).astype(np.float32)
-
-
-def _mixing_ratio(vapour_pa: F64, pressure_pa: F64) -> F64:
-    """Vapour over dry air, kg/kg; vapour has a fifth of the pressure at most."""
-    held = np.minimum(vapour_pa, 0.2 * pressure_pa)
-    return np.asarray(VAPOUR_RATIO * held / (pressure_pa - held))

@@ -39,7 +39,7 @@ from openswim.readers.wrf.particles import (
 )
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.plausible import high_bottom
+from openswim.scene.plausibility.gate import high_bottom
 
 NEEDED = ("PH", "PHB", "P", "PB", "T")
 _CALLED = {

@@ -22,6 +22,20 @@ def _dot(a, b):
     return total
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _advanced(image, given, x):
+    """image + given, in place, and in place of x how far that is from it."""
+    for n in range(x.shape[0]):
+        image[n] += given[n]
+        x[n] = image[n] - x[n]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _add(x, share, more):
+    for n in range(x.shape[0]):
+        x[n] += share * more[n]
+
+
 def fixed_point(
     apply: Callable[[F64], F64], given: F64, tolerance: float, most: int, memory: int = 3, start: F64 | None = None
 ) -> tuple[F64, int]:
@@ -36,8 +50,7 @@ def fixed_point(
     size = _dot(given.ravel(), given.ravel()) ** 0.5
     for n in range(1, most + 1):
         image = apply(x)
-        image += given
-        np.subtract(image, x, out=x)
+        _advanced(image.reshape(-1), given.reshape(-1), x.reshape(-1))
         residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
         own = np.array([_dot(one, residuals[-1]) for one in residuals])
         if own[-1] ** 0.5 <= tolerance * size or n == most:
@@ -55,5 +68,5 @@ def fixed_point(
         c = np.linalg.solve(gram + _LEAST * np.trace(gram) * np.eye(kept), own[-1] - own[:-1])
         x = (1 - c.sum()) * image
         for share, earlier in zip(c, images[:-1], strict=True):
-            x += share * earlier
+            _add(x.reshape(-1), share, earlier.reshape(-1))
     raise AssertionError("there is at least one sweep")

@@ -30,14 +30,14 @@ from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
 _BATCH = 16  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
-_KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew whenever they are needed
+_KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
 
 
 @dataclass(eq=False)
 class Filled:
     """What is at the nodes at one term: ext (nodes,) scaled extinction, 1/m; scattering (M, nodes): its Legendre
     moments, 1/m; lit (nodes,): the beam as it lights what is around them; albedo and direct (columns,): of the ground,
-    and the flux of the beam there; inflow (n, nz). steps (n, nodes, 4): what `sweep.weigh` makes of ext, where kept."""
+    and the flux of the beam there; inflow (n, nz). steps (n, 4, nodes): what `sweep.weigh` makes of ext, where kept."""
 
     ext: F64
     scattering: F64
@@ -98,15 +98,11 @@ class Sweeps:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
         if 32 * count * self.world.nodes <= _KEEP_BYTES:
-            f.steps = np.empty((count, self.world.nodes, 4))
+            f.steps = np.empty((count, 4, self.world.nodes))
             in_threads(weigh, self._grid, self.world.direction, f.ext, f.steps)
 
     def _steps(self, f: Filled, some: slice) -> F64:
-        if f.steps is not None:
-            return f.steps[some]
-        steps = np.empty((some.stop - some.start, self.world.nodes, 4))
-        in_threads(weigh, self._grid, self.world.direction[some], f.ext, steps)
-        return steps
+        return np.empty((0, 4, self.world.nodes)) if f.steps is None else f.steps[some]
 
     def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""

@@ -114,35 +114,53 @@ def upstream(q, grid, offset, weight, length):
 
 
 @njit(**_FLAGS)
+def _weigh_row(near, a, b, c, d, share, ds, trans, of_near, of_far, amended):
+    """A row of steps: what `step_weights` gives, and half of one over `trusted`; a, b, c, d: extinction at the upstream
+    corners, whose shares are ``share``."""
+    for i in range(near.shape[0]):
+        up = share[0] * a[i] + share[1] * b[i] + share[2] * c[i] + share[3] * d[i]
+        trans[i], of_near[i], of_far[i] = step_weights(near[i], up, ds)
+        amended[i] = 0.5 / trusted(near[i], up, ds)
+
+
+@njit(**_FLAGS)
+def _weigh(p, first, count, ext, offset, share, ds, own, at):
+    """Into own[:, at:] what the steps have that end at row p, from its column ``first`` on."""
+    s, e = p + first, at + first
+    a, b, c, d = (s + np.int64(offset[0]), s + np.int64(offset[1]), s + np.int64(offset[2]), s + np.int64(offset[3]))
+    _weigh_row(
+        ext[s : s + count], ext[a : a + count], ext[b : b + count], ext[c : c + count], ext[d : d + count], share, ds,
+        own[0, e : e + count], own[1, e : e + count], own[2, e : e + count], own[3, e : e + count],
+    )  # fmt: skip
+
+
+@njit(**_FLAGS)
+def _within(entry, nx):
+    """The first of a row's columns, and how many, that are not where light enters."""
+    return (1 if entry[2] == 0 else 0), (nx if entry[2] < 0 else nx - 1)
+
+
+@njit(**_FLAGS)
 def weigh(t, threads, grid, directions, ext, steps):
-    """steps (b, nodes, 4): of the step to a node what `step_weights` gives, and half of one over `trusted`; where light
+    """steps (b, 4, nodes): of the step to a node what `step_weights` gives, and half of one over `trusted`; where light
     enters, nothing is told."""
-    shape, _, _, ground_node = grid
     course = _course_of(grid)
     _, entry, offset, weight, length = course
+    nz, ny, nx = grid.shape
     for n in range(t, directions.shape[0], threads):
-        q, own = directions[n], steps[n]
-        _set_out(q, grid, course, False)
-        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
-        for k in range(shape[0]):
-            ds = length[k]
-            w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
-            to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
-            for j in range(shape[1]):
-                row = k == entry[0] or j == entry[1]
-                for i in range(shape[2]):
-                    if row or i == entry[2] or (rising and k <= ground_node[j, i]):
-                        continue
-                    p = np.uint64((k * ny + j) * nx + i)
-                    a, b, c, d = p + to0, p + to1, p + to2, p + to3
-                    ext_up = w0 * ext[a] + w1 * ext[b] + w2 * ext[c] + w3 * ext[d]
-                    own[p, 0], own[p, 1], own[p, 2] = step_weights(ext[p], ext_up, ds)
-                    own[p, 3] = 0.5 / trusted(ext[p], ext_up, ds)
+        _set_out(directions[n], grid, course, False)
+        first, count = _within(entry, nx)
+        for k in range(nz):
+            for j in range(ny):
+                if k != entry[0] and j != entry[1]:
+                    p = (k * ny + j) * nx
+                    _weigh(p, first, count, ext, offset[k], weight[k], length[k], steps[n], p)
 
 
 @njit(**_FLAGS)
 def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
-    """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``.
+    """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``. Where there
+    are none (0, 4, nodes) they are found row by row.
 
     mean: the same as what is scattered around the nodes has it (`cell.amendment`).
     """
@@ -150,32 +168,38 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
     course = _course_of(grid)
     way, entry, offset, weight, length = course
     emission, inflow, ground = sources
+    kept, scratch = steps.shape[0] > 0, np.empty((4, shape[2]))
     for n in range(t, directions.shape[0], threads):
-        q, e, out, amended, own = directions[n], emission[n], light[n], mean[n], steps[n]
+        q, e, out, amended = directions[n], emission[n], light[n], mean[n]
+        own = steps[n] if kept else scratch
         _set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
+        first, count = _within(entry, nx)
         amended[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             ds = length[k]
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row = k == entry[0] or j == entry[1]
+                row, line = k == entry[0] or j == entry[1], (k * ny + j) * nx
+                if not (kept or row):
+                    _weigh(line, first, count, ext, offset[k], weight[k], ds, own, 0)
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
-                    p = np.uint64((k * ny + j) * nx + i)
+                    p = np.uint64(line + i)
                     if rising and k <= ground_node[j, i]:
                         out[p] = ground[j * nx + i]
                         continue
                     if row or i == entry[2]:
                         out[p] = inflow[n, k]
                         continue
+                    at = p if kept else np.uint64(i)
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     up = w0 * out[a] + w1 * out[b] + w2 * out[c] + w3 * out[d]
                     e_up = w0 * e[a] + w1 * e[b] + w2 * e[c] + w3 * e[d]
                     told = w0 * ext[a] * out[a] + w1 * ext[b] * out[b] + w2 * ext[c] * out[c] + w3 * ext[d] * out[d]
-                    here = own[p, 0] * up + own[p, 1] * e[p] + own[p, 2] * e_up
+                    here = own[0, at] * up + own[1, at] * e[p] + own[2, at] * e_up
                     out[p] = here
-                    more = own[p, 3] * amendment(here, up, e[p], e_up, ext[p], told, 1.0, ds)
+                    more = own[3, at] * amendment(here, up, e[p], e_up, ext[p], told, 1.0, ds)
                     amended[p] += more
                     amended[a] += w0 * more
                     amended[b] += w1 * more
@@ -241,15 +265,18 @@ def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_
 
 @njit(**_FLAGS)
 def carry_transposed(t, threads, grid, directions, ext, steps, bars):
-    """Transpose of `carry` by emission and ground."""
+    """Transpose of `carry` by emission and ground; ``steps`` as there."""
     shape, _, _, ground_node = grid
     course = _course_of(grid)
     way, entry, offset, weight, length = course
     light_bar, mean_bar, emission_bar, ground_bar = bars
+    kept, scratch = steps.shape[0] > 0, np.empty((4, shape[2]))
     for n in range(t, directions.shape[0], threads):
-        q, lb, mb, eb, own = directions[n], light_bar[n], mean_bar[n], emission_bar[n], steps[n]
+        q, lb, mb, eb = directions[n], light_bar[n], mean_bar[n], emission_bar[n]
+        own = steps[n] if kept else scratch
         _set_out(q, grid, course, True)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
+        first, count = _within(entry, nx)
         ground_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node] = 0.0
@@ -259,18 +286,21 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars):
             w0, w1, w2, w3 = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
             to0, to1, to2, to3 = offset[k, 0], offset[k, 1], offset[k, 2], offset[k, 3]
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row = k == entry[0] or j == entry[1]
+                row, line = k == entry[0] or j == entry[1], (k * ny + j) * nx
+                if not (kept or row):
+                    _weigh(line, first, count, ext, offset[k], weight[k], ds, own, 0)
                 for i in range(way[2, 0], way[2, 1], way[2, 2]):
-                    p = np.uint64((k * ny + j) * nx + i)
+                    p = np.uint64(line + i)
                     if rising and k <= ground_node[j, i]:
                         ground_bar[n, j * nx + i] += lb[p]
                         continue
                     if row or i == entry[2]:
                         continue
+                    at = p if kept else np.uint64(i)
                     a, b, c, d = p + to0, p + to1, p + to2, p + to3
                     more = mb[p] + w0 * mb[a] + w1 * mb[b] + w2 * mb[c] + w3 * mb[d]
-                    more *= own[p, 3]
-                    trans, near, far = own[p, 0], own[p, 1], own[p, 2]
+                    more *= own[3, at]
+                    trans, near, far = own[0, at], own[1, at], own[2, at]
                     rate = 2.0 / ds
                     bar = lb[p] - (rate + ext[p]) * more
                     eb[p] += near * bar + more

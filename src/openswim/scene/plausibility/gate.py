@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
-from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
+from openswim.scene.plausibility.air import check_pressure, check_temperature, sampled, times_text, warmth
+from openswim.scene.plausibility.neighbours import uneven_air
+from openswim.scene.plausibility.values import odd_values
 from openswim.scene.variables import HYDROMETEORS
 
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
@@ -37,7 +39,6 @@ _RADII_M = {  # medians of species' effective radii
 }  # fmt: skip
 _BARE, _BARE_SHARE = 1e-3, 0.3  # cloud fractions that are none, and how much of the water may be there
 _SIZED_KG_M3 = 1e-7  # contents from which on a size matters
-_FAINT_KG_M3 = 1e-7  # the most content of a species that is next to nothing
 
 
 def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
@@ -54,8 +55,10 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
             check_pressure(pressure, grid.height_m, heights)
             if "air_temperature" in data:
                 notes += warmth(pressure, data["air_temperature"].values, heights)
+                notes += uneven_air(data, grid)
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
-    return notes + _water(data, heights, min(grid.size_m())) + _cover(data) + high_bottom(grid.height_m[0], terrain)
+    notes += _water(data, heights, min(grid.size_m())) + odd_values(data, grid) + _cover(data)
+    return notes + high_bottom(grid.height_m[0], terrain)
 
 
 def _places(grid: Grid) -> list[str]:
@@ -98,8 +101,6 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> li
                 f"scene: {name} is {most:.3g} kg m-3 at most; clouds have up to {_MOST_KG_M3[species] / 5:g}: is it in "
                 "g/kg or g m-3 (1000 times too large)?"
             )
-        if 0 < most < _FAINT_KG_M3 and species in ("liquid", "rain"):
-            notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
         notes += _sizes(data, species, content)
     hazes = [sampled(data[name].values) for name in _HAZES if name in data]
     if hazes:

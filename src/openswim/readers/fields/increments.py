@@ -1,0 +1,89 @@
+"""What putting an analysis's increments into a model's own file asks for, whatever the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.errors import UserError
+from openswim.readers.fields.air import VAPOUR_RATIO, saturation_over_ice_pa, saturation_pa
+from openswim.scene import Grid
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+HUMIDITY_LEFT = 0.95  # of saturation, at most, where an analysis took all cloud away
+NO_CLOUD = 1e-8  # kg/kg of liquid and ice, up to which a node has no cloud
+_ROUNDING = 1e-6  # share of what was there, below which the rest is rounding of single precision
+_SAME_PLACE = 0.01  # cells, by which columns may be off
+
+
+def added(total: F64, more: F64) -> F64:
+    """What there is with more or less of it, and nothing where all was taken; no other number where nothing changes."""
+    found = np.maximum(total + more, 0.0)
+    return np.where(more == 0, total, np.where(found < _ROUNDING * total, 0.0, found))
+
+
+def window(grid: Grid, here: Grid, path: Path) -> tuple[slice, slice]:
+    """Rows and columns of the file's grid that an analysis has; raises UserError where they are others."""
+    out = []
+    for own, whole in ((grid.y, here.y), (grid.x, here.x)):
+        step = whole[1] - whole[0]
+        start = int(np.rint((own[0] - whole[0]) / step))
+        inside = 0 <= start <= whole.size - own.size
+        off = np.abs(own - whole[start : start + own.size]).max() if inside else np.inf
+        if grid.crs != here.crs or off > _SAME_PLACE * step:
+            raise UserError(f"{path}: its columns are not those of the analysis: give the file that was analysed")
+        out.append(slice(start, start + own.size))
+    return out[0], out[1]
+
+
+def on_levels(field: F64, grid: Grid, here: Grid, part: tuple[slice, slice]) -> F64:
+    """A field on a grid's nodes, on the file's: linear in height in each column, 0 beyond."""
+    out = np.zeros(here.shape)
+    target = np.asarray(_tall(here)[(slice(None), *part)], float)
+    height = _tall(grid)
+    if np.array_equal(height, target):
+        out[(slice(None), *part)] = field
+        return out
+    drawn = np.empty(target.shape)
+    for j, i in np.ndindex(target.shape[1:]):
+        drawn[:, j, i] = np.interp(target[:, j, i], height[:, j, i], field[:, j, i], left=0.0, right=0.0)
+    out[(slice(None), *part)] = drawn
+    return out
+
+
+def _tall(grid: Grid) -> NDArray[Any]:
+    """Heights (nz, ny, nx) of all nodes."""
+    return np.broadcast_to(grid.height_m.reshape(-1, *(grid.height_m.shape[1:] or (1, 1))), grid.shape)
+
+
+def vapour_beside_cloud(
+    vapour: F32, pressure_pa: F64, temperature_k: F64, before: Mapping[str, F64], after: Mapping[str, F64]
+) -> F32:
+    """QVAPOR (kg/kg) that goes with liquid and ice (kg/kg) as they were before and are after.
+
+    Where there is more liquid, saturated over water at least; where only ice is more, over ice. Where no cloud is left,
+    `HUMIDITY_LEFT` of saturation at most, over the phase of which there had been more.
+    """
+    celsius: NDArray[Any] = temperature_k - 273.15
+    over_water = saturation_pa(celsius)
+    over_ice = np.where(celsius < 0, saturation_over_ice_pa(celsius), over_water)
+    wetter = after["liquid"] > before["liquid"]
+    icier = ~wetter & (after["ice"] > before["ice"])
+    was, left = before["liquid"] + before["ice"], after["liquid"] + after["ice"]
+    gone = (left < was) & (left <= NO_CLOUD) & ~wetter & ~icier
+    least = np.where(wetter, over_water, np.where(icier, over_ice, 0.0))
+    most = HUMIDITY_LEFT * np.where(before["liquid"] >= before["ice"], over_water, over_ice)
+    out = np.where(wetter | icier, np.maximum(vapour, _mixing_ratio(least, pressure_pa)), vapour)
+    return np.where(gone, np.minimum(out, _mixing_ratio(most, pressure_pa)), out).astype(np.float32)
+
+
+def _mixing_ratio(vapour_pa: F64, pressure_pa: F64) -> F64:
+    """Vapour over dry air, kg/kg; vapour has a fifth of the pressure at most."""
+    held = np.minimum(vapour_pa, 0.2 * pressure_pa)
+    return np.asarray(VAPOUR_RATIO * held / (pressure_pa - held))

@@ -1,0 +1,1 @@
+"""Whether a scene can be."""

@@ -1,0 +1,52 @@
+"""Values that may be, but that no weather has everywhere: told, since somebody may have meant them."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from openswim.scene.grid import Grid
+from openswim.scene.variables import HYDROMETEORS
+
+_FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is next to nothing
+    "liquid": 2e-6, "ice": 1e-8, "rain": 1e-7, "snow": 1e-8, "graupel": 1e-9,
+}  # fmt: skip
+_FEW_NODES = 16  # so small fields may be even
+_FEW_ROWS = 4
+_UNEVEN_WINDS = 300.0  # times as strong along one axis as along the other
+_FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
+_CLOCKS_START = np.datetime64("1970-01-01", "ms")
+
+
+def odd_values(data: xr.Dataset, grid: Grid) -> list[str]:
+    """Notes on contents that are next to nothing, fields with one value, winds that are not, and strips."""
+    notes = []
+    for species in HYDROMETEORS:
+        name = f"{species}_content"
+        most = float(data[name].max()) if name in data else 0.0
+        if 0 < most < _FAINT_KG_M3[species]:
+            notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
+    for field in map(str, data.data_vars):
+        if field.endswith(("_content", "cloud_area_fraction", "_10m")) and data[field].size > _FEW_NODES:
+            low, high = float(data[field].min()), float(data[field].max())
+            if low == high != 0 and not (high == 1 and field.endswith("fraction")):
+                notes.append(f"{field} is {low:.3g} {data[field].attrs.get('units', '')} everywhere")
+    if "wind_east_10m" in data and "wind_north_10m" in data:
+        east, north = (float(np.abs(data[f"wind_{way}_10m"]).mean()) for way in ("east", "north"))
+        if max(east, north) > _UNEVEN_WINDS * min(east, north):
+            notes.append(f"the wind is {east:.2g} m s-1 along east and {north:.2g} along north: both in the same unit?")
+    ny, nx = grid.shape[1:]
+    if 1 < min(ny, nx) < _FEW_ROWS <= max(ny, nx):
+        notes.append(f"a strip of {nx} x {ny} columns: is it the whole domain?")
+    return notes
+
+
+def odd_time(time: np.datetime64 | None) -> list[str]:
+    """A note on a time (datetime64[ms], UTC) of no model."""
+    if time is None or np.isnat(time):
+        return []
+    fraction = bool(time != time.astype("datetime64[s]"))
+    beginning = abs(time - _CLOCKS_START) < np.timedelta64(1, "h")  # where clocks that hold nothing stand
+    if fraction or beginning or not _FORECASTS_SINCE < time < _UNTIL:
+        return [f"the time {time} is odd for weather: is it what the file means? (--sun lights by another)"]
+    return []
