@@ -123,3 +123,11 @@ def test_sizes_that_nobody_knows_stay_unknown() -> None:
     known = found > 0
     np.testing.assert_allclose(found[known], 10e-6, rtol=1e-3)
     assert not known[:, 60:90].any()
+
+
+def test_a_nest_that_moves_says_between_which_times() -> None:
+    scenes = [Scene.from_arrays(np.zeros((3, 4, 4), np.float32), np.arange(4) * 1e3 + shift, np.arange(4) * 1e3,
+                                np.array([0.0, 1e3, 2e3]), time=f"2026-07-10T1{hour}:00")
+              for hour, shift in ((2, 0.0), (3, 5e3))]  # fmt: skip
+    with pytest.raises(UserError, match=r"grid at 2026-07-10T12.* is not that at 2026-07-10T13.*leave out --every"):
+        Motion.between(*scenes)

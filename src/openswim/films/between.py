@@ -230,8 +230,8 @@ def _one_grid(before: Scene, after: Scene) -> Grid:
         raise UserError("scenes without a grid have no times in between")
     if one.shape != other.shape or not (np.allclose(one.x, other.x) and np.allclose(one.y, other.y)):
         raise UserError(
-            f"{before.source}: its grid is not that of {after.source}, as where a nest moves: only the model's own "
-            "times can be shown (leave out --every)"
+            f"{before.source}: its grid at {before.time} is not that at {after.time}, as where a "
+            "nest moves: only the model's own times can be shown (leave out --every)"
         )
     return one
 
