@@ -33,7 +33,7 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
         if max(east, north) > _UNEVEN_WINDS * min(east, north):
             notes.append(f"the wind is {east:.2g} m s-1 along east and {north:.2g} along north: both in the same unit?")
     ny, nx = columns
-    if 1 < min(ny, nx) < _FEW_ROWS <= max(ny, nx):
+    if 1 < min(ny, nx) < _FEW_ROWS and max(ny, nx) >= 2 * min(ny, nx):
         notes.append(f"a strip of {nx} x {ny} columns: is it the whole domain?")
     return notes
 
