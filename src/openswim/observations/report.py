@@ -12,6 +12,7 @@ from openswim.observations.frames import read_frame
 from openswim.observations.lens_fit import residuals
 from openswim.observations.overlay import drawn, jpeg
 from openswim.observations.star_fit import StarFit
+from openswim.observations.ticks import round_step, round_ticks
 from openswim.scene.files import written_whole
 
 F64 = NDArray[np.float64]
@@ -143,16 +144,10 @@ def _radial(miss: F64, fitted: F64, optics: object) -> F64:
     return np.asarray((miss * away).sum(axis=1))
 
 
-def _round_step(least: float) -> float:
-    """The least of 1, 2 and 5 times a power of ten that is not below."""
-    power = 10.0 ** np.floor(np.log10(least))
-    return float(next(power * digit for digit in (1, 2, 5, 10) if power * digit >= least))
-
-
 def _plot(x: F64, y: F64, x_name: str, y_name: str, x_range: tuple[float, float] = (0, 90)) -> str:
     """Points on axes, as SVG."""
     wide, high, left, bottom = 440, 260, 48, 40
-    step = _round_step(max(float(np.abs(y).max(initial=0.1)), 0.1) * 1.05 / 4)
+    step = round_step(max(float(np.abs(y).max(initial=0.1)), 0.1) * 1.05 / 4)
     top = step * np.ceil(float(np.abs(y).max(initial=0.1)) * 1.05 / step)
     low = -top if (y < 0).any() else 0.0
 
@@ -165,7 +160,7 @@ def _plot(x: F64, y: F64, x_name: str, y_name: str, x_range: tuple[float, float]
     marks = [f'<line x1="{left}" x2="{wide - 10}" y1="{up(0):.1f}" y2="{up(0):.1f}" stroke="#8895a3"/>']
     for value in np.linspace(*x_range, 7 if x_range[1] == 90 else 5):
         marks.append(f'<text x="{across(value):.1f}" y="{high - bottom + 18}" text-anchor="middle">{value:.0f}</text>')
-    for value in np.arange(low, top + step / 2, step):
+    for value in round_ticks(low, top, 10):
         y_px = f"{up(value):.1f}"
         marks.append(f'<text x="{left - 6}" y="{y_px}" dy="4" text-anchor="end">{round(value, 6):g}</text>'
                      f'<line x1="{left}" x2="{wide - 10}" y1="{y_px}" y2="{y_px}" stroke="#e2e8ee"/>')  # fmt: skip
