@@ -45,8 +45,8 @@ def _summary(analysis: Found) -> str:
     steps = len(analysis.costs) - 1
     text = (
         f"{analysis.used} observations, {steps} iterations, departures by the solver {analysis.departures}. The cost "
-        f"fell from {analysis.costs[0]:.4g} to {analysis.costs[-1]:.4g}; where all errors are as they were said to be, it ends "
-        f"near half the number of observations, {analysis.used / 2:.4g}."
+        f"fell from {analysis.costs[0]:.4g} to {analysis.costs[-1]:.4g}; where all errors are as they were said to be, "
+        f"it ends near half the number of observations, {analysis.used / 2:.4g}."
     )
     if analysis.told:
         text += f" Numbers that the observations tell: {'; '.join(map(str, analysis.told))}."
