@@ -86,12 +86,14 @@ def _camera(analysis: Found, n: int) -> list[str]:
     low, high = np.percentile(known, [1, 99]) if known.size else (0.0, 1.0)
     names = ("observed", "seen before", "seen after")
     unit = f" {each.quantity.units}" if each.quantity.units != "1" else ""
-    scale = f"{each.quantity.name.replace('_', ' ')}, black {low:.2g}, white {high:.2g}{unit}"
-    out = [_figure(_shades(_rgb(image), float(low), float(high)), f"{name}: {scale}")
-           for image, name in zip(images, names, strict=True)]  # fmt: skip
+    what = each.quantity.name.replace("_", " ").capitalize()
+    scale = f"{what}: black is {low:.2g}, white {high:.2g}{unit}."
+    out = [f"<p>{escape(scale)} What is left: blue is -5 errors, red 5. Grey: not used.</p>"]
+    out += [_figure(_shades(_rgb(image), float(low), float(high)), name)
+            for image, name in zip(images, names, strict=True)]  # fmt: skip
     for row, name in ((analysis.before.values, "before"), (analysis.after.values, "after")):
         left = rows.pictures(np.where(use, (value - row) / error, np.nan))[n].values.mean(axis=-1)
-        out.append(_figure(signed(left, 5.0), f"observed less {name}, from -5 errors (blue) to 5 (red)"))
+        out.append(_figure(signed(left, 5.0), f"observed less seen {name}"))
     return out
 
 
@@ -116,9 +118,11 @@ def _changes(analysis: Found) -> list[str]:
             most = float(max(np.percentile(s, 99.5) for s in sums)) or 1.0
             what = "sum over the levels" if variable.dims[0] == "z" else "mean of the channels"
             unit = f" {variable.units}" if variable.units != "1" else ""
+            scale = f"{variable.name}, {what}: black is 0, white {most:.2g}{unit}; north is on top."
+            out.append(f"<p>{escape(scale)}</p>")
             for values, name in zip(sums, ("before", "after"), strict=True):
                 picture = _shades(np.repeat(values[::-1, :, None], 3, axis=2), 0.0, most)
-                out.append(_figure(picture, f"{variable.name}, {name}: {what}, white {most:.2g}{unit}, north on top"))
+                out.append(_figure(picture, name))
         else:
             text = ", ".join(f"{a:.4g} → {b:.4g}" for a, b in zip(before.ravel(), after.ravel(), strict=True))
             out.append(f"<p>{escape(variable.name)}: {escape(text)}</p>")
