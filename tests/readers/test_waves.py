@@ -21,9 +21,7 @@ def _slope(lat: np.ndarray, lon: np.ndarray) -> np.ndarray:
     ("edition", "code", "level"),
     [(1, (140, 244), (1, 0)), (1, (140, 244), (102, 0)), (2, (10, 0, 20), (1, 0)), (2, (10, 0, 20), (101, 0))],
 )
-def test_grib_of_a_wave_model(
-    tmp_path: Path, edition: int, code: tuple[int, ...], level: tuple[int, int]
-) -> None:
+def test_grib_of_a_wave_model(tmp_path: Path, edition: int, code: tuple[int, ...], level: tuple[int, int]) -> None:
     product = gf.ifs(gf.AROME, levels=3, edition=edition)
     product.messages.append(gf.Message(code, level, _slope, missing=lambda lat, lon: lat > 50))
     scene = openswim.open_scene(gf.write(tmp_path / "file", product))
