@@ -263,6 +263,14 @@ WRONG = {
     ),
     "uneven levels": (lambda data: data.assign_coords(height=("z", [0.0, 2000.0, 1000.0])), "ascend"),
     "missing values": (lambda data: data.where(data.x > 0), "liquid_content has 6 missing values"),
+    "text for heights": (
+        lambda data: data.assign_coords(height=("z", ["low", "middle", "high"])),
+        "model.*: height holds text: write it as numbers",
+    ),
+    "text for a field": (
+        lambda data: data.assign(liquid_content=(("z", "y", "x"), np.full((3, 2, 4), "text"))),
+        "liquid_content holds text: write it as numbers",
+    ),
     "flat field": (
         lambda data: data.assign(ice_content=data.liquid_content[0]),
         r"ice_content has dimensions \(y, x\)",

@@ -150,8 +150,15 @@ def _opened(path: Path) -> Iterator[xr.Dataset]:
             raise UserError(
                 f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
             )
+        for name, variable in data.variables.items():
+            if variable.dtype.kind in "OSUT" and _holds_numbers(str(name)):
+                raise UserError(f"{path}: {name} holds text: write it as numbers, as docs/scene-format.md describes")
         # an attribute "coordinates" may name fields; they are fields all the same
         yield data.reset_coords([name for name in data.coords if name not in data.dims and is_known(str(name))])
+
+
+def _holds_numbers(name: str) -> bool:
+    return is_known(name) or name in {"x", "y", "height", "wavelength", VAPOUR_PROFILE, *PROFILES}
 
 
 def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
