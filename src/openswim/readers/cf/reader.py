@@ -72,6 +72,7 @@ class CFReader:
             for name in data.variables:
                 check_size(path, str(name), data[name].shape)
             notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line] + chosen
+            notes += _lost_times(whole, time)
             with reading(path, _NOT_THE_LAYOUT):
                 data = upright(data)
                 grid = grid_of(data, notes)
@@ -170,6 +171,14 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
             'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
         )
     return rounded(values)
+
+
+def _lost_times(data: xr.Dataset, wanted: Time) -> list[str]:
+    """A note where the time that is taken, since none is named, is not the file's first."""
+    times = _times(data)
+    if wanted is not None or not times.size or not np.isnat(times[0]) or np.isnat(times).all():
+        return []
+    return [f"{np.isnat(times).sum()} of {times.size} times are missing: the first that is known is taken"]
 
 
 def _of_member(path: Path, data: xr.Dataset, member: int | None, notes: list[str]) -> xr.Dataset:
