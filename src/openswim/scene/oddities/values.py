@@ -32,7 +32,9 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
         if field.endswith(("_content", "cloud_area_fraction", "_10m")) and data[field].size > _FEW_NODES:
             low, high = float(data[field].min()), float(data[field].max())
             if low == high != 0 and not (high == 1 and field.endswith("fraction")):
-                notes.append(f"{field} is {low:.3g} {data[field].attrs.get('units', '')} everywhere")
+                units = data[field].attrs.get("units", "1")
+                value = f"{low:.3g}" if units == "1" else f"{low:.3g} {units}"
+                notes.append(f"{field} is {value} everywhere: is it known?")
     if "air_temperature" in data and _whole(data["air_temperature"].values):
         notes.append("air_temperature holds whole degrees alone: were its decimals cut?")
     if "wind_east_10m" in data and "wind_north_10m" in data:
