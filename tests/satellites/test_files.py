@@ -122,6 +122,8 @@ def test_displaced_features_are_found() -> None:
 
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"gone\.nc: no such file"):
+        read(tmp_path / "gone.nc")
     (tmp_path / "a.tif").write_text("no")
     with pytest.raises(UserError):
         read(tmp_path / "a.tif")

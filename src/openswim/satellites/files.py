@@ -94,6 +94,8 @@ def read(path: str | Path) -> xr.Dataset:
     the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
     """
     source = Path(path)
+    if not source.exists():
+        raise UserError(f"{source}: no such file")
     try:
         return _from_netcdf(source) if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff(source)
     except (OSError, ValueError, KeyError) as error:

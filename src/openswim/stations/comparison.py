@@ -65,13 +65,18 @@ def plot(model: xr.Dataset, station: xr.Dataset, path: Path, clear: NDArray[np.b
             below.set_ylim(*(side * max(reach * 1.1, abs(below.get_ylim()[1]), 5.0) for side in (-1, 1)))
     above.set_ylabel("irradiance (W m$^{-2}$)")
     above.set_ylim(bottom=0)
-    above.legend(fontsize=8, ncols=2)
+    figure.legend(fontsize=8, ncols=3, loc="outside lower center")  # beside the curves, not over them
     about = station.attrs
-    above.set_title(f"{about.get('source', '')}  {about['latitude']:.3f} N {about['longitude']:.3f} E")
+    above.set_title(f"{about.get('source', '')}  {_degrees(about['latitude'], 'NS')} "
+                    f"{_degrees(about['longitude'], 'EW')}")  # fmt: skip
     below.axhline(0, color="0.5", linewidth=0.6)
-    below.set_ylabel("model - measured" + ("" if clear is None else "\nclear sky"))
+    below.set_ylabel(("" if clear is None else "clear sky: ") + "model -\nmeasured (W m$^{-2}$)")
     below.xaxis.axis_date()
     below.xaxis.set_major_formatter(ConciseDateFormatter(below.xaxis.get_major_locator()))
     below.set_xlabel("UTC")
     with written_whole(path) as partial:
         figure.savefig(partial, dpi=120, format=path.suffix[1:].lower())
+
+
+def _degrees(value: float, sides: str) -> str:
+    return f"{abs(value):.3f} {sides[value < 0]}"
