@@ -193,8 +193,12 @@ def test_a_time_that_is_missing_among_others(tmp_path, position):
     times = np.insert(np.array(["2024-06-21T12:00", "2024-06-21T18:00"], "datetime64[ns]"), position, "NaT")
     data = _dataset(liquid_content=(("time", "z", "y", "x"), np.stack(3 * [CONTENT]), {"units": "kg m-3"}))
     data = data.assign_coords(time=times)
-    assert _read(tmp_path, data).time == np.datetime64("2024-06-21T12:00")
-    assert open_scene(tmp_path / "model.nc", "2024-06-21T18:00").time == np.datetime64("2024-06-21T18:00")
+    scene = _read(tmp_path, data)
+    assert scene.time == np.datetime64("2024-06-21T12:00")
+    assert any("1 of 3 times are missing" in note for note in scene.notes) == (position == 0)  # another than the first
+    named = open_scene(tmp_path / "model.nc", "2024-06-21T18:00")
+    assert named.time == np.datetime64("2024-06-21T18:00")
+    assert not any("times are missing" in note for note in named.notes)
     assert describe(tmp_path / "model.nc").times == ["2024-06-21T12:00:00", "2024-06-21T18:00:00"]
 
 
@@ -263,6 +267,14 @@ WRONG = {
     ),
     "uneven levels": (lambda data: data.assign_coords(height=("z", [0.0, 2000.0, 1000.0])), "ascend"),
     "missing values": (lambda data: data.where(data.x > 0), "liquid_content has 6 missing values"),
+    "text for heights": (
+        lambda data: data.assign_coords(height=("z", ["low", "middle", "high"])),
+        "model.*: height holds text: write it as numbers",
+    ),
+    "text for a field": (
+        lambda data: data.assign(liquid_content=(("z", "y", "x"), np.full((3, 2, 4), "text"))),
+        "liquid_content holds text: write it as numbers",
+    ),
     "flat field": (
         lambda data: data.assign(ice_content=data.liquid_content[0]),
         r"ice_content has dimensions \(y, x\)",

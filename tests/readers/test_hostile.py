@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import resource
-import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import netCDF4
@@ -322,67 +323,21 @@ def test_references_that_lead_nowhere(tmp_path):
     _refused(tmp_path / "cut.json", "cut.json")
 
 
-FUZZ = """
-import resource, sys, warnings
-resource.setrlimit(resource.RLIMIT_AS, (6_000_000_000, 6_000_000_000))
-resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-warnings.simplefilter("ignore")
-import numpy as np
-from pathlib import Path
-from openswim.errors import UserError
-from openswim.readers import open_scene
-folder, seed, rounds = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-files = sorted(path for path in folder.iterdir() if "head" not in path.name)
-random = np.random.default_rng(seed)
-import time
-for number in range(rounds):
-    source = files[number % len(files)]
-    data = bytearray(source.read_bytes())
-    how = random.integers(3)
-    if how == 0:
-        data = data[: random.integers(len(data))]
-    else:  # headers are at the front: half of the flips go there
-        for _ in range(random.integers(1, 9)):
-            reach = 4000 if how == 1 else len(data)
-            data[random.integers(min(reach, len(data)))] ^= 1 << random.integers(8)
-    target = folder.parent / f"fuzzed{source.suffix}"
-    target.write_bytes(data)
-    print(number, source.name, how, flush=True)
-    began = time.process_time()
-    try:
-        scene = open_scene(target)
-        for name in scene.data.data_vars:
-            assert np.isfinite(scene.data[name].values).all(), name
-        assert np.isfinite(scene.grid.height_m).all()
-    except UserError as error:
-        assert "\\n" not in str(error) and str(target) in str(error), str(error)
-    assert time.process_time() - began < 20, "too long"
-print("done", flush=True)
-"""
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_fuzzed_files_give_a_scene_or_one_line(tmp_path, seed):
-    """Bytes flipped and files cut, each read with 6 GB of address space and 20 s of CPU.
-
-    The HDF5 library itself may crash on flipped bytes of its headers; that ends the process, and only that is let pass.
-    """
-    folder = tmp_path / "files"
-    folder.mkdir()
-    for name, make in MAKERS.items():
-        if name not in ("LAPS", "RAMS without header", "ERA5 over the date line"):
-            (tmp_path / "one").mkdir()
-            for path in make(tmp_path / "one").paths:
-                shutil.copy(path, folder / f"{len(list(folder.iterdir()))}-{path.name}")
-            shutil.rmtree(tmp_path / "one")
-    (tmp_path / "one").mkdir()
-    for path in laps(tmp_path / "one").paths[:2]:
-        shutil.copy(path, folder / path.name)
-    done = subprocess.run(
-        [sys.executable, "-c", FUZZ, str(folder), str(seed), "90"], capture_output=True, text=True, timeout=280
-    )
-    last = done.stdout.strip().splitlines()[-1] if done.stdout.strip() else ""
-    assert done.returncode < 0 or (done.returncode == 0 and last == "done"), f"{last}\n{done.stderr[-3000:]}"
+def test_three_hundred_spoilt_files_give_a_scene_or_one_line(tmp_path):
+    """The fixed cases of fuzzing.py, read one after another by a process with 6 GB of address space: no traceback, no
+    crash, nothing that takes long; what is quietly another scene is as rare as was measured (17 of 300, of which 10
+    are bytes of payload)."""
+    run = [sys.executable, "-m", "tests.readers.fuzzing", str(tmp_path), "33", "0", "300"]
+    done = subprocess.run(run, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=600)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 0, f"{lines[-1:]}\n{done.stderr[-3000:]}"
+    cases = [case for case in map(json.loads, lines) if "verdict" in case]
+    assert len(cases) == 300
+    assert [case for case in cases if case["verdict"] not in ("refused", "told", "same", "silent")] == []
+    assert [case for case in cases if case["cpu_s"] > 5] == []
+    counts = Counter(case["verdict"] for case in cases)
+    assert counts["silent"] <= 20, [case for case in cases if case["verdict"] == "silent"]
+    assert counts["refused"] > 130  # of 154: the cases spoil files indeed
 
 
 def test_radii_of_kinds_that_cosp_has_not(tmp_path):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import netCDF4
@@ -17,10 +16,9 @@ import pytest
 from tests.readers import grib_files
 from tests.readers.conftest import WRFSpec, write_wrf
 from tests.readers.model_files import MAKERS
+from tests.readers.verdicts import Found, verdict
 
-from openswim.errors import UserError
 from openswim.readers import open_scene
-from openswim.scene import Scene
 
 FILES: dict[str, Callable[[Path], list[Path]]] = {
     **{name: lambda folder, make=make: make(folder).paths for name, make in MAKERS.items()},
@@ -71,40 +69,6 @@ WAYS: dict[str, list[tuple[str, Callable[[np.ndarray], np.ndarray]]]] = {
     "latitude": [("+181", lambda v: v + 181), ("x 10", lambda v: 10 * v)],
     "longitude": [("x 1000", lambda v: 1e3 * v)],
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a scene holds: fields, and notes."""
-
-    fields: dict[str, np.ndarray]
-    notes: set[str]
-
-    @classmethod
-    def of(cls, scene: Scene) -> Found:
-        grid = scene.grid
-        assert grid is not None
-        own = {"x": grid.x, "y": grid.y, "height": grid.height_m, "time": scene.time.astype(float)}
-        return cls({name: v.values for name, v in scene.data.data_vars.items()} | own, set(scene.notes))
-
-    def same_as(self, other: Found) -> bool:
-        return self.fields.keys() == other.fields.keys() and all(
-            field.shape == other.fields[name].shape
-            and np.allclose(field, other.fields[name], rtol=2e-3, atol=2e-4 * np.abs(other.fields[name]).max())
-            for name, field in self.fields.items()
-        )
-
-
-def verdict(paths: list[Path], good: Found) -> str:
-    """refused, told, same; or, what must not be, silent or a message that is no one line."""
-    try:
-        found = Found.of(open_scene(paths))
-    except UserError as error:
-        one_line = "\n" not in str(error) and len(str(error)) < 500 and any(path.name in str(error) for path in paths)
-        return "refused" if one_line else f"unclear: {error}"
-    if found.same_as(good):
-        return "same"
-    return "told" if found.notes - good.notes else "silent"
 
 
 def _changed(paths: list[Path], name: str, change: Callable[[np.ndarray], np.ndarray] | None) -> None:

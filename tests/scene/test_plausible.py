@@ -82,6 +82,13 @@ def test_what_is_odd_is_told(changed, words):
     assert any(words in note for note in scene(**changed).notes)
 
 
+@pytest.mark.parametrize(("zero", "step", "told"), [(0, 1, True), (273.15, 1, True), (0, 0.5, False), (0, 0.1, False)])
+def test_temperatures_without_decimals_are_told(zero, step, told):
+    """Of kelvins or of degrees Celsius; files with a decimal, or with every second one, pass."""
+    notes = scene(air_temperature=lambda t: zero + np.round((t - zero) / step) * step).notes
+    assert any("whole degrees alone" in note for note in notes) == told
+
+
 @pytest.mark.parametrize(
     ("x", "y", "words"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -83,12 +84,26 @@ def _cut(file: Path) -> None:
     file.write_bytes(file.read_bytes()[:-100])
 
 
-def _misshapen(file: Path) -> None:
-    solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
-    with np.load(file) as stored:
-        sums = {name: values[..., None] for name, values in stored.items()}
-    with file.open("wb") as out:
-        np.savez(out, **sums)
+def _rewritten(change: Callable[[str, np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    """A checkpoint of this very view, of which what is stored was changed."""
+
+    def write(file: Path) -> None:
+        solve(cloud_scene(), paths=4, checkpoint=file).view(_RAYS)
+        with np.load(file) as stored:
+            sums = {name: change(name, values) for name, values in stored.items()}
+        with file.open("wb") as out:
+            np.savez(out, **sums)
+
+    return write
+
+
+_WRONG = {
+    "misshapen": lambda name, values: values[..., None],
+    "NaN": lambda name, values: np.full_like(values, np.nan) if name.endswith("total") else values,
+    "negative squares": lambda name, values: -values if name.endswith("squares") else values,
+    "no paths": lambda name, values: 0 * values if name.endswith("paths") else values,
+    "text": lambda name, values: values.astype("U"),
+}
 
 
 _RAYS = down_on(np.linspace(-200, 200, 4), 0.0, 2000.0)
@@ -101,7 +116,11 @@ def _unclosed(file: Path) -> None:
     file.write_bytes(file.read_bytes().replace(b"(2000,)", b"(2000, "))
 
 
-@pytest.mark.parametrize("write", [Path.touch, _npy, _pickled, _zipped, _cut, _misshapen, _unclosed])
+_WRITERS = {write.__name__.strip("_"): write for write in (Path.touch, _npy, _pickled, _zipped, _cut, _unclosed)}
+_WRITERS |= {name: _rewritten(change) for name, change in _WRONG.items()}
+
+
+@pytest.mark.parametrize("write", _WRITERS.values(), ids=_WRITERS)
 def test_files_that_are_no_checkpoints_are_told_and_kept(write, tmp_path: Path) -> None:
     file = tmp_path / "sums"
     write(file)

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
@@ -178,7 +179,7 @@ def _in_si(name: str, field: xr.DataArray, state: dict[str, xr.DataArray], notes
     if per_volume == expected:
         if not all(needed in state for needed in _STATE):
             raise UserError(
-                f"{name} is in {found!r}: to make it {expected!r} the file must hold air_pressure "
+                f"{name} is in {shown(found)}: to make it {expected!r} the file must hold air_pressure "
                 "and air_temperature, or convert it first"
             )
         notes.append(f"{name} converted from {found} with the density of dry air")
@@ -191,7 +192,7 @@ def _converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
     found = str(field.attrs.get("units", expected))
     factor = conversion(found, expected)
     if factor is None:
-        raise UserError(f"{name} is in {found!r}; it must be in {expected!r}: convert it")
+        raise UserError(f"{name} is in {shown(found)}; it must be in {expected!r}: convert it")
     if factor == (1.0, 0.0):
         return field.values
     precise = np.result_type(field.dtype, np.float32)  # whole numbers become fractions

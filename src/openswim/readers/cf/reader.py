@@ -72,6 +72,7 @@ class CFReader:
             for name in data.variables:
                 check_size(path, str(name), data[name].shape)
             notes = [line for line in str(data.attrs.get("assumptions", "")).split("\n") if line] + chosen
+            notes += _lost_times(whole, time)
             with reading(path, _NOT_THE_LAYOUT):
                 data = upright(data)
                 grid = grid_of(data, notes)
@@ -150,8 +151,15 @@ def _opened(path: Path) -> Iterator[xr.Dataset]:
             raise UserError(
                 f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
             )
+        for name, variable in data.variables.items():
+            if variable.dtype.kind in "OSUT" and _holds_numbers(str(name)):
+                raise UserError(f"{path}: {name} holds text: write it as numbers, as docs/scene-format.md describes")
         # an attribute "coordinates" may name fields; they are fields all the same
         yield data.reset_coords([name for name in data.coords if name not in data.dims and is_known(str(name))])
+
+
+def _holds_numbers(name: str) -> bool:
+    return is_known(name) or name in {"x", "y", "height", "wavelength", VAPOUR_PROFILE, *PROFILES}
 
 
 def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
@@ -163,6 +171,14 @@ def _times(data: xr.Dataset) -> NDArray[np.datetime64]:
             'time is not a date: give it units such as "seconds since 1970-01-01", standard calendar'
         )
     return rounded(values)
+
+
+def _lost_times(data: xr.Dataset, wanted: Time) -> list[str]:
+    """A note where the time that is taken, since none is named, is not the file's first."""
+    times = _times(data)
+    if wanted is not None or not times.size or not np.isnat(times[0]) or np.isnat(times).all():
+        return []
+    return [f"{np.isnat(times).sum()} of {times.size} times are missing: the first that is known is taken"]
 
 
 def _of_member(path: Path, data: xr.Dataset, member: int | None, notes: list[str]) -> xr.Dataset:

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.common.base import naming, pick_time
 from openswim.readers.common.bounds import check_size
@@ -147,7 +148,8 @@ def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
     check_size(path, str(field.name), field.shape)
     factor = conversion(str(field.attrs.get("units", units) or units), units)
     if factor is None:
-        raise UserError(f"{path}: {field.name} is in {field.attrs.get('units')!r}; it must be in {units!r}: convert it")
+        given = shown(field.attrs.get("units"))
+        raise UserError(f"{path}: {field.name} is in {given}; it must be in {units!r}: convert it")
     with reading(path, "truncated or damaged: copy or download it again"):
         raw = np.asarray(field.values)
         if raw.dtype.kind not in "fiub":

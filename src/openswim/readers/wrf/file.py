@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
@@ -136,7 +137,7 @@ class WRFFile:
         found = str(getattr(variable, "units", ""))
         if units and not _same_units(found, units):
             raise UserError(
-                f"{self.path}: {name} is in {found!r}; expected {units!r}: convert it, or write WRF's "
+                f"{self.path}: {name} is in {shown(found)}; expected {units!r}: convert it, or write WRF's "
                 "own output"
             )
         check_size(self.path, name, tuple(self.size(dim) for dim in dims))

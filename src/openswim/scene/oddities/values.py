@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is next to nothing
     "liquid": 2e-6, "ice": 1e-8, "rain": 1e-7, "snow": 1e-8, "graupel": 1e-9,
@@ -11,12 +12,16 @@ _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is 
 _FEW_NODES = 16  # so small fields may be even
 _FEW_ROWS = 4
 _UNEVEN_WINDS = 300.0  # times as strong along one axis as along the other
+_WHOLE_K = 3.0  # temperatures that spread less may be whole numbers by chance
+_ICE_K = 273.15
+_ROUNDING_K = 1e-4  # of temperatures in single precision
 _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
 _CLOCKS_START = np.datetime64("1970-01-01", "ms")
 
 
 def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
-    """Notes on contents that are next to nothing, fields with one value, winds in two units, and strips."""
+    """Notes on contents that are next to nothing, fields with one value, cut temperatures, winds in two units, and
+    strips."""
     notes = []
     for species, faint in _FAINT_KG_M3.items():
         name = f"{species}_content"
@@ -28,6 +33,8 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
             low, high = float(data[field].min()), float(data[field].max())
             if low == high != 0 and not (high == 1 and field.endswith("fraction")):
                 notes.append(f"{field} is {low:.3g} {data[field].attrs.get('units', '')} everywhere")
+    if "air_temperature" in data and _whole(data["air_temperature"].values):
+        notes.append("air_temperature holds whole degrees alone: were its decimals cut?")
     if "wind_east_10m" in data and "wind_north_10m" in data:
         east, north = (float(np.abs(data[f"wind_{way}_10m"]).mean()) for way in ("east", "north"))
         if max(east, north) > _UNEVEN_WINDS * min(east, north):
@@ -36,6 +43,16 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
     if 1 < min(ny, nx) < _FEW_ROWS and max(ny, nx) >= 2 * min(ny, nx):
         notes.append(f"a strip of {nx} x {ny} columns: is it the whole domain?")
     return notes
+
+
+def _whole(temperature_k: NDArray[np.float32]) -> bool:
+    """Whether all temperatures (z, y, x) [K] are whole kelvins, or whole degrees Celsius, and not just one or two."""
+    if not np.ptp(temperature_k) >= _WHOLE_K:
+        return False
+    for zero in (0.0, _ICE_K):
+        if all((np.abs((level - zero) - np.rint(level - zero)) < _ROUNDING_K).all() for level in temperature_k):
+            return True
+    return False
 
 
 def odd_time(time: np.datetime64 | None) -> list[str]:

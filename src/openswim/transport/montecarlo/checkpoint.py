@@ -63,6 +63,9 @@ class Checkpoint:
             return
         if [each.shape for each in found] != [sums.total.shape, sums.total.shape, ()]:
             raise self._wrong()
+        numbers = all(each.dtype.kind in "fiu" and np.isfinite(each).all() for each in found)
+        if not numbers or (found[1] < 0).any() or found[2] < 1:  # what no paths sum to
+            raise self._wrong()
         sums.total, sums.squares, sums.paths = found[0], found[1], int(found[2])
 
     def save(self, sums: Sums) -> None:
