@@ -12,7 +12,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.scene.atmosphere import AerosolProfile
 from openswim.stations.checks import checked, doubts, sun_of
-from openswim.stations.clear_day import albedo_of, fit_aerosol, scene_over, vapour_of
+from openswim.stations.clear_day import albedo_of, fit_aerosol, scene_over, vapour_of, visible_albedo_of
 from openswim.stations.clear_sky import clear_times
 from openswim.stations.comparison import differences, plot
 from openswim.stations.files import read_station
@@ -75,6 +75,9 @@ def test_an_upwelling_column_without_values_is_no_albedo(tmp_path):
     station = read_station(_table(tmp_path / "a.csv", ["2016-06-23T11:40Z,930,930,80,,20,50"]), lat=46.8, lon=6.9)
     assert "up" not in station
     assert albedo_of(station) == 0.2
+    visible = visible_albedo_of(station)  # 45 % of sunlight is visible, beyond it land is brighter
+    assert 0.45 * visible + 0.55 * (0.22 + 0.75 * visible) == pytest.approx(0.2)
+    assert float(scene_over(station).data.surface_albedo) == pytest.approx(visible)
     gueymard = pytest.importorskip("pvlib.atmosphere").gueymard94_pw(20, 50)
     assert vapour_of(station) == pytest.approx(float(gueymard), rel=0.005)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.fluxes import broadband, vapour_by_humidity_cm
+from openswim.ground.spectra import visible_from_broadband
 from openswim.lighting import light
 from openswim.lights import SunTrack
 from openswim.scene import Scene
@@ -31,12 +32,15 @@ def scene_over(
     station: xr.Dataset, aerosol: AerosolProfile | None = None, ozone_du: float = 300.0, albedo: float | None = None
 ) -> Scene:
     """The clear sky over a station: its height, its precipitable water by humidity (Gueymard 1994) and its ground's
-    albedo by upwelling light, where it measures them. The default aerosol lies above the station."""
+    albedo by upwelling light, where it measures them. The default aerosol lies above the station.
+
+    The air gets back what the ground reflects of visible light, which is less than of all sunlight; ``albedo`` is of
+    visible light."""
     height = station.attrs["height_m"]
     aerosol = AerosolProfile(base_height_m=height) if aerosol is None else aerosol
     return Scene.clear(
         station.attrs["latitude"], station.attrs["longitude"], Atmosphere.us_standard(ozone_du, aerosol),
-        surface_albedo=albedo_of(station) if albedo is None else albedo, terrain_m=height,
+        surface_albedo=visible_albedo_of(station) if albedo is None else albedo, terrain_m=height,
         water_vapour_cm=vapour_of(station),
     )  # fmt: skip
 
@@ -50,12 +54,17 @@ def vapour_of(station: xr.Dataset) -> float | None:
 
 
 def albedo_of(station: xr.Dataset) -> float:
-    """Upwelling over global light around noon where both were measured then, else .2."""
+    """Upwelling over global light, of all wavelengths, around noon where both were measured then, else .2."""
     if "up" in station and "ghi" in station:
         ratio = (station.up / station.ghi).where(station.ghi > 0.7 * station.ghi.max()).values
         if np.isfinite(ratio).any():
             return float(np.clip(np.nanmedian(ratio), 0.0, 1.0))
     return DEFAULT_ALBEDO
+
+
+def visible_albedo_of(station: xr.Dataset) -> float:
+    """Of visible light, by `albedo_of` as for a model's ground: bare and green land are brighter beyond 700 nm."""
+    return float(visible_from_broadband(np.array(albedo_of(station))))
 
 
 @dataclass(frozen=True)
