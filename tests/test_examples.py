@@ -85,6 +85,22 @@ def test_rays_and_spectra(folder: Path) -> None:
     assert (found["sky"] > found["zenith"]).all()
 
 
+def test_what_a_pixel_shows(folder: Path) -> None:
+    found = run("docs/layers.md")
+    image = found["image"]
+    assert np.isfinite(image.distance.values[image.altitude.values < -1]).all()  # the sea
+    sight = found["sight"]
+    assert np.isnan(sight.distance_m[0]) == (sight.names[sight.kind[0]] == "sky")
+
+
+def test_the_linear_core_and_its_adjoint(folder: Path) -> None:
+    found = run("docs/linear.md")
+    change, core = found["change"], found["core"]
+    squares = sum(float((each**2).sum()) for each in (*change.radiance, change.ghi))
+    assert squares > 0
+    assert float((0.01 * core.extinction * found["extinction_bar"]).sum()) == pytest.approx(squares, rel=1e-4)  # 4e-5
+
+
 def test_a_plan_is_carried_out(folder: Path) -> None:
     """The plan of docs/batch.md, of small pictures, by the Python block below it."""
     page = (ROOT / "docs/batch.md").read_text("utf-8")

@@ -23,7 +23,9 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert max(analysis.rms(analysis.after)) < 0.5 * min(analysis.rms(analysis.before))
     found, first = (np.abs(s["extinction_cloud"].values - truth).sum() for s in (analysis.state, analysis.first))
     assert found < 0.42 * first  # .32
-    assert (tmp_path / "analysis.html").is_file()
+    page = (tmp_path / "analysis.html").read_text("utf-8")
+    assert page.count("W m-2 sr-1 nm-1") == 4  # the scale of each camera's pictures
+    assert "extinction_cloud, sum over the levels" in page
     # JEDI's gradient and PDAF's are the same thing
     departure = (names["hofx"] - names["observed"]["value"].values) / names["observed"]["error"].values ** 2
     assert float(names["dy"] @ departure) == pytest.approx(

@@ -1,6 +1,7 @@
 """One frame beside one sky: known cameras found again, real frames' scores, and what cannot be told."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,10 @@ def test_the_page_asks_nothing_of_a_server(srgb_frame, tmp_path):
         assert f'data-mode="{mode}"' in text
     assert text.count("data:image/") == 9  # three layers in three views
     assert ">sun</text>" in text
+    assert "names no obstacles" in text  # trees would count as sky, and spoil the response
+    hidden = replace(CAMERA.camera, horizon_deg=((0.0, 10.0), (180.0, 10.0)))
+    write_page(found, hidden, tmp_path / "page.html")
+    assert "names no obstacles" not in (tmp_path / "page.html").read_text("utf-8")
 
 
 def test_wrong_requests_are_one_line(srgb_frame, tmp_path):

@@ -1,5 +1,7 @@
 """Many frames: what an interruption leaves is gone on with, and interpolated clear skies are those that are solved."""
 
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -54,6 +56,8 @@ def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
         assert float(abs(ratio.where(np.isfinite(ratio)) - 1).median()) < 0.03
     assert page.name == "index.html"
     assert "http" not in page.read_text("utf-8")
+    shown = re.findall(r">(\d\d:\d\d)</text>", page.read_text("utf-8"))
+    assert shown[:5] == ["08:00", "08:30", "09:00", "09:30", "10:00"]
     again = []
     run(frames, tmp_path, lambda comparison: again.append(comparison))
     assert not again

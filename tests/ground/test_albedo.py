@@ -134,6 +134,20 @@ def test_wind_goes_on_beyond_the_domain():
     assert surface_properties(scene, [44.3], [20.0], WAVELENGTHS).wind_speed == pytest.approx(5.0)
 
 
+def test_a_wave_models_slopes_stand_for_those_of_the_wind():
+    """Where it has some, and fading beyond; 0, as over its land, is by the wind, and foam is everywhere."""
+    slope = np.where(LON < 5.0, 0.08, 0.0)[None, :]
+    scene = lonlat_scene(wind_east_10m=10.0, wind_north_10m=0.0, wave_mean_square_slope=slope)
+    lon = np.array([LON[2], LON[-1], 30.0])
+    found = surface_properties(scene, np.full(3, 45.0), lon, WAVELENGTHS)
+    by_wind = 0.003 + 0.00512 * np.array([10.0, 5.0])
+    np.testing.assert_allclose(found.slope_variance[[0, 2]], [0.08, by_wind[1]], rtol=1e-6)
+    assert found.slope_variance[1] == pytest.approx(by_wind[0], rel=1e-6)
+    np.testing.assert_allclose(found.wind_speed, [10.0, 10.0, 5.0], atol=1e-6)
+    assert surface_properties(lonlat_scene(), [45.0], [5.0], [550.0, 900.0]).mean_square_slope is None
+    assert surface_properties(scene, [45.0], lon[:1], [550.0, 900.0]).slope_variance == pytest.approx(0.08)
+
+
 def test_wind_beyond_the_domain_has_no_streaks():
     """Winds that differ from cell to cell at the edge go over into means over as many cells as it is away."""
     rough = np.where(np.arange(len(LAT)) % 2, 5.0, 25.0)[:, None]

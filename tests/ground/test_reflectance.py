@@ -1,5 +1,7 @@
 """Reflection from the ground: energy, reciprocity, and known angles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -82,8 +84,9 @@ def test_land_is_brightest_at_the_hot_spot_and_snow_toward_the_sun():
 
 @given(MU, MU, AZIMUTH, WIND)
 def test_glint_is_reciprocal_finite_and_positive(mu_sun, mu_view, azimuth, wind):
-    there = water.glint_reflectance(mu_sun, mu_view, azimuth, wind)
-    back = water.glint_reflectance(mu_view, mu_sun, azimuth, wind)
+    variance = water.mean_square_slope(wind)
+    there = water.glint_reflectance(mu_sun, mu_view, azimuth, variance)
+    back = water.glint_reflectance(mu_view, mu_sun, azimuth, variance)
     assert there == pytest.approx(back, rel=1e-9)
     assert np.isfinite(there)
     assert there >= 0
@@ -104,7 +107,8 @@ def facet_albedo(mu_sun, wind):
 @pytest.mark.parametrize("wind", [0.5, 3.0, 8.0])
 def test_glint_integral_is_the_fresnel_albedo(zenith_deg, wind):
     mu_sun = np.cos(np.radians(zenith_deg))
-    albedo = hemispherical_mean(lambda mu, az: water.glint_reflectance(mu_sun, mu, az, wind))
+    variance = water.mean_square_slope(wind)
+    albedo = hemispherical_mean(lambda mu, az: water.glint_reflectance(mu_sun, mu, az, variance))
     # Light that meets a second wave is left out, which tells from 50 degrees on in a stiff wind.
     tolerance = 0.006 if zenith_deg <= 40 or wind < 5 else 0.07
     assert albedo == pytest.approx(facet_albedo(mu_sun, wind), rel=tolerance)
@@ -113,18 +117,38 @@ def test_glint_integral_is_the_fresnel_albedo(zenith_deg, wind):
 
 def test_slope_density_is_normalised():
     """At nadir view and sun the glint is F p(0) / 4 mu mu0 . pi = F / (4 s^2)."""
-    wind = 6.0
-    expected = water.fresnel_reflectance(1.0) / (4 * water.mean_square_slope(wind))
-    assert water.glint_reflectance(1.0, 1.0, 0.0, wind) == pytest.approx(expected)
+    variance = 0.034
+    expected = water.fresnel_reflectance(1.0) / (4 * variance)
+    assert water.glint_reflectance(1.0, 1.0, 0.0, variance) == pytest.approx(expected)
 
 
 def test_glint_peaks_at_the_specular_point_in_light_wind():
     zenith = np.radians(np.arange(0.0, 80.0, 0.5))
     azimuth = np.radians(np.arange(0.0, 360.0, 2.0))
-    glint = water.glint_reflectance(np.cos(np.radians(40.0)), np.cos(zenith)[:, None], azimuth[None, :], 0.0)
+    glint = water.glint_reflectance(np.cos(np.radians(40.0)), np.cos(zenith)[:, None], azimuth[None, :], 0.003)
     row, column = np.unravel_index(glint.argmax(), glint.shape)
     assert np.degrees(zenith[row]) == pytest.approx(40, abs=1.0)
     assert np.degrees(azimuth[column]) == pytest.approx(180, abs=2.0)
+
+
+def test_slopes_of_waves_widen_and_dim_the_glint_and_leave_the_foam_to_the_wind():
+    """Of the same slope, however it is told, everything is the same; of twice the slope the glint is half as bright in
+    its middle, and its sides are brighter: the ratio of two Gaussians."""
+    zenith = np.radians(np.arange(-60.0, 60.5, 0.5))
+    views = np.cos(zenith), np.where(zenith > 0, np.pi, 0.0)
+    by_wind = sample(zenith.size, wet=1.0, wind=6.0)
+    told = replace(by_wind, mean_square_slope=np.full(zenith.size, 0.003 + 0.00512 * 6.0))
+    wider = replace(by_wind, mean_square_slope=2 * told.mean_square_slope)
+    one, same, wide = (bidirectional_reflectance(s, 1.0, *views, WAVELENGTHS)[:, 0] for s in (by_wind, told, wider))
+    np.testing.assert_allclose(same, one, rtol=1e-12)
+    for albedo in (hemispherical_albedo, lambda s, nm: diffuse_reflectance(s, views[0], nm)):
+        np.testing.assert_allclose(albedo(told, WAVELENGTHS), albedo(by_wind, WAVELENGTHS), rtol=1e-12)
+    foam = replace(by_wind, mean_square_slope=np.full(zenith.size, 1e-9))  # no facet faces the side
+    body = bidirectional_reflectance(foam, 1.0, *views, WAVELENGTHS)[0, 0]
+    glint, wide_glint = one - body, wide - body
+    tilt = np.tan(0.5 * zenith)  # slope of the facets that mirror the sun from the zenith
+    np.testing.assert_allclose(wide_glint / glint, 0.5 * np.exp(tilt**2 / (2 * told.mean_square_slope)), rtol=1e-6)
+    assert wide_glint[0] > 3 * glint[0]
 
 
 def test_fresnel():
@@ -157,14 +181,14 @@ def test_foam_levels_off_without_a_kink():
 
 def test_diffuse_albedo_of_water():
     """.066 calm (the classical value for a flat surface), less when rough, never above the calm one."""
-    albedo = water.isotropic_sky_albedo([0.0, 5.0, 10.0, 20.0])
+    albedo = water.isotropic_sky_albedo(water.mean_square_slope([0.0, 5.0, 10.0, 20.0]))
     assert albedo[0] == pytest.approx(0.066, abs=0.002)
     assert (np.diff(albedo) < 0).all()
     assert albedo[-1] > 0.045
 
 
 def test_mirror_is_flat_where_steep_and_raised_at_the_horizon():
-    reflectance, sky_mu = water.mirrored_sky([1.0, 0.7, 0.02], 5.0)
+    reflectance, sky_mu = water.mirrored_sky([1.0, 0.7, 0.02], water.mean_square_slope(5.0))
     np.testing.assert_allclose(reflectance[:2], water.fresnel_reflectance([1.0, 0.7]), rtol=0.1)
     assert sky_mu[0] > 0.93
     assert 0.1 < sky_mu[2] < 0.35

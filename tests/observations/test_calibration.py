@@ -162,6 +162,8 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     assert "src=\"data:image/jpeg" in page
     assert not re.search(r"(?:src|href)\s*=\s*\"(?!data:)|url\(|@import|<script", page)
     assert page.count("<svg") == 3
+    assert page.index("<table") < page.index("<svg") < page.index("<img")  # what was found, before long pictures
+    assert "1 frame match" in page
     assert run(["calibrate", "stars.png", "--camera", "roof.toml", "--time", NIGHT]) == 0
     assert re.search(r"\d\d stars match, median distance 0\.\d\d px", capsys.readouterr().out)
     star_frame(tmp_path / "cloud.png", optics, NIGHT, peaks=60)

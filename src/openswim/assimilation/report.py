@@ -44,9 +44,9 @@ def write_report(analysis: Found, path: str | os.PathLike[str]) -> None:
 def _summary(analysis: Found) -> str:
     steps = len(analysis.costs) - 1
     text = (
-        f"{analysis.used} observations, {steps} iterations, departures by {analysis.departures}. The cost fell from "
-        f"{analysis.costs[0]:.4g} to {analysis.costs[-1]:.4g}; where all errors are as they were said to be, it ends "
-        f"near half the number of observations, {analysis.used / 2:.4g}."
+        f"{analysis.used} observations, {steps} iterations, departures by the solver {analysis.departures}. The cost "
+        f"fell from {analysis.costs[0]:.4g} to {analysis.costs[-1]:.4g}; where all errors are as they were said to be, "
+        f"it ends near half the number of observations, {analysis.used / 2:.4g}."
     )
     if analysis.told:
         text += f" Numbers that the observations tell: {'; '.join(map(str, analysis.told))}."
@@ -85,11 +85,15 @@ def _camera(analysis: Found, n: int) -> list[str]:
     known = images[0][np.isfinite(images[0])]
     low, high = np.percentile(known, [1, 99]) if known.size else (0.0, 1.0)
     names = ("observed", "seen before", "seen after")
-    out = [_figure(_shades(_rgb(image), float(low), float(high)), f"{name}, {each.quantity.name}")
-           for image, name in zip(images, names, strict=True)]  # fmt: skip
+    unit = f" {each.quantity.units}" if each.quantity.units != "1" else ""
+    what = each.quantity.name.replace("_", " ").capitalize()
+    scale = f"{what}: black is {low:.2g}, white {high:.2g}{unit}."
+    out = [f"<p>{escape(scale)} What is left: blue is -5 errors, red 5. Grey: not used.</p>"]
+    out += [_figure(_shades(_rgb(image), float(low), float(high)), name)
+            for image, name in zip(images, names, strict=True)]  # fmt: skip
     for row, name in ((analysis.before.values, "before"), (analysis.after.values, "after")):
         left = rows.pictures(np.where(use, (value - row) / error, np.nan))[n].values.mean(axis=-1)
-        out.append(_figure(signed(left, 5.0), f"observed less {name}, ±5 errors"))
+        out.append(_figure(signed(left, 5.0), f"observed less seen {name}"))
     return out
 
 
@@ -112,10 +116,13 @@ def _changes(analysis: Found) -> list[str]:
         if before.ndim == 3 and before.shape[0] > 0 and variable.dims[0] in ("z", "wavelength"):
             sums = [field.sum(axis=0) if variable.dims[0] == "z" else field.mean(axis=0) for field in (before, after)]
             most = float(max(np.percentile(s, 99.5) for s in sums)) or 1.0
-            what = "sum of a column" if variable.dims[0] == "z" else "mean of the channels"
+            what = "sum over the levels" if variable.dims[0] == "z" else "mean of the channels"
+            unit = f" {variable.units}" if variable.units != "1" else ""
+            scale = f"{variable.name}, {what}: black is 0, white {most:.2g}{unit}; north is on top."
+            out.append(f"<p>{escape(scale)}</p>")
             for values, name in zip(sums, ("before", "after"), strict=True):
                 picture = _shades(np.repeat(values[::-1, :, None], 3, axis=2), 0.0, most)
-                out.append(_figure(picture, f"{variable.name}, {what}, {name}"))
+                out.append(_figure(picture, name))
         else:
             text = ", ".join(f"{a:.4g} → {b:.4g}" for a, b in zip(before.ravel(), after.ravel(), strict=True))
             out.append(f"<p>{escape(variable.name)}: {escape(text)}</p>")

@@ -44,7 +44,7 @@ def write_index(plan: Plan, standing: Sequence[Record], failures: Mapping[str, s
 def page_of(standing: Sequence[Record], failures: Mapping[str, str], now: datetime) -> str:
     """All of it; every text is escaped, and there is neither style nor script in it."""
     body = [
-        f"<h1>Skies</h1><p>Written {now:%Y-%m-%d %H:%M:%S} UTC. {len(standing)} in the archive.</p>",
+        f"<h1>Skies</h1><p>Written {now:%Y-%m-%d %H:%M:%S} UTC. {_count(standing)} in the archive.</p>",
         *_latest(standing), *_failed(failures), *_archive(standing),
     ]  # fmt: skip
     return (
@@ -65,7 +65,7 @@ def _latest(standing: Sequence[Record]) -> list[str]:
     for record, camera, files in shown[:MOST_SHOWN]:
         for file in files:
             if os.path.splitext(file)[1] in _BROWSERS:
-                text = f"{camera}, {_time(record)}"
+                text = f"{camera}, {_time(record)}{' UTC' if record.time != 'None' else ''}"
                 text += f", {record.weather}" if record.weather else ""
                 out.append(f'<figure><a href="{_link(file)}"><img src="{_link(file)}" alt="{escape(text)}" '
                            f'loading="lazy"></a><figcaption>{escape(text)}</figcaption></figure>')  # fmt: skip
@@ -82,12 +82,18 @@ def _failed(failures: Mapping[str, str]) -> list[str]:
 def _archive(standing: Sequence[Record]) -> list[str]:
     """A line for each time, the newest first."""
     rows = []
+    runs = any(record.weather for record in standing)
     for record in reversed(standing):
         links = [f'<a href="{_link(file)}">{escape(Path(file).name)}</a>'
                  for _, files in sorted(record.files.items()) for file in files]  # fmt: skip
-        rows.append(f"<tr><td>{escape(_time(record))}</td><td>{escape(record.weather)}</td><td>{' '.join(links)}</td>"
-                    "</tr>")  # fmt: skip
-    return ["<h2>Archive</h2>", "<table><tr><th>time, UTC</th><th>run</th><th>files</th></tr>", *rows, "</table>"]
+        run = f"<td>{escape(record.weather)}</td>" if runs else ""
+        rows.append(f"<tr><td>{escape(_time(record))}</td>{run}<td>{' '.join(links)}</td></tr>")
+    head = f"<tr><th>time, UTC</th>{'<th>run</th>' if runs else ''}<th>files</th></tr>"
+    return ["<h2>Archive</h2>", "<table>", head, *rows, "</table>"]
+
+
+def _count(standing: Sequence[Record]) -> str:
+    return f"{len(standing)} time{'' if len(standing) == 1 else 's'}"
 
 
 def _time(record: Record) -> str:

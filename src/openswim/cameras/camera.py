@@ -263,6 +263,11 @@ class Camera(RealCameras):
         at = Pixels(direction, np.empty(direction.shape[:-1]))
         return at.azimuth_deg, at.altitude_deg
 
+    @property
+    def nothing_hides(self) -> bool:
+        """Neither a horizon line nor a mask is known."""
+        return self.mask is None and not self.horizon_deg
+
     def open_sky(self) -> np.ndarray:
         """(ny, nx) bool: the pixels that look above the camera's horizon line and past its mask."""
         return open_sky(self.pixels(), self.horizon_deg, self.mask)

@@ -66,6 +66,10 @@ def run(request: CompareRequest) -> None:
     listed = [Path(path) for path in files_of(frames)]
     content = camera_content(request)
     settings = settings_of(request.settings())
+    if content.camera.nothing_hides:
+        where = f"trees, masts and roofs above {settings.lowest_deg:g} degrees count as sky, and spoil scores and masks"
+        remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
+        click.echo(f"note: {request.camera_file} names no obstacles: {where}; {remedy}", err=True)
     if request.quality is not None and request.solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     solver = Solver(request.solver, quality=request.quality or "standard")

@@ -84,10 +84,11 @@ def _run(request: FilmRequest) -> None:
     shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
     solver = solver_of(picture)
     one = estimate(weather.first, camera, solver.name, quality=solver.quality)
-    solves = len({shot.time for shot in shots}) if path is None else 1
+    times = len({shot.time for shot in shots})
+    solves = "every five minutes of the path" if path is not None else f"for {times} time{'s' if times > 1 else ''}"
     click.echo(
-        f"{len(shots)} frames, {solves} times to be lit; a frame lit anew: {one}; what is done is kept beside the "
-        "output, and a film that was stopped goes on", err=True,
+        f"{len(shots)} frames, light is solved {solves}; of one frame and its light {one}; what is done is kept beside "
+        "the output, and a film that was stopped goes on", err=True,
     )  # fmt: skip
     start = clock.perf_counter()
     film(

@@ -75,6 +75,7 @@ def surface_properties(
     model = ModelGround.of(scene, wavelengths) if model is None else model
     sample, mapped = _without_model(ground, scene, near, wavelengths)
     sample.wind_speed[:] = _wind(model, near)
+    sample.mean_square_slope = _wave_slope(model, near, sample.slope_variance)
     hit = near.fade > 0.01
     if hit.any():
         modelled = _with_model(model, near.where(hit), sample[hit], wavelengths, mapped[hit])
@@ -307,6 +308,14 @@ def _wind(model: ModelGround, near: _Places) -> FloatArray:
     here, _ = speed.at(near.ix, near.iy, near.away)
     here += (1.0 - np.exp(-near.away / _WIND_CELLS)) * (speed.mean - here)
     return DEFAULT_WIND_M_S + near.fade * (here - DEFAULT_WIND_M_S)
+
+
+def _wave_slope(model: ModelGround, near: _Places, by_wind: FloatArray) -> FloatArray | None:
+    """Mean square slope of waves (n,): the model's where it has one nearby, ``by_wind`` elsewhere; None without any."""
+    if model.wave_slope is None:
+        return None
+    here, known = model.wave_slope.at(near.ix, near.iy, near.away)
+    return by_wind + near.fade * known * (here - by_wind)
 
 
 def _away(ix: FloatArray, iy: FloatArray, grid: Grid) -> FloatArray:

@@ -27,10 +27,11 @@ _LEAST_DEVIATION_M = 50.0  # of heights, below which land is flat to snow
 class ModelGround:
     """Fields (ny, nx) of a curved scene's ground at wavelengths; None for what it does not have.
 
-    land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); sharp_shores: whether nodes are
-    either land or water; snow_near: share of the neighbourhood under snow; standing_out: height above the neighbourhood
-    in its standard deviations; land_albedo: of nodes without snow, (k) at wavelengths if it `has_spectrum`, else the
-    visible level; snow_level: visible level of what is white.
+    land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); wave_slope: mean square slope of
+    waves at nodes that have one above zero; sharp_shores: whether nodes are either land or water; snow_near: share of
+    the neighbourhood under snow; standing_out: height above the neighbourhood in its standard deviations; land_albedo:
+    of nodes without snow, (k) at wavelengths if it `has_spectrum`, else the visible level; snow_level: visible level of
+    what is white.
     """
 
     has_spectrum: bool = False
@@ -38,6 +39,7 @@ class ModelGround:
     sharp_shores: bool = False
     sea_ice: FloatArray | None = None
     wind_speed: Filled | None = None
+    wave_slope: Filled | None = None
     snow_near: Filled | None = None
     snow_age: FloatArray | None = None
     standing_out: FloatArray | None = None
@@ -54,6 +56,8 @@ class ModelGround:
         east, north = _surface(data, "wind_east_10m"), _surface(data, "wind_north_10m")
         if east is not None and north is not None:
             wind = Filled(np.hypot(east, north), np.ones(east.shape, bool))
+        slope = _surface(data, "wave_mean_square_slope")
+        waves = None if slope is None else Filled.among(slope, slope > 0)
         fraction, snow_near, above = _snow_fraction(data), None, None
         if fraction is not None:
             snow_near = Filled(blurred(fraction), np.ones(fraction.shape, bool))
@@ -74,8 +78,8 @@ class ModelGround:
             land_albedo = Filled.among(values, bare)
         return cls(
             has_spectrum, land, land is not None and bool(np.isin(land, (0.0, 1.0)).all()),
-            _surface(data, "sea_ice_area_fraction"), wind, snow_near, _surface(data, "snow_age"), above, land_albedo,
-            snow_level,
+            _surface(data, "sea_ice_area_fraction"), wind, waves, snow_near, _surface(data, "snow_age"), above,
+            land_albedo, snow_level,
         )  # fmt: skip
 
 

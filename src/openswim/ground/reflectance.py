@@ -49,7 +49,7 @@ def bidirectional_reflectance(
     if wet.size:
         some = sample[wet]
         foam = water.foam_fraction(some.wind_speed)
-        glint = (1 - foam) * water.glint_reflectance(mu_sun[wet], mu_view[wet], azimuth[wet], some.wind_speed)
+        glint = (1 - foam) * water.glint_reflectance(mu_sun[wet], mu_view[wet], azimuth[wet], some.slope_variance)
         out[wet] += some.water[:, None] * (glint[:, None] + _water_body(some, foam, wavelengths_nm))
     return out
 
@@ -60,7 +60,7 @@ def diffuse_reflectance(sample: SurfaceSample, mu_view: ArrayLike, wavelengths_n
     if sample.lambertian:
         return sample.albedo.copy()
     foam = water.foam_fraction(sample.wind_speed)
-    mirror, _ = water.mirrored_sky(mu_view, sample.wind_speed)
+    mirror, _ = water.mirrored_sky(mu_view, sample.slope_variance)
     wet = ((1 - foam) * mirror)[:, None] + _water_body(sample, foam, wavelengths_nm)
     return sample.albedo + sample.water[:, None] * (wet - sample.albedo)
 
@@ -70,7 +70,7 @@ def hemispherical_albedo(sample: SurfaceSample, wavelengths_nm: ArrayLike) -> Fl
     if sample.lambertian:
         return sample.albedo.copy()
     foam = water.foam_fraction(sample.wind_speed)
-    mirror = (1 - foam) * water.isotropic_sky_albedo(sample.wind_speed)
+    mirror = (1 - foam) * water.isotropic_sky_albedo(sample.slope_variance)
     wet = mirror[:, None] + _water_body(sample, foam, wavelengths_nm)
     return sample.albedo + sample.water[:, None] * (wet - sample.albedo)
 
@@ -102,7 +102,7 @@ def reflected_radiance(
     if wet.size:
         some, flux = sample[wet], diffuse_flux[wet]
         foam = water.foam_fraction(some.wind_speed)
-        mirror, sky_mu = water.mirrored_sky(mu_view[wet], some.wind_speed)
+        mirror, sky_mu = water.mirrored_sky(mu_view[wet], some.slope_variance)
         sky = sky_radiance(wet, sky_mu, np.pi - azimuth[wet])
         seen = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(some, foam, wavelengths_nm) * flux
         out[wet] += some.water[:, None] * (seen - 4 * some.albedo * flux)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.ground import water
+
 FloatArray = NDArray[np.float64]
 
 
@@ -18,6 +20,7 @@ class SurfaceSample:
     albedo: (n, nwl) of all that is not open water (land, snow, ice); water: open-water fraction; snow: share
     of the rest that reflects like snow; sea_ice: sea-ice fraction of the place; wind_speed: m/s at 10 m;
     chlorophyll: mg m-3 in the water; all (n,). lambertian: reflect the same in all directions (reference cases).
+    mean_square_slope: of the waves (n,), where something else than the wind tells it; None: by the wind.
     """
 
     albedo: FloatArray
@@ -27,8 +30,14 @@ class SurfaceSample:
     wind_speed: FloatArray
     chlorophyll: FloatArray
     lambertian: bool = False
+    mean_square_slope: FloatArray | None = None
+
+    @property
+    def slope_variance(self) -> FloatArray:
+        """Variance of the waves' slopes (n,), both directions summed: as it is known, else by the wind."""
+        return water.mean_square_slope(self.wind_speed) if self.mean_square_slope is None else self.mean_square_slope
 
     def __getitem__(self, where: NDArray[Any]) -> SurfaceSample:
         """Some of the places."""
-        arrays = (f.name for f in fields(self) if f.name != "lambertian")
-        return replace(self, **{name: getattr(self, name)[where] for name in arrays})
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "lambertian"}
+        return replace(self, **{name: values[where] for name, values in arrays.items() if values is not None})

@@ -19,7 +19,6 @@ FOAM_ALBEDO = 0.22  # effective, foam of all ages (Koepke 1984)
 _MOST_FOAM = 0.3
 LEAST_MU = 0.01
 _MU_NODES = np.linspace(0.0, 1.0, 41)[1:] ** 1.5
-_WIND_NODES_M_S = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 24.0, 36.0])
 
 
 def fresnel_reflectance(cos_incidence: Any) -> Any:
@@ -37,6 +36,9 @@ def mean_square_slope(wind_speed_m_s: ArrayLike) -> FloatArray:
     return 0.003 + 0.00512 * np.clip(np.asarray(wind_speed_m_s, float), 0.0, 40.0)
 
 
+_VARIANCE_NODES = mean_square_slope([0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 24.0, 36.0])  # of these winds, m/s
+
+
 def foam_fraction(wind_speed_m_s: ArrayLike) -> FloatArray:
     """Foam cover 2.95e-6 W^3.52 (Monahan & O'Muircheartaigh 1980), within 2 % up to 20 m/s, that levels off at .3.
 
@@ -48,12 +50,12 @@ def foam_fraction(wind_speed_m_s: ArrayLike) -> FloatArray:
 
 
 def glint_reflectance(
-    mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike, wind_speed_m_s: ArrayLike
+    mu_sun: ArrayLike, mu_view: ArrayLike, relative_azimuth_rad: ArrayLike, slope_variance: ArrayLike
 ) -> FloatArray:
     """Bidirectional reflectance factor (n,) of the waves for the direct sun: pi L / E on the horizontal.
 
     pi F(omega) p(slope) G / (4 mu mu0 cos^4 beta) with the Gaussian slope density p = exp(-tan^2 beta / s^2)
-    / (pi s^2), s^2 = mean_square_slope (Cox & Munk 1954; Albers et al. 2020, section 3.7, corrected: wind,
+    / (pi s^2), s^2 = slope_variance (Cox & Munk 1954; Albers et al. 2020, section 3.7, corrected: wind,
     normalised density), and G the shadowing of waves by waves (Smith 1967). Wind direction is not used.
     Reciprocal; mu not below .01. Light that meets a second wave is left out: of the reflected flux .1 % at
     sun zenith 40, 6 % at 55 and 16 % at 65 degrees in 8 m/s wind, below 3 % there in 3 m/s.
@@ -62,7 +64,7 @@ def glint_reflectance(
     mu = np.maximum(np.asarray(mu_view, float), LEAST_MU)
     sines = np.sqrt((1 - np.minimum(mu0, 1) ** 2) * (1 - np.minimum(mu, 1) ** 2))
     cos_omega, cos_beta = facing(mu0, mu, mu * mu0 + sines * np.cos(relative_azimuth_rad))
-    variance = mean_square_slope(wind_speed_m_s)
+    variance = np.asarray(slope_variance, float)
     hidden = shadowing(mu, variance) + shadowing(mu0, variance)
     return np.asarray(glint(mu0, mu, cos_beta, fresnel_reflectance(cos_omega), hidden, variance))
 
@@ -80,18 +82,18 @@ def glint(mu0: Any, mu: Any, cos_beta: Any, mirrored: Any, hidden: Any, variance
     return np.pi * mirrored * density / (1 + hidden) / (4 * mu * mu0 * cos_beta**4)
 
 
-def mirrored_sky(mu_view: ArrayLike, wind_speed_m_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def mirrored_sky(mu_view: ArrayLike, slope_variance: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Reflectance of the waves seen along `mu_view` (n,), and the mean mu of the sky they mirror.
 
-    Averages over the facets that face the viewer, by Cox-Munk slopes; near the horizon a sea under
+    Averages over the facets that face the viewer, of slopes that are Gaussian; near the horizon a sea under
     5 m/s wind mirrors the sky 12 degrees up with half of flat water's reflectance.
     """
     tables = _mirror_tables()
     mu = np.clip(np.asarray(mu_view, float), 0.0, 1.0)
     i = np.interp(mu, _MU_NODES, np.arange(_MU_NODES.size))
-    k = np.interp(np.asarray(wind_speed_m_s, float), _WIND_NODES_M_S, np.arange(_WIND_NODES_M_S.size))
+    k = np.interp(np.asarray(slope_variance, float), _VARIANCE_NODES, np.arange(_VARIANCE_NODES.size))
     i0 = np.minimum(i.astype(int), _MU_NODES.size - 2)
-    k0 = np.minimum(k.astype(int), _WIND_NODES_M_S.size - 2)
+    k0 = np.minimum(k.astype(int), _VARIANCE_NODES.size - 2)
     fi, fk = i - i0, k - k0
     value = (1 - fk) * ((1 - fi) * tables[:, k0, i0] + fi * tables[:, k0, i0 + 1]) + fk * (
         (1 - fi) * tables[:, k0 + 1, i0] + fi * tables[:, k0 + 1, i0 + 1]
@@ -99,26 +101,26 @@ def mirrored_sky(mu_view: ArrayLike, wind_speed_m_s: ArrayLike) -> tuple[FloatAr
     return value[0], value[1]
 
 
-def isotropic_sky_albedo(wind_speed_m_s: ArrayLike) -> FloatArray:
+def isotropic_sky_albedo(slope_variance: ArrayLike) -> FloatArray:
     """Share of an isotropic sky's flux that the waves reflect (n,): .066 calm, .05 in a gale."""
     reflectance = _mirror_tables()[0]
     albedo = 2 * np.trapezoid(reflectance * _MU_NODES, _MU_NODES, axis=1)
-    return np.interp(np.asarray(wind_speed_m_s, float), _WIND_NODES_M_S, albedo)
+    return np.interp(np.asarray(slope_variance, float), _VARIANCE_NODES, albedo)
 
 
 @cache
 def _mirror_tables() -> FloatArray:
-    """(reflectance, mean mirrored mu) on (wind, mu) nodes.
+    """(reflectance, mean mirrored mu) on (slope variance, mu) nodes.
 
     Facets weigh by their slope density and the area they show, max(cos omega, 0) / cos beta; sky below the
     horizon (seen by way of a second wave) counts as just above it.
     """
     u = (np.arange(80) + 0.5) / 80  # slope tan(beta) = s sqrt(-ln(1 - u)): equal shares of the density
     azimuth = (np.arange(48) + 0.5) * 2 * np.pi / 48
-    tables = np.empty((2, _WIND_NODES_M_S.size, _MU_NODES.size))
+    tables = np.empty((2, _VARIANCE_NODES.size, _MU_NODES.size))
     mu = _MU_NODES[:, None, None]
     sine = np.sqrt(1 - mu**2)
-    for k, variance in enumerate(mean_square_slope(_WIND_NODES_M_S)):
+    for k, variance in enumerate(_VARIANCE_NODES):
         slope = np.sqrt(-variance * np.log1p(-u))[None, :, None]
         shown = mu - slope * sine * np.cos(azimuth)  # cos omega / cos beta
         cos_beta = 1 / np.sqrt(1 + slope**2)

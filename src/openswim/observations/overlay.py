@@ -13,6 +13,7 @@ from openswim.observations.frames import SkyFrame
 
 F64 = NDArray[np.float64]
 WIDEST_PX = 1400
+_LETTERS_PX = 22
 _RINGS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 _GRID, _SEEN, _MATCHED, _EXPECTED = (70, 140, 220), (255, 210, 60), (90, 230, 120), (255, 120, 120)
 
@@ -62,13 +63,13 @@ def _draw_grid(pen: Any, camera: Camera, at: Any) -> None:
         row, column = camera.pixel_of(turn, altitude)
         _polyline(pen, [at(p) if np.isfinite(p[0]) else None for p in zip(row, column, strict=True)])
         if np.isfinite(row[20]):
-            pen.text(at((row[20], column[20])), f"{altitude:.0f}", _GRID)
+            pen.text(at((row[20], column[20])), f"{altitude:.0f}°", (150, 200, 255), font_size=_LETTERS_PX)
     for azimuth, letter in zip(range(0, 360, 45), ("N", "NE", "E", "SE", "S", "SW", "W", "NW"), strict=True):
         row, column = camera.pixel_of(float(azimuth), np.linspace(0, 80, 41))
         _polyline(pen, [at(p) if np.isfinite(p[0]) else None for p in zip(row, column, strict=True)])
         place = np.array(camera.pixel_of(float(azimuth), 4.0))
         if np.isfinite(place).all():
-            pen.text(at(place), letter, (235, 235, 235), anchor="mm")
+            pen.text(at(place), letter, (235, 235, 235), anchor="mm", font_size=_LETTERS_PX)
 
 
 def _polyline(pen: Any, points: list[tuple[float, float] | None]) -> None:

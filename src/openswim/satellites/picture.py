@@ -16,6 +16,7 @@ from openswim.lighting import daylight, moon_shadow, solver_of
 from openswim.lights import subsolar_point
 from openswim.satellites.bands import Band
 from openswim.satellites.fixed_grid import FixedGrid
+from openswim.satellites.pixels import Pixels
 from openswim.scene import Scene
 from openswim.scene.frame import Frame
 from openswim.scene.times import parse_time
@@ -30,7 +31,7 @@ _LOWEST_VIEW_DEG = 88.0  # zenith angle of the satellite beyond which pixels are
 
 def reflectance(
     scene: Scene,
-    grid: FixedGrid,
+    grid: FixedGrid | Pixels,
     bands: Sequence[Band],
     time: Any = None,
     end: Any = None,
@@ -38,15 +39,15 @@ def reflectance(
 ) -> xr.Dataset:
     """The scene as an imager sees it: docs/satellites.md.
 
-    grid : the pixels. bands : see `openswim.satellites.band`. time, end : UTC of the first row and of the last
-        (default: the scene's time, for all rows): light is solved for at both and mixed row by row between.
+    grid : the pixels, a `FixedGrid` or `Pixels`. bands : see `openswim.satellites.band`. time, end : UTC of the first
+        row and of the last (default: the scene's time, for all rows): light is solved for at both and mixed row by row.
 
     Returns a Dataset on (band, y, x): ``reflectance_factor`` (pi L d^2 / E, which ABI, AHI and MODIS files hold) and
     ``bidirectional_reflectance`` (the same over the cosine of the sun's zenith angle; NaN where the sun is down), with
     latitude, longitude, and the zenith angles of sun and satellite; NaN beside the Earth and outside of the domain.
     """
     check_kind("scene", scene, Scene, "give one: open_scene(path) first")
-    check_kind("grid", grid, FixedGrid, "give an openswim.satellites.FixedGrid")
+    check_kind("grid", grid, (FixedGrid, Pixels), "give an openswim.satellites.FixedGrid, or Pixels")
     if scene.grid is not None and not scene.grid.curved:
         raise UserError("a flat scene has no place on Earth for a satellite to look at: give it a crs")
     listed = list(bands)
@@ -70,13 +71,15 @@ def reflectance(
         # the sun's light alone: reflectance is of that, also at night
         shadow = moon_shadow(scene, when)
         field = solver_of(solver).solve(scene, daylight(scene, when).direction, list(wavelengths), shadow=shadow)
-        parts.append(_factor(field, lat[seen], lon[seen], zenith[seen], azimuth[seen]))
-    row = np.broadcast_to(np.linspace(0.0, 1.0, len(grid.y))[:, None], lat.shape)[seen]
+        reach = grid.reach_m(lat[seen], lon[seen]) if isinstance(grid, Pixels) else None
+        parts.append(_factor(field, lat[seen], lon[seen], zenith[seen], azimuth[seen], reach))
+    down = np.linspace(0.0, 1.0, len(lat))[:, None]
+    row = np.broadcast_to(down, lat.shape)[seen]
     share = row[:, None] if len(parts) == 2 else 0.0
     factor = (1 - share) * parts[0] + share * parts[-1]
     stamps = [times[0] + (times[-1] - times[0]) * part for part in np.linspace(0, 1, 2)]
     sun = [_sun_zenith(lat, lon, stamp) for stamp in stamps]
-    sun_zenith = sun[0] + (sun[1] - sun[0]) * np.linspace(0.0, 1.0, len(grid.y))[:, None]
+    sun_zenith = sun[0] + (sun[1] - sun[0]) * down
     return _dataset(grid, listed, wavelengths, factor, seen, (lat, lon, zenith, sun_zenith), times, scene)
 
 
@@ -93,17 +96,21 @@ def _within(scene: Scene, lat: F64, lon: F64) -> NDArray[np.bool_]:
     return out
 
 
-def _factor(field: Field | ReferenceField, lat: F64, lon: F64, zenith: F64, azimuth: F64) -> F64:
+def _factor(
+    field: Field | ReferenceField, lat: F64, lon: F64, zenith: F64, azimuth: F64, reach_m: F64 | None
+) -> F64:
     """Reflectance factor (n, nw) L'/4 of light that leaves places toward the satellite.
 
     The model's Earth is a sphere. A ray arrives at the pixel's latitude and longitude from the direction in which the
     satellite stands there on the ellipsoid. Such rays meet within kilometres of one point in space, from which all are
-    sent: over 36,000 km that turns a ray by less than .02 degrees.
+    sent: over 36,000 km that turns a ray by less than .02 degrees. From much farther away rays are too nearly parallel
+    for such a point to be found. There it is where the distances to the satellite, `reach_m` (n,), end on average; that
+    turns the rays of a whole disc by up to .2 degrees.
     """
     frame = field.frame
     ground = frame.position(lat, lon, 0.0)
     up = _toward(frame, lat, lon, zenith, azimuth)
-    eye = _meeting_point(ground, up)
+    eye = _meeting_point(ground, up) if reach_m is None else (ground + reach_m[:, None] * up).mean(axis=0)
     away = ground - eye
     direction = away / np.linalg.norm(away, axis=-1, keepdims=True)
     rays = Rays(eye, direction)
@@ -134,7 +141,7 @@ def _sun_zenith(lat: F64, lon: F64, when: np.datetime64) -> F64:
 
 
 def _dataset(
-    grid: FixedGrid, bands: list[Band], wavelengths: F64, factor: F64, seen: NDArray[np.bool_],
+    grid: FixedGrid | Pixels, bands: list[Band], wavelengths: F64, factor: F64, seen: NDArray[np.bool_],
     angles: tuple[F64, F64, F64, F64], times: list[np.datetime64], scene: Scene,
 ) -> xr.Dataset:  # fmt: skip
     lat, lon, zenith, sun_zenith = angles
@@ -146,7 +153,15 @@ def _dataset(
         over = np.where(up > 0.01, values / up, np.nan).astype(np.float32)
     dims = ("band", "y", "x")
     platform, sensor = bands[0].imager.rsplit(" ", 1)
-    about = {"units": "1", "grid_mapping": "geostationary", "platform_name": platform, "sensor": sensor}
+    about = {"units": "1", "platform_name": platform, "sensor": sensor}
+    placed: dict[str, Any] = {}
+    if isinstance(grid, FixedGrid):
+        about["grid_mapping"] = "geostationary"
+        placed = {
+            "x": ("x", grid.x, {"units": "radian", "standard_name": "projection_x_coordinate"}),
+            "y": ("y", grid.y, {"units": "radian", "standard_name": "projection_y_coordinate"}),
+            "geostationary": ((), 0, grid.to_cf()),
+        }
     turned = dict(standard_name="toa_lambertian_equivalent_albedo_multiplied_by_cosine_solar_zenith_angle")
     out = xr.Dataset(
         {
@@ -154,12 +169,9 @@ def _dataset(
             "bidirectional_reflectance": (
                 dims, over, about | {"standard_name": "toa_bidirectional_reflectance",
                                      "long_name": "bidirectional reflectance"}),
-            "geostationary": ((), 0, grid.to_cf()),
         },
         coords={
             "band": [one.name for one in bands],
-            "x": ("x", grid.x, {"units": "radian", "standard_name": "projection_x_coordinate"}),
-            "y": ("y", grid.y, {"units": "radian", "standard_name": "projection_y_coordinate"}),
             "latitude": (("y", "x"), lat, {"units": "degrees_north", "standard_name": "latitude"}),
             "longitude": (("y", "x"), lon, {"units": "degrees_east", "standard_name": "longitude"}),
             "sun_zenith": (("y", "x"), sun_zenith, {"units": "degree", "standard_name": "solar_zenith_angle"}),
@@ -167,6 +179,7 @@ def _dataset(
             "band_wavelength": ("band", [one.centre_nm for one in bands], {"units": "nm"}),
         },
     )  # fmt: skip
+    out = out.assign(placed)
     out.attrs = {
         "Conventions": "CF-1.11", "title": "OpenSWIm satellite picture", "platform": bands[0].imager,
         "source": scene.source, "assumptions": "\n".join(scene.notes),

@@ -114,6 +114,9 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         hint="is it in seconds?",
     ),
     "surface_albedo": _fraction("surface albedo", "surface_albedo"),
+    "wave_mean_square_slope": Variable(
+        "1", "mean square slope of waves; 0 where it is not known", 0.0, 0.5, None, SURFACE_DIMS, clip=True
+    ),
     "wind_east": Variable("m s-1", "eastward wind", -250.0, 250.0, "eastward_wind"),
     "wind_north": Variable("m s-1", "northward wind", -250.0, 250.0, "northward_wind"),
     "wind_east_10m": Variable(

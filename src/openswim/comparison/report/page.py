@@ -38,7 +38,7 @@ def write_page(comparison: xr.Dataset, camera: Camera, path: str | os.PathLike[s
         _viewer(comparison, camera, places),
         "<h2>Scores</h2>", _r_table(comparison), _cloud_table(comparison),
         '<div class="plots">', *_plots(comparison), "</div>",
-        "<h2>What these numbers rest on</h2>", _notes(comparison),
+        "<h2>What these numbers rest on</h2>", _notes(comparison, camera),
     ]  # fmt: skip
     with written_whole(path) as partial:
         partial.write_text(document(title, body), "utf-8")
@@ -193,7 +193,7 @@ def _figure(plot: Plot, text: str) -> str:
     return f"<figure>{plot.svg}<figcaption>{escape(text)}</figcaption></figure>"
 
 
-def _notes(comparison: xr.Dataset) -> str:
+def _notes(comparison: xr.Dataset, camera: Camera) -> str:
     attrs = comparison.attrs
     depth, typical = attrs["aerosol_optical_depth_550"], attrs.get("red_blue_of_this_frame", np.nan)
     lines = [
@@ -204,4 +204,7 @@ def _notes(comparison: xr.Dataset) -> str:
     ]
     if np.isfinite(typical):
         lines.insert(2, f"If this sky is clear, its camera's white balance is red_blue = {typical:.3f}.")
+    if camera.nothing_hides:
+        lines.insert(0, f"The camera's file names no obstacles: trees, masts and roofs above {attrs['lowest_deg']:g} "
+                        "degrees count as sky.")  # fmt: skip
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"

@@ -7,6 +7,8 @@ from html import escape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.observations.ticks import round_ticks
+
 F64 = NDArray[np.float64]
 WIDE, HIGH, LEFT, BOTTOM, RIGHT, TOP = 460, 300, 62, 44, 16, 14
 
@@ -65,14 +67,14 @@ class Plot:
     @property
     def svg(self) -> str:
         wide, marks = self.wide, []
-        ticks = self.x_ticks or [(v, f"{v:.2g}") for v in np.linspace(*self.x_range, 6)]
+        ticks = self.x_ticks or [(v, f"{v:.6g}") for v in round_ticks(*self.x_range)]
         for value, text in ticks:
             a = float(self.across(value))
             marks.append(f'<text x="{a:.1f}" y="{HIGH - BOTTOM + 17}" text-anchor="middle">{escape(text)}</text>')
-        for value in np.linspace(*self.y_range, 6):
+        for value in round_ticks(*self.y_range):
             b = float(self.up(value))
             marks.append(f'<line x1="{LEFT}" x2="{wide - RIGHT}" y1="{b:.1f}" y2="{b:.1f}" stroke="#e2e8ee"/>'
-                         f'<text x="{LEFT - 6}" y="{b + 4:.1f}" text-anchor="end">{value:.2g}</text>')  # fmt: skip
+                         f'<text x="{LEFT - 6}" y="{b + 4:.1f}" text-anchor="end">{value:.6g}</text>')  # fmt: skip
         names = (
             f'<text x="{(LEFT + wide) / 2:.0f}" y="{HIGH - 6}" text-anchor="middle">{escape(self.x_name)}</text>'
             f'<text transform="translate(13 {(HIGH - BOTTOM) / 2:.0f}) rotate(-90)" '

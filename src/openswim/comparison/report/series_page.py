@@ -14,6 +14,7 @@ from openswim.scene.files import written_whole
 
 F64 = NDArray[np.float64]
 _WIDE = 940
+_STEPS_MIN = (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440)
 
 
 def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
@@ -22,7 +23,7 @@ def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
     title = f"{len(times)} frames beside {series.attrs.get('model', 'a model')}"
     body = [
         f"<h1>{escape(title)}</h1>",
-        f"<p>{str(times[0])[:19]} to {str(times[-1])[:19]} UTC.</p>",
+        f"<p>{str(times[0])[:16].replace('T', ' ')} to {str(times[-1])[:16].replace('T', ' ')} UTC.</p>",
         "<h2>Scores over time</h2>",
         *_plots(series),
         "<h2>Keograms</h2><p>Columns are frames; from north on top over the zenith to south below.</p>",
@@ -36,10 +37,12 @@ def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
 def _plots(series: xr.Dataset) -> list[str]:
     hours = (series["time"].values - series["time"].values[0]) / np.timedelta64(1, "h")
     span = (0.0, max(float(hours[-1]), 1e-3))
-    ticks = [(value, _clock(series, value)) for value in np.linspace(*span, 7)]
+    ticks = _clock_ticks(series, span[1])
     mask = float(series.attrs.get("sun_mask_deg", series["sun_mask"].values[-1]))
     r = series.sel(weighting="solid angle", sun_mask=mask, light="response undone", score_channel="mean")
-    plot = Plot("time, UTC", "mean r, response undone", span, (-0.2, 1.0), ticks, _WIDE)
+    known = r["r_bounds"].values[np.isfinite(r["r_bounds"].values)]
+    low = float(np.clip(np.floor(10 * known.min(initial=0.9)) / 10, -1, 0.9))
+    plot = Plot("time, UTC", "mean r, response undone", span, (low, 1.0), ticks, _WIDE)
     plot.bars(hours, r["r_bounds"].values[:, 0], r["r_bounds"].values[:, 1], COLOURS["blue"])
     plot.line(hours, r["r"].values, COLOURS["blue"])
     plot.points(hours, r["r"].values, COLOURS["blue"], 2.5, 1)
@@ -55,8 +58,16 @@ def _plots(series: xr.Dataset) -> list[str]:
     return out
 
 
-def _clock(series: xr.Dataset, hours: float) -> str:
-    return str(series["time"].values[0] + np.timedelta64(round(hours * 3_600_000), "ms"))[11:16]
+def _clock_ticks(series: xr.Dataset, hours: float) -> list[tuple[float, str]]:
+    """Full minutes, quarters and hours, at most eight: hours since the first frame, and what a clock shows."""
+    start = series["time"].values[0].astype("datetime64[s]")
+    step = next((each for each in _STEPS_MIN if hours * 60 / each <= 7), 1440 * int(np.ceil(hours / 24 / 7)))
+    since = (start - start.astype("datetime64[D]")) / np.timedelta64(1, "m")  # midnight
+    first = np.ceil(since / step) * step - since
+    after = np.arange(first, hours * 60 + 1e-6, step)
+    places = [start + np.timedelta64(round(60 * minutes), "s") for minutes in after]
+    shown = slice(5, 10) if step >= 1440 else slice(11, 16)
+    return [(m / 60, str(t)[shown]) for m, t in zip(after, places, strict=True)] or [(0.0, str(start)[11:19])]
 
 
 def _keogram(series: xr.Dataset, name: str, text: str) -> str:
@@ -82,8 +93,8 @@ def _table(series: xr.Dataset) -> str:
             cells.append("&ndash;" if np.isnan(value) else f"{value:.3f}")
         name = str(part["frame"].values)
         link = f'<a href="{escape(os.path.splitext(name)[0])}.html">{escape(name)}</a>'
-        rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19]}</td>"
+        rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19].replace('T', ' ')}</td>"
                     + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")  # fmt: skip
     head = "".join(f"<th>{name}</th>" for name in ("frame", "time, UTC", "r as stored", "r, response undone",
                                                    "observed cover", "simulated cover"))  # fmt: skip
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+    return f'<table class="frames"><tr>{head}</tr>{"".join(rows)}</table>'

@@ -69,6 +69,7 @@ GRIB2: dict[tuple[int, int, int], Meaning] = {
     (0, 20, 2): Meaning("aerosol_mass"),  # of a species: see aerosol_meaning
     (0, 20, 102): Meaning("aerosol_depth"),
     (2, 0, 0): Meaning("land"),
+    (10, 0, 20): Meaning("wave_slope"),
     (10, 2, 0): Meaning("sea_ice"),
 } | _contents(
     {
@@ -158,6 +159,7 @@ _DWD: dict[int, Meaning] = {
     36: Meaning("snow_content", "moist"),
     39: Meaning("graupel_content", "moist"),
 }
+_ECMWF_WAVES: dict[int, Meaning] = {244: Meaning("wave_slope")}  # table 140, msqs
 # CAMS, table 210: mixing ratios of species, and optical depths at 550 nm
 _CAMS: dict[int, Meaning] = {n: Meaning(f"{MASS}aermr{n:02d}", "moist") for n in range(1, 12)}
 _CAMS |= {n: Meaning(f"{MASS}aermr{k}", "moist") for n, k in ((247, 16), (248, 17), (249, 18), (252, 19), (253, 20))}
@@ -189,8 +191,8 @@ def aerosol_meaning(meaning: Meaning, kind: int | None, at_550: bool, short_name
 
 def grib2_meaning(centre: int, discipline: int, category: int, number: int) -> Meaning | None:
     """What a GRIB2 parameter is; None where a scene has no use for it."""
-    if discipline == 192 and category in (128, 210):  # ECMWF's GRIB1 tables, carried over
-        return (_ECMWF if category == 128 else _CAMS).get(number)
+    if discipline == 192 and category in (128, 140, 210):  # ECMWF's GRIB1 tables, carried over
+        return {128: _ECMWF, 140: _ECMWF_WAVES, 210: _CAMS}[category].get(number)
     if number >= 192 or category >= 192:
         return GRIB2_LOCAL.get((centre, discipline, category, number))
     return GRIB2.get((discipline, category, number))
@@ -200,6 +202,8 @@ def grib1_meaning(centre: int, table: int, number: int) -> Meaning | None:
     """What a GRIB1 parameter is; None where a scene has no use for it."""
     if table == 128:
         return _ECMWF.get(number)
+    if table == 140:
+        return _ECMWF_WAVES.get(number)
     if table == 210:
         return _CAMS.get(number)
     if table == 201:

@@ -128,7 +128,7 @@ def _split(columns: Columns, air: Air, found: dict[str, F32]) -> None:
 
 
 def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
-    """Terrain, land, snow, ice, albedo and wind, as far as the file has them."""
+    """Terrain, land, snow, ice, albedo, wind and waves, as far as the file has them."""
     found: dict[str, F32] = {}
     if terrain is not None:
         found["surface_altitude"] = terrain
@@ -152,6 +152,9 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
     elif albedo is not None:
         columns.notes.append("albedo is missing in places: surface albedo from the ground map")
     found |= _wind(columns)
+    waves = columns.on_ground("wave_slope")
+    if waves is not None:  # missing over land and ice
+        found["wave_mean_square_slope"] = np.nan_to_num(waves)
     return found
 
 

@@ -196,6 +196,8 @@ class GRIBFile:
         try:
             meaning, label = self._meaning(handle, sections.edition)
             kind = str(self._key(handle, "typeOfLevel"))
+            if meaning is not None and meaning.name == "wave_slope" and kind == "meanSea":
+                kind = "surface"
             if meaning is None or kind not in _LEVELS:
                 self.unused[label] += 1
                 return None

@@ -98,6 +98,8 @@ SURFACE: dict[str, Quantity] = _and_own({
     "surface_albedo": _q("1", "fal al ALBEDO albedo", "surface_albedo", True),
     "surface_pressure": _q("Pa", "sp ps PS psfc surface_air_pressure", "surface_air_pressure"),
     "wind_east_10m": _q("m s-1", "u10 10u U10M u10m", "x_wind eastward_wind grid_eastward_wind"),
+    "wave_mean_square_slope": _q(
+        "1", "msqs mss", "sea_surface_wave_mean_square_slope sea_surface_mean_square_slope", True),
     "wind_north_10m": _q("m s-1", "v10 10v V10M v10m", "y_wind northward_wind grid_northward_wind"),
 })  # fmt: skip
 FRACTIONS = ("land_area_fraction", "sea_ice_area_fraction", "snow_area_fraction", "surface_albedo")

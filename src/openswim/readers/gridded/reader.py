@@ -54,6 +54,7 @@ from openswim.scene.checks import checked_values
 from openswim.scene.variables import HYDROMETEORS, Variable
 
 F32 = NDArray[np.float32]
+_SELDOM = ("surface_geopotential", "snow_water", "wave_mean_square_slope")  # on the ground; nobody misses them
 _DRY_NAMES = ("qc", "qr", "qi", "qs", "qg", "qh", "qhl")  # mixing ratios: per mass of dry air
 
 
@@ -115,7 +116,7 @@ class GriddedReader:
         species += [f"aerosol ({used['aerosol']})"] if "aerosol" in used else []
         surface = [f"{what} ({used[what]})" for what in SURFACE if what in used]
         missing = [what for what in (*HYDROMETEORS, "temperature", "pressure") if what not in used]
-        missing += [what for what in SURFACE if what not in used and what not in ("surface_geopotential", "snow_water")]
+        missing += [what for what in SURFACE if what not in used and what not in _SELDOM]
         return SceneInfo.on(
             grid,
             path=", ".join(map(str, paths)),
@@ -309,7 +310,7 @@ def _aerosol_by_depth(columns: Columns, levels: Levels, terrain: F32 | None) -> 
 
 
 def _surface(columns: Columns) -> dict[str, F32]:
-    """Terrain, land, snow, ice, albedo and wind, as far as the files have them."""
+    """Terrain, land, snow, ice, albedo, wind and waves, as far as the files have them."""
     fields: dict[str, F32] = {}
     for name in ("surface_altitude", *FRACTIONS, "wind_east_10m", "wind_north_10m"):
         found = columns.ground(name, SURFACE[name])
@@ -329,6 +330,9 @@ def _surface(columns: Columns) -> dict[str, F32]:
     if "surface_albedo" in fields and not fields["surface_albedo"].min() > 0:
         del fields["surface_albedo"]
         columns.notes.append("the surface albedo is not filled in everywhere: that of the ground map")
+    waves = columns.ground("wave_mean_square_slope", SURFACE["wave_mean_square_slope"])
+    if waves is not None:  # missing over land and ice
+        fields["wave_mean_square_slope"] = np.nan_to_num(waves)
     if ("wind_east_10m" in fields) != ("wind_north_10m" in fields):
         fields.pop("wind_east_10m", None)
         fields.pop("wind_north_10m", None)

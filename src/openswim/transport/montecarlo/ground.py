@@ -45,7 +45,7 @@ def seen_ground(sample: SurfaceSample, wavelengths_nm: F64) -> Seen:
     mu = np.linspace(LEAST_MU, 1.0, 256)
     return Seen(
         np.ascontiguousarray(sample.albedo, float), np.asarray(sample.water, float), np.asarray(sample.snow, float),
-        np.asarray(water.mean_square_slope(sample.wind_speed), float),
+        np.asarray(sample.slope_variance, float),
         np.asarray(water.foam_fraction(sample.wind_speed), float),
         np.ascontiguousarray(spectra.water_leaving(wavelengths_nm, sample.chlorophyll)), sample.lambertian,
         np.interp(mu, *balance("land")), np.interp(mu, *balance("snow")),

@@ -133,6 +133,9 @@ class ReferenceField:
         full.lambertian = sample.lambertian
         for name in ("albedo", "water", "snow", "sea_ice", "wind_speed", "chlorophyll"):
             getattr(full, name)[where] = getattr(sample, name)
+        if sample.mean_square_slope is not None:
+            full.mean_square_slope = np.ones(n)
+            full.mean_square_slope[where] = sample.mean_square_slope
         return seen_ground(full, self.terms.nm)
 
     def _sums(self, origin: F64, direction: F64, sides: list[F64], seen: Seen) -> Sums:

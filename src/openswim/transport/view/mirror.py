@@ -73,7 +73,7 @@ class Mirrored:
             met = distance < FAR_M
             node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
         shape = (grid_alt.size, grid_az.size)
-        seen, known = _marched(look, radius_m, eye, node, toward, wet.wind_speed)
+        seen, known = _marched(look, radius_m, eye, node, toward, wet.slope_variance)
         return cls(up, axes, start, grid_az, grid_alt, seen.reshape(*shape, PACK), known.reshape(shape))
 
     def angles(self, direction: F64) -> tuple[F64, F64]:
@@ -96,11 +96,11 @@ class Mirrored:
 
 
 class WetRays(NamedTuple):
-    """Rays (n,) that end on water: where, along which direction (n, 3) each, and the mean wind there, m/s."""
+    """Rays (n,) that end on water: where, along which direction (n, 3) each, and the mean slope variance there."""
 
     place: F64
     direction: F64
-    wind_speed: float
+    slope_variance: float
 
 
 def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRays | None:
@@ -116,7 +116,7 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
         met = np.flatnonzero(_falls_to(eye, direction, radius + lit.lighting.ground_m, radius))
         place = _on_sphere(eye, direction[met], radius + lit.lighting.ground_m, radius)
     direction = direction[met]
-    water, wind = np.zeros(len(met), bool), np.zeros(len(met))
+    water, variance = np.zeros(len(met), bool), np.zeros(len(met))
     left = np.ones(len(met), bool)
     for level in lit.levels:
         here = np.flatnonzero(left if level.wider is None else left & _within(level, place))
@@ -124,11 +124,11 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
             lat, lon, _ = level.frame.latlon(place[here])
             sample = level.surface.sample(lat, lon)
             water[here] = (sample.water > WET) & (not sample.lambertian)
-            wind[here] = sample.wind_speed
+            variance[here] = sample.slope_variance
         left[here] = False
     if not water.any():
         return None
-    return WetRays(place[water], direction[water], float(wind[water].mean()))
+    return WetRays(place[water], direction[water], float(variance[water].mean()))
 
 
 def _within(level: LitGrid, place: F64) -> NDArray[np.bool_]:
@@ -147,14 +147,14 @@ def _falls_to(eye: F64, direction: F64, level_m: float, radius_m: float) -> NDAr
 
 
 def _marched(
-    look: Look, radius: float, eye: F64, place: F64, direction: F64, wind_speed: float
+    look: Look, radius: float, eye: F64, place: F64, direction: F64, slope_variance: float
 ) -> tuple[F64, NDArray[np.bool_]]:
     """Mirrored radiance (n, PACK) at places, and whether the way up is free there."""
     n = len(place)
     up = _upward(place, radius)
     level = direction - (direction * up).sum(-1, keepdims=True) * up
     level /= np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9)
-    along, across = _slopes() * np.sqrt(0.5 * water.mean_square_slope(wind_speed))
+    along, across = _slopes() * np.sqrt(0.5 * slope_variance)
     # facets (n, 16, 3): positive slopes along lean toward the viewer
     normal = up[:, None] - along[:, None] * level[:, None] + across[:, None] * np.cross(up, level)[:, None]
     steepness = np.linalg.norm(normal, axis=-1, keepdims=True)
