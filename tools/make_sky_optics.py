@@ -63,7 +63,7 @@ def halo() -> tuple[Scene, Camera, tuple[float, float]]:
     camera = Camera.perspective(
         x_m=30e3, y_m=30e3, azimuth_deg=180.0, altitude_deg=33.0, fov_deg=86.0, size=(450, 600)
     )
-    return with_shapes(scene, pristine=0.3, oriented=0.015, columns=0.05), camera, (180.0, 20.0)
+    return with_shapes(scene, pristine=0.3, plates=0.015, columns=0.05), camera, (180.0, 20.0)
 
 
 def glory() -> tuple[Scene, Camera, tuple[float, float]]:

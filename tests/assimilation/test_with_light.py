@@ -160,6 +160,7 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
         (head.replace("model.nc", "../../etc/passwd"), "leads out of"),
         (head.replace("model.nc", "/dev/zero"), "leads out of"),
         (head.replace("model.nc", "none.nc"), "no such file"),
+        (head.replace('"model.nc"', f"{['model.nc'] * 1001}"), "1001 files; 1000 are the most"),
         (head.replace("length_m = 70", ""), "length_m is missing"),
         (head + "[[pyranometer]]\nlat = 1\n", "lon is missing"),
         (head + "[[pyranometer]]\nlat = 'a'\nlon = 1\n", "must be a number"),

@@ -148,14 +148,14 @@ def test_shapes_are_a_scenes_and_its_files(tmp_path):
     content[2] = 1e-4
     scene = Scene.from_arrays(None, x, x, z, fields={"liquid_content": content, "ice_content": content})
     assert Shapes.of(scene) == Shapes()
-    told = with_shapes(scene, droplet_variance=0.02, oriented=0.25)
+    told = with_shapes(scene, droplet_variance=0.02, plates=0.25)
     told.to_netcdf(tmp_path / "told.nc")
     read = Shapes.of(open_scene(tmp_path / "told.nc"))
-    assert (read.droplet_variance, read.pristine, read.oriented) == pytest.approx((0.02, 0.05, 0.25))
+    assert (read.droplet_variance, read.pristine, read.plates) == pytest.approx((0.02, 0.05, 0.25))
     for end in np.array([0.01, 0.1], np.float32):  # a little less and more
         ends = scene.data.assign(liquid_effective_variance=((), end))
         assert Shapes.of(Scene(scene.grid, ends)).droplet_variance == end
     with pytest.raises(UserError, match="droplets must be a number within"):
         with_shapes(scene, droplet_variance=0.3)
     with pytest.raises(UserError, match="more than all"):
-        with_shapes(scene, pristine=0.8, oriented=0.3)
+        with_shapes(scene, pristine=0.8, plates=0.3)

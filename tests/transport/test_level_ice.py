@@ -17,7 +17,7 @@ def veil() -> Scene:
     ice = np.zeros((5, 9, 9))
     ice[2] = 3e-7
     scene = Scene.from_arrays(None, x, x, z, fields={"ice_content": ice}, periodic=True)
-    return with_shapes(scene, pristine=0.2, oriented=0.3, columns=0.2)
+    return with_shapes(scene, pristine=0.2, plates=0.3, columns=0.2)
 
 
 @pytest.mark.parametrize("solver", ["fast", Solver("reference", paths=20_000)])

@@ -130,7 +130,9 @@ def _models(tables: dict[str, Any], path: Path) -> tuple[Path, ...]:
     given = tables.get("model")
     if not isinstance(given, list) or not given:
         return (_file(tables, "model", path),)
-    return tuple(_file({"model": each}, "model", path) for each in given[:MOST_INSTRUMENTS])
+    if len(given) > MOST_INSTRUMENTS:
+        raise UserError(f"model: {len(given)} files; {MOST_INSTRUMENTS} are the most")
+    return tuple(_file({"model": each}, "model", path) for each in given)
 
 
 def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -166,7 +166,7 @@ def phase_function(
         case "liquid" | "rain":
             return mie.phase_function(kind, wavelength_nm, radius_m)
         case "ice":
-            pristine = shapes.pristine / max(1 - shapes.oriented - shapes.columns, 1e-9)  # of what is not level
+            pristine = shapes.pristine / max(1 - shapes.plates - shapes.columns, 1e-9)  # of what is not level
             return _ice(DEFAULT_ICE_RADIUS_M if radius_m is None else radius_m, wavelength_nm, min(pristine, 1.0))
         case "snow":
             return _lobes((0.50, 0.998), (0.45, 0.86), (0.03, 0.0), (0.02, -0.6))

@@ -151,7 +151,7 @@ def _hydrometeor(
     if names is not None:
         split_spread = 0.0 if f"{kind}, small" in names else np.inf
     found, shapes = [], Shapes.of(scene)
-    level = {"plate": shapes.oriented, "column": shapes.columns} if kind == "ice" else {}
+    level = {"plate": shapes.plates, "column": shapes.columns} if kind == "ice" else {}
     afloat = sum(level.values())
     for name, mean_m, weight in size_bins(kind, radius, extinction, split_spread):
         on_grid = np.zeros(content.shape, np.float32)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.atmosphere import us_standard_pressure_temperature
+from openswim.scene.oddities.neighbours import GAS_CONSTANT, GRAVITY
 
-_GAS_CONSTANT, _GRAVITY = 287.05, 9.80665
 _KNOWN_TO_M = 80_000.0  # up to here pressure is compared with the standard atmosphere
 _SPREAD, _SPREAD_PER_M = 0.7, 1 / 40_000.0  # of ln(p/standard): a plateau called sea level; winter high above the poles
 _WARMTH, _WARMTHS = (0.98, 1.025), (0.94, 1.07)  # of temperature to that of thickness: columns, layers; moist air 1.02
@@ -56,8 +56,8 @@ def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32],
     thick = np.diff(heights, axis=0).mean(axis=(1, 2), dtype=np.float64)
     known = sample[1:].mean(axis=(1, 2)) > _HIGH_PA
     with np.errstate(divide="ignore"):
-        layer = _GRAVITY * thick / (_GAS_CONSTANT * fall)
-        column = float(_GRAVITY * thick.sum() / (_GAS_CONSTANT * fall.sum()))
+        layer = GRAVITY * thick / (GAS_CONSTANT * fall)
+        column = float(GRAVITY * thick.sum() / (GAS_CONSTANT * fall.sum()))
     if thick.sum() > 2 * _THIN_M and not fall.sum() > 0:
         raise UserError("scene: air_pressure does not fall with height: a damaged field, or one value for all levels")
     odd = known & (thick > _THIN_M) & ~((layer > _LAYER_K[0]) & (layer < _LAYER_K[1]))
@@ -82,7 +82,7 @@ def warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[A
     if thick[known].sum() < _DEEP_M:
         return []
     fall = np.log(sample[:-1] / sample[1:]).mean(axis=(1, 2), dtype=np.float64)
-    needed = _GRAVITY * thick[known] / _GAS_CONSTANT
+    needed = GRAVITY * thick[known] / GAS_CONSTANT
     given = (fall * 0.5 * (warm[1:] + warm[:-1]).mean(axis=(1, 2), dtype=np.float64))[known]
     whole, layers = float(needed.sum() / given.sum()), needed / given
     if _WARMTH[0] < whole < _WARMTH[1] and _WARMTHS[0] < layers.min() and layers.max() < _WARMTHS[1]:

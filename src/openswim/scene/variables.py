@@ -89,7 +89,7 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         "1", "effective variance of the sizes of cloud droplets", 0.01, 0.1, dims=()
     ),
     "ice_pristine_fraction": Variable("1", "share of the ice's extinction by smooth prisms", 0.0, 1.0, dims=()),
-    "ice_oriented_fraction": Variable("1", "share of the ice's extinction by level plates", 0.0, 1.0, dims=()),
+    "ice_level_plate_fraction": Variable("1", "share of the ice's extinction by level plates", 0.0, 1.0, dims=()),
     "ice_level_column_fraction": Variable("1", "share of the ice's extinction by level columns", 0.0, 1.0, dims=()),
     "air_pressure": Variable("Pa", "air pressure", 1e-3, 1.2e5, "air_pressure", hint="is it a fill value?"),
     "air_temperature": Variable(

@@ -24,13 +24,13 @@ PRISTINE_SHARE = 0.05  # of ice, where nothing is said
 class Shapes:
     """droplet_variance: effective variance of the droplets' sizes, .01 (all alike) to .1 (as usual).
 
-    pristine, oriented, columns: shares of the ice's extinction by smooth prisms in all orientations, by smooth plates
+    pristine, plates, columns: shares of the ice's extinction by smooth prisms in all orientations, by smooth plates
     that float level, and by smooth columns that do; the rest is rough and shows no halo.
     """
 
     droplet_variance: float = USUAL_VARIANCE
     pristine: float = PRISTINE_SHARE
-    oriented: float = 0.0
+    plates: float = 0.0
     columns: float = 0.0
 
     @classmethod
@@ -42,16 +42,16 @@ class Shapes:
 
 _VARIABLES = {
     "droplet_variance": "liquid_effective_variance", "pristine": "ice_pristine_fraction",
-    "oriented": "ice_oriented_fraction", "columns": "ice_level_column_fraction",
+    "plates": "ice_level_plate_fraction", "columns": "ice_level_column_fraction",
 }  # fmt: skip
 
 
 def with_shapes(
-    scene: Scene, droplet_variance: float | None = None, pristine: float | None = None, oriented: float | None = None,
+    scene: Scene, droplet_variance: float | None = None, pristine: float | None = None, plates: float | None = None,
     columns: float | None = None,
 ) -> Scene:  # fmt: skip
     """The scene, and the wider ones around it, with `Shapes` of one's choice; what is not given stays."""
-    given = {"droplet_variance": droplet_variance, "pristine": pristine, "oriented": oriented, "columns": columns}
+    given = {"droplet_variance": droplet_variance, "pristine": pristine, "plates": plates, "columns": columns}
     chosen = {_VARIABLES[name]: value for name, value in given.items() if value is not None}
     for name, value in chosen.items():
         check_number(variable(name).long_name, value, variable(name).low, variable(name).high)
@@ -62,9 +62,9 @@ def with_shapes(
     }
     out.data = scene.data.assign(fields)
     shapes = Shapes.of(out)
-    if shapes.pristine + shapes.oriented + shapes.columns > 1 + 1e-6:
+    if shapes.pristine + shapes.plates + shapes.columns > 1 + 1e-6:
         raise UserError(
-            f"ice: shares of {shapes.pristine:g} pristine crystals, {shapes.oriented:g} level plates and "
+            f"ice: shares of {shapes.pristine:g} pristine crystals, {shapes.plates:g} level plates and "
             f"{shapes.columns:g} level columns are more than all: give less of one"
         )
     out.wider = None if scene.wider is None else with_shapes(scene.wider, **given)

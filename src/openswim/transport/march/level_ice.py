@@ -26,7 +26,7 @@ _ONE = FLOAT(1.0)
 class LevelIce(NamedTuple):
     """Which species they are, their axes (3, 3), of which the last points up and the first toward the sun as far as it
     is level, and P beyond that of all orientations, times scattering per reference extinction: a map (altitude,
-    azimuth, PACK) as `ice.plates` has it, without rows where there are no plates."""
+    azimuth, PACK) as `ice.level` has it, without rows where there are none."""
 
     species: int
     axes: F64
