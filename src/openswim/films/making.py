@@ -26,12 +26,12 @@ from openswim.films.outputs import check_output, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
-from openswim.observer import check_observer, ground_below
+from openswim.pictures.observer import check_observer, ground_below
+from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene, Viewpoint
 
 MOST_FRAMES = 100_000
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
