@@ -161,8 +161,8 @@ def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
     assert start is not None
     assert end is not None
     minutes = 1.0 if request.every is None else request.every
-    if not 0 < minutes <= 1e6:
-        raise UserError(f"--every {minutes:g}: give minutes above 0")
+    if not 1e-3 <= minutes <= 1e6:
+        raise UserError(f"--every {minutes:g}: give .001 to a million minutes")
     step = np.timedelta64(round(6e4 * minutes), "ms")
     count = int((end - start) / step) + 1 if end >= start else 0
     if not 0 < count <= 1_000_000:
