@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 
+_ENDS = ("_content", "_effective_radius", "_number", "_area_fraction")
 _SAMPLES = 256  # columns each way
 _FEW_NODES, _FEW_HELD = 100, 30  # of a level, and with something in them: fewer correlate by chance
 # Correlation of the levels below and above, less that of the one between with either: by weather up to 0.24, since what
@@ -25,11 +26,11 @@ _STEPS, _STEPS_SHARE = 4, 0.002
 
 
 def damaged_fields(data: xr.Dataset, cell_m: float) -> list[str]:
-    """Notes on contents, fractions and extinctions on levels (z, y, x), and on the ground's height (y, x)."""
+    """Notes on contents, sizes, fractions and extinctions on levels (z, y, x), and on the ground's height (y, x)."""
     notes = []
     for name, field in data.data_vars.items():
         on_levels = field.dims[:1] == ("z",) and field.ndim == 3
-        if on_levels and ("extinction" in str(name) or str(name).endswith(("_content", "_area_fraction"))):
+        if on_levels and ("extinction" in str(name) or str(name).endswith(_ENDS)):
             every = tuple(slice(None, None, max(1, size // _SAMPLES)) for size in field.shape[1:])
             columns = field.values[(slice(None), *every)].reshape(field.shape[0], -1)
             if columns.shape[1] >= _FEW_NODES:
