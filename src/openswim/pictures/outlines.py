@@ -45,8 +45,9 @@ def softened(eye: Seer, rays: Rays, frame: Frame) -> NDArray[np.float32]:
 
 def outlines_of(view: View, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether pixels (n,) of those ``inside`` an image (ny, nx) lie on outlines."""
-    # what is hidden by a cloud, whose edges are soft, has no outline
-    distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
+    # ground that is hidden by a cloud, whose edges are soft, has no outline; ground in sight has one before cloud, too
+    seen = (view.transmittance.max(axis=1) > _HIDDEN) | (view.distance_m < 0)
+    distance = np.where(seen, view.distance_m, np.nan)
     return outlines(distance, view.radiance.astype(np.float32).mean(axis=1), inside)
 
 
