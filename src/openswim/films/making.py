@@ -135,6 +135,7 @@ def shots_of(
         count = _count(length_s / speed * fps)
         steps = np.round(np.arange(count) / fps * speed * 1e3).astype("timedelta64[ms]")
         times = path.time[0] + steps
+        sky.check_between(times)
         return [Shot(time, each) for time, each in zip(times, path.camera(camera, times), strict=True)]
     times = sky.times
     if every_s is not None:
@@ -147,6 +148,7 @@ def shots_of(
     chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
     if not chosen:
         raise UserError("film: no frames between these times")
+    sky.check_between(chosen)
     return [Shot(time, camera) for time in chosen]
 
 
