@@ -44,15 +44,18 @@ class Layers:
 
 def associated_legendre(mu: F64, modes: int) -> F64:
     """sqrt((l-m)!/(l+m)!) P_lm(mu), (modes, M, n); zero where l < m."""
-    out = np.zeros((modes, LAYERS_DEGREE, len(mu)))
+    out, order = np.zeros((modes, LAYERS_DEGREE, len(mu))), np.arange(modes)[:, None]
+    before, this = np.zeros((2, modes, len(mu)))
     first = np.ones(len(mu))
-    for m in range(modes):
-        before, this = np.zeros(len(mu)), first
-        for ell in range(m, LAYERS_DEGREE):
-            out[m, ell] = this
-            following = (2 * ell + 1) * mu * this - np.sqrt(ell**2 - m**2) * before
-            before, this = this, following / np.sqrt((ell + 1) ** 2 - m**2)
-        first = first * np.sqrt((2 * m + 1) / (2 * m + 2)) * np.sqrt(np.maximum(1 - mu**2, 0))
+    for ell in range(LAYERS_DEGREE):  # all m <= l side by side
+        if ell < modes:
+            this[ell] = first
+            first = first * np.sqrt((2 * ell + 1) / (2 * ell + 2)) * np.sqrt(np.maximum(1 - mu**2, 0))
+        m = order[: ell + 1]
+        known = slice(0, len(m))
+        out[known, ell] = this[known]
+        following = (2 * ell + 1) * mu * this[known] - np.sqrt(ell**2 - m**2) * before[known]
+        before[known], this[known] = this[known], following / np.sqrt((ell + 1) ** 2 - m**2)
     return out
 
 
