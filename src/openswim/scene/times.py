@@ -8,6 +8,7 @@ from datetime import UTC, date, datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 Time = str | np.datetime64 | date | None
@@ -39,8 +40,10 @@ def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
 
 
 def interval_s(name: str, text: str) -> float:
-    """Seconds of "5min", "30s", "1h" or a bare number of minutes."""
+    """Seconds of "5min", "30s", "1h" or a bare number of minutes: a millisecond to some thirty years."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]*)\s*", text.lower())
-    if match is None or (match.group(2) and match.group(2) not in _UNITS_S) or float(match.group(1)) <= 0:
-        raise UserError(f"{name} {text}: write a length of time, such as 5min, 30s or 1h")
-    return float(match.group(1)) * _UNITS_S.get(match.group(2) or "min", 60.0)
+    unit = match.group(2) or "min" if match else ""
+    seconds = float(match.group(1)) * _UNITS_S[unit] if match and unit in _UNITS_S else 0.0
+    if not 1e-3 <= seconds <= 1e9:
+        raise UserError(f"{name} {shown(text)}: write a length of time, such as 5min, 30s or 1h")
+    return seconds
