@@ -10,6 +10,7 @@ from tests.comparison.skies import NAME, clear_radiance, small_camera, write_fra
 
 import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
+from openswim.cli.compare import line_of, told
 from openswim.comparison.encoding import decoded, encoded
 from openswim.comparison.report.page import write_page
 from openswim.errors import UserError
@@ -75,6 +76,26 @@ def test_a_frame_without_a_valid_pixel_has_scores_of_nan(sky, tmp_path):
     found = openswim.compare(None, frame, CAMERA)
     assert np.isnan(found.r).all()
     assert "no pixel is left" in found.attrs["reasons"]
+    assert found.attrs["share_of_sky_used"] == 0
+    assert "no r: no pixel is left, of 0 % of the sky" in line_of(found)
+
+
+def test_it_is_said_when_half_of_the_frame_is_black(sky, tmp_path):
+    """The black half counts nowhere: the other is scored, and its share told."""
+    half = np.array(sky)
+    half[:, : half.shape[1] // 2] = 0
+    found = openswim.compare(None, write_frame(tmp_path / NAME, half), CAMERA, aod_range=False, sun_mask_deg=0)
+    assert found.attrs["share_of_sky_used"] == pytest.approx(0.5, abs=0.02)
+    assert not found.valid.values[:, : half.shape[1] // 2].any()
+    assert f"undone, of {100 * found.attrs['share_of_sky_used']:.0f} % of the sky" in line_of(found)
+
+
+def test_a_frame_far_from_the_models_time_is_noted(srgb_frame, capsys):
+    found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False)
+    for model_time, noted in (("2024-06-20T10:00:00Z", False), ("2024-06-21T14:00:00Z", True)):
+        told(found.assign_attrs(model_time=model_time))
+        err = capsys.readouterr().err
+        assert ("2024-06-21T14:00:00Z, is 30 hours after this frame" in err) is noted
 
 
 def test_masks_by_one_rule_for_both_pictures(sky, srgb_frame, tmp_path):

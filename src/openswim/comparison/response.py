@@ -82,8 +82,9 @@ class PowerLaw:
 
     @property
     def white_balance(self) -> F64:
-        """Exposure of each channel over green's."""
-        return self.exposure / self.exposure[len(self.exposure) // 2]
+        """Exposure of each channel over green's; NaN where the fit came upon none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.exposure / self.exposure[len(self.exposure) // 2])
 
 
 def fit_power_law(stored: F64, radiance: F64, weight: F64) -> PowerLaw:

@@ -60,11 +60,13 @@ def _summary(comparison: xr.Dataset) -> str:
     r = comparison["r"].sel(weighting="solid angle", sun_mask=attrs["sun_mask_deg"], score_channel="mean")
     stored, decoded, undone = (float(r.sel(light=light)) for light in ("as stored", "decoded", "response undone"))
     azimuth, altitude = attrs["sun_azimuth_deg"], attrs["sun_altitude_deg"]
+    weather = f"Weather of {attrs['model_time']}. " if "model_time" in attrs else ""
+    used = f"{100 * attrs['share_of_sky_used']:.0f} % of this sky"
     return (
-        f"{attrs['time']}, sun at azimuth {azimuth:.1f}, altitude {altitude:.1f} degrees. Mean r {stored:.3f} of "
-        f"counts as stored, {decoded:.3f} decoded ({attrs['encoding']}), {undone:.3f} with the response undone. "
+        f"{attrs['time']}, sun at azimuth {azimuth:.1f}, altitude {altitude:.1f} degrees. {weather}Mean r {stored:.3f} "
+        f"of counts as stored, {decoded:.3f} decoded ({attrs['encoding']}), {undone:.3f} with the response undone. "
         f"Scores are of pixels above {attrs['lowest_deg']:g} degrees that are not saturated, "
-        f"{attrs['sun_mask_deg']:g} degrees or more from the sun."
+        f"{attrs['sun_mask_deg']:g} degrees or more from the sun: {used}."
     )
 
 
