@@ -77,6 +77,11 @@ def test_a_frame_without_a_valid_pixel_has_scores_of_nan(sky, tmp_path):
     assert np.isnan(found.r).all()
     assert "no pixel is left" in found.attrs["reasons"]
     assert found.attrs["share_of_sky_used"] == 0
+    write_page(found, CAMERA.camera, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text("utf-8")
+    assert "There is no r." in text
+    assert "No r, pod, far, ets, observed cover, simulated cover: no pixel is left." in text
+    assert np.median(found.simulated_as_stored.values[CAMERA.camera.pixels().inside]) > 0.2  # the sky is shown
     assert "no r: no pixel is left, of 0 % of the sky" in line_of(found)
 
 

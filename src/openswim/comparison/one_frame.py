@@ -114,10 +114,10 @@ def _clouds(
 
 def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamera) -> F64:
     """Shares of full scale (ny, nx, channels) that this camera would have stored of simulated radiance: by its response
-    where that is known, or by a gain for each channel."""
+    where that is known, or by a gain for each channel; without a valid pixel by one that shows the sky."""
     if not region.weight.size:
-        return np.zeros(simulated.shape)
-    if known.curves is not None:
+        light = simulated * (0.2 / np.median(simulated[simulated > 0]) if (simulated > 0).any() else 1.0)
+    elif known.curves is not None:
         light = np.stack([curve.inverse(part) for curve, part in zip(known.curves, np.moveaxis(simulated, -1, 0),
                                                                      strict=True)], axis=-1)  # fmt: skip
     else:
