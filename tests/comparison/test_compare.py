@@ -13,6 +13,7 @@ from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, 
 from openswim.cli.compare import line_of, told
 from openswim.comparison.encoding import decoded, encoded
 from openswim.comparison.report.page import write_page
+from openswim.comparison.response import Curve
 from openswim.errors import UserError
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "data" / "sky"
@@ -34,6 +35,20 @@ def test_curves_of_counts_and_their_inverse():
     for encoding in ("srgb", "linear", 2.2, 0.7):
         np.testing.assert_allclose(encoded(decoded(share, encoding), encoding), share, atol=1e-6)
     assert float(decoded(0.5, "srgb")) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+
+
+def test_a_level_part_of_a_curve_makes_no_seam():
+    """Its inverse leaps by .3 in ln light: spread over .15 of ln radiance that is a slope of .81 at most. A power law
+    stays one."""
+    light = np.geomspace(0.005, 1, 400)
+    power = 0.2 * light**1.3
+    level = np.minimum(power, 0.2 * 0.14**1.3) + np.maximum(power - 0.2 * 0.19**1.3, 0)
+    at = np.geomspace(1e-4, 0.5, 2000)
+    found = Curve(light, power, 1.3, 0.0).inverse(at)
+    np.testing.assert_allclose(found, (at / 0.2) ** (1 / 1.3), rtol=3e-3)
+    slope = np.diff(np.log(Curve(light, level, 1.3, 0.0).inverse(at))) / np.diff(np.log(at))
+    assert slope.min() > 0
+    assert slope.max() < 1 / 1.3 + np.log(0.19 / 0.14) / (0.15 * np.sqrt(2 * np.pi)) + 0.1
 
 
 def test_a_simulated_camera_is_found_again(sky, tmp_path):

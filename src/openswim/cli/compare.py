@@ -103,12 +103,17 @@ def told(comparison: "xr.Dataset") -> None:
     """One line about a frame."""
     click.echo(line_of(comparison))
     if "model_time" in comparison.attrs:
-        frame, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
-        hours = float((frame - model) / np.timedelta64(1, "h"))
-        if abs(hours) > FAR_HOURS:
-            click.echo(f"note: the model's nearest time, {comparison.attrs['model_time']}, is {abs(hours):.0f} hours "
-                       f"{'before' if hours > 0 else 'after'} this frame: its clouds are not those of the frame",
-                       err=True)  # fmt: skip
+        seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
+        tell_when_far(seen, model, "frame")
+
+
+def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:
+    """Note it where a model's nearest time is not that of what was seen."""
+    hours = float((seen - model) / np.timedelta64(1, "h"))
+    if abs(hours) > FAR_HOURS:
+        click.echo(f"note: the model's nearest time, {np.datetime_as_string(model, 's')}Z, is {abs(hours):.0f} hours "
+                   f"{'before' if hours > 0 else 'after'} this {what}: its clouds are not those of the {what}",
+                   err=True)  # fmt: skip
 
 
 def line_of(comparison: "xr.Dataset") -> str:

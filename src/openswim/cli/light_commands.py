@@ -49,7 +49,9 @@ def irradiance(**options: Any) -> None:
               help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
 @click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
 @click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
-@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--time",
+              help="UTC, of the model and its light.  [default: the model's nearest to the observed picture's, in the "
+              "latter's light]")  # fmt: skip
 @solver()
 @click.option("-o", "--output", "outputs", type=PATH, multiple=True, help=".nc or .tif to write.")
 @debug
