@@ -27,7 +27,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import GridLight, LitGrid
-from openswim.transport.march.volume import DEGREE, Shells, Volume
+from openswim.transport.march.volume import AIR_DEGREE, DEGREE, Shells, Volume
 from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, air_of
@@ -192,8 +192,9 @@ def _check(lit: LitGrid) -> None:
     _require(0 < lit.count <= PACK and lit.wavelengths_nm.shape == (PACK,) and lit.sun.shape == (3,), "wavelengths")
     nl = len(shells.rows)
     _require(
-        shells.rows.shape == (nl, 4 * PACK) and shells.phase.shape == (2, DEGREE, PACK) and len(shells.horizon) == nl
-        and shells.slant.shape[0] == nl and shells.slant.shape[2:] == (2 * PACK,) and shells.source.shape[0] == nl
+        shells.rows.shape == (nl, 4 * PACK) and shells.phase.shape == (2, AIR_DEGREE, PACK)
+        and len(shells.horizon) == nl and shells.slant.shape[0] == nl
+        and shells.slant.shape[2:] == (2 * PACK,) and shells.source.shape[0] == nl
         and shells.ground_flux.shape[1:] == (PACK,) and _indices(shells.level_table, nl),
         "shells of one shape",
     )  # fmt: skip
