@@ -31,7 +31,7 @@ from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.images import add_errors, add_layers, check_layers, dataset
-from openswim.kept_light import save_light
+from openswim.kept_light import KeptLamp, save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
 from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, ground_below, place_of
@@ -89,9 +89,9 @@ class LitScene:
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
-        if self.lights:
-            raise UserError(f"{path}: light of moon, night sky or eclipse is not kept yet: save the light of a day")
-        save_light(self.scene, self.field, self.daylight, self.time, path)
+        towns = {} if self.lamps is None else {lamp.name: lamp.towns for lamp in self.lamps.every}
+        lights = [KeptLamp(each.name, each.field, each.strength, towns[each.name]) for each in self.lights]
+        save_light(self.scene, self.field, self.daylight, self.time, path, lights)
 
 
 @dataclass(frozen=True, eq=False)
