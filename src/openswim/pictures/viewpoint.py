@@ -29,7 +29,7 @@ from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.heavens.sun_disc import Disc, beam_of, drawn
-from openswim.kept_light import save_light
+from openswim.kept_light import KeptLamp, save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
 from openswim.optics.limits import stated
@@ -93,9 +93,9 @@ class LitScene:
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
-        if self.lights:
-            raise UserError(f"{path}: light of moon, night sky or eclipse is not kept yet: save the light of a day")
-        save_light(self.scene, self.field, self.daylight, self.time, path)
+        towns = {} if self.lamps is None else {lamp.name: lamp.towns for lamp in self.lamps.every}
+        lights = [KeptLamp(each.name, each.field, each.strength, towns[each.name]) for each in self.lights]
+        save_light(self.scene, self.field, self.daylight, self.time, path, lights)
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
-from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.march.volume import Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
@@ -279,7 +279,7 @@ def shells_around(medium: Medium, place: F32 | F64, lighting: Lighting, sun: F64
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / radius_m)))
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
     suns = sun_range(sun, reach)
-    return build_shells(medium.air, suns, radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top), reach
+    return build_shells(medium.air, suns, radius_m, medium.ground_m, lighting.mean_albedo, top), reach
 
 
 def sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:
