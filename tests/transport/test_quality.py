@@ -15,7 +15,7 @@ from openswim.validation.reference.metrics import Score, image_score
 CELL_M = 60.0
 SHAPE = (16, 48, 48)
 SUN = toward(200.0, 35.0)
-PIXELS = 48
+PIXELS = 32
 
 
 def cumuli() -> np.ndarray:
