@@ -198,9 +198,8 @@ def test_irradiance_grows_with_height_to_the_suns_own(altitude: float) -> None:
     lit = light(Scene.clear(LAT, LON), sun=(180.0, altitude))
     heights = (2.0, 3e3, 9e3, 25e3, 99e3)
     views = [openswim.render(lit, Camera.allsky(LAT, LON, height, size=4)).attrs for height in heights]
-    normal, diffuse = (
-        np.array([view[f"{part}_irradiance_w_m2"] for view in views]) for part in ("direct_normal", "diffuse_horizontal")
-    )
+    parts = ("direct_normal", "diffuse_horizontal")
+    normal, diffuse = (np.array([view[f"{part}_irradiance_w_m2"] for view in views]) for part in parts)
     assert (np.diff(normal) > 0).all()
     assert (np.diff(diffuse) < 0).all()
     assert normal[-1] == pytest.approx(0.986 * SOLAR_CONSTANT_W_M2, rel=0.003)
