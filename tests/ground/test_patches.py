@@ -22,7 +22,7 @@ def places(n, extent_deg=8.0):
 
 @pytest.mark.parametrize("colour", [FARMLAND, FOREST, SAND])
 def test_the_mean_is_the_maps_at_any_distance(colour):
-    lat, lon = places(200_000)
+    lat, lon = places(100_000)
     for footprint in (0.0, 30.0, 1000.0, 6000.0):
         albedo = land(colour, 7400.0, footprint, lat, lon)
         np.testing.assert_allclose(albedo.mean(axis=0), colour, rtol=0.01)
