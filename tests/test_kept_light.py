@@ -14,9 +14,9 @@ from tests.transport.scenes import grid_scene
 
 import openswim
 from openswim import Camera, Solver, UserError
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.scene.procedural import demo_scene
-from openswim.viewpoint import LitScene
 
 WAVELENGTHS = (640.0, 615.0, 546.0, 500.0, 450.0)  # two packs
 

@@ -13,10 +13,11 @@ from pyproj import CRS
 from tests.transport.scenes import LAT, LON, box, grid_scene
 
 import openswim
-from openswim import Camera, Scene, UserError, viewpoint
+from openswim import Camera, Scene, UserError
 from openswim.lighting import daylight, light
 from openswim.lights import SOLAR_CONSTANT_W_M2, solar_irradiance, sun_position
-from openswim.observer import check_observer
+from openswim.pictures import viewpoint
+from openswim.pictures.observer import check_observer
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood, far_m, reach_m
 from openswim.scene.procedural import demo_scene

@@ -20,12 +20,12 @@ from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
 from openswim.lights.eclipses import MoonShadow
 from openswim.lights.refraction import lit_altitude_deg
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.transport import Field
-from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
 

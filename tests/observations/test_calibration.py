@@ -126,11 +126,22 @@ def test_a_night_of_moon_gives_a_camera(tmp_path):
     assert worst_deg(found.camera, optics, 25.0) < 0.5
 
 
+def test_a_camera_is_not_checked_by_day(tmp_path):
+    optics = mounted(Lens("equidistant", 160.0), **SMALL)
+    frames = day_frames(tmp_path, optics)
+    found = calibrate(frames, LAT, LON, settings=UTC)
+    write_camera(found.content, tmp_path / "camera.toml")
+    with pytest.raises(UserError, match="degrees high: a camera is checked by the stars"):
+        check(read_camera(tmp_path / "camera.toml"), frames[5])
+
+
 def test_what_gives_no_camera_is_refused(tmp_path):
     optics = mounted(Lens("equidistant", 160.0), **SMALL)
     frames = day_frames(tmp_path, optics)
     with pytest.raises(UserError, match="one sun tells no camera"):
         calibrate(frames[5], LAT, LON, settings=UTC)
+    with pytest.raises(UserError, match="one moon tells no camera; give 6 frames or more of a clear night"):
+        calibrate(frames[5], LAT, LON, settings=UTC, by="moon")
     grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, DAY[5], overcast=True)
     with pytest.raises(UserError, match="no sun in this frame"):
         calibrate(grey, LAT, LON, settings=UTC)

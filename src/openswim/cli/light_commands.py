@@ -18,7 +18,7 @@ from openswim.cli.options import PATH, debug, quality, solver
               help="Of --clear: height of the ground above sea level, m.  [default: likewise, else 0]")  # fmt: skip
 @click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
 @click.option("--end", help="Last time, UTC.")
-@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--every", help="From time to time, such as 10min.  [default: 1min]")
 @click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
 @click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
 @click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")

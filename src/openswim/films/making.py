@@ -26,12 +26,12 @@ from openswim.films.outputs import check_output, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
-from openswim.observer import check_observer, ground_below
+from openswim.pictures.observer import check_observer, ground_below
+from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene, Viewpoint
 
 MOST_FRAMES = 100_000
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
@@ -97,7 +97,7 @@ def film(
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure))
     lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
     _make(kept, lights, shots, kind == "radiance", exposure)
-    curve = _exposures(kept, len(shots), exposure)
+    curve = _exposures(kept, len(shots), exposure, fps)
     lines: list[NDArray[np.uint8]] = []
     write_film(target, kept, len(shots), _pictures(kept, curve, title, lines), fps, kept.facts(0), wavelengths_nm)
     if keogram is not None:
@@ -135,6 +135,7 @@ def shots_of(
         count = _count(length_s / speed * fps)
         steps = np.round(np.arange(count) / fps * speed * 1e3).astype("timedelta64[ms]")
         times = path.time[0] + steps
+        sky.check_between(times)
         return [Shot(time, each) for time, each in zip(times, path.camera(camera, times), strict=True)]
     times = sky.times
     if every_s is not None:
@@ -147,6 +148,7 @@ def shots_of(
     chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
     if not chosen:
         raise UserError("film: no frames between these times")
+    sky.check_between(chosen)
     return [Shot(time, camera) for time in chosen]
 
 
@@ -294,11 +296,11 @@ def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
     return known
 
 
-def _exposures(kept: KeptFrames, count: int, exposure: float | str) -> NDArray[np.float64]:
+def _exposures(kept: KeptFrames, count: int, exposure: float | str, fps: float) -> NDArray[np.float64]:
     if not isinstance(exposure, str):
         return np.full(count, float(exposure))
     wanted = np.array([kept.facts(n)["exposure"] for n in range(count)])
-    return exposure_curve(wanted) if exposure == "auto" else wanted
+    return exposure_curve(wanted, fps) if exposure == "auto" else wanted
 
 
 def _pictures(
