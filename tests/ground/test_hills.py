@@ -27,7 +27,7 @@ def light(altitude_deg, azimuth_deg=120.0, steepness=0.4, footprint_m=0.0, n=100
     return sunlight_on_slopes(lat, lon, sun, mu, steep, cell_m, footprint)
 
 
-@pytest.mark.parametrize("altitude", [1.0, 8.0, 20.0, 45.0, 85.0])
+@pytest.mark.parametrize("altitude", [1.0, 20.0, 85.0])
 @pytest.mark.parametrize("footprint", [0.0, 300.0, 1500.0])
 def test_the_ground_gets_as_much_light(altitude, footprint):
     factor = light(altitude, footprint_m=footprint)
