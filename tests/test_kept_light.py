@@ -30,7 +30,7 @@ def cloud(shape: tuple[int, int, int]) -> np.ndarray:
 def scenes() -> dict[str, Scene]:
     wide = grid_scene(cloud((6, 12, 12)), (6, 12, 12), (3000.0, 3000.0, 500.0), curved=True, air=True)
     return {
-        "demo": demo_scene(48, 48, 16),
+        "demo": demo_scene(32, 32, 16),
         "clear": Scene.clear(47.0, 8.0, time=np.datetime64("2024-06-21T10:00")),
         "wide cells": wide,
         "flat": grid_scene(cloud((6, 12, 12)), (6, 12, 12), (100.0, 100.0, 100.0)),
@@ -53,7 +53,8 @@ def pictures(lit: LitScene) -> list[np.ndarray]:
 @pytest.mark.parametrize(("which", "name"), CASES)
 def test_pictures_from_kept_light_are_the_same(which: str, name: str, tmp_path: Path) -> None:
     solver = Solver(name, tolerance=0.3) if name == "fast" else Solver(name)
-    lit = openswim.light(scenes()[which], solver, WAVELENGTHS, sun=(200.0, 40.0))
+    wavelengths = WAVELENGTHS[1:4] if which == "demo" else WAVELENGTHS
+    lit = openswim.light(scenes()[which], solver, wavelengths, sun=(200.0, 40.0))
     lit.save(tmp_path / "light.zarr")
     kept = openswim.open_light(tmp_path / "light.zarr")
     for own, theirs in zip(pictures(lit), pictures(kept), strict=True):
@@ -172,8 +173,8 @@ def test_the_users_own_ground_is_kept_but_for_its_maps(tmp_path: Path) -> None:
 
 
 def test_light_of_bands_is_kept_by_its_terms(tmp_path: Path) -> None:
-    lit = openswim.light(scenes()["clear"], "fast", (550.0, 940.0, 1610.0), sun=(200.0, 40.0))  # eight terms
+    lit = openswim.light(scenes()["clear"], "fast", (550.0, 940.0), sun=(200.0, 40.0))  # five terms
     lit.save(tmp_path / "light.zarr")
     own, theirs = (pictures(one)[0] for one in (lit, openswim.open_light(tmp_path / "light.zarr")))
-    assert own.shape == (20, 40, 3)
+    assert own.shape == (20, 40, 2)
     np.testing.assert_array_equal(own, theirs)

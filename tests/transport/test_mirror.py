@@ -24,7 +24,7 @@ def lake():
     x = (np.arange(N) - N // 2) * CELL
     levels = np.linspace(0.0, 4000.0, 9)
     liquid = np.zeros((levels.size, N, N), np.float32)
-    liquid[3:6, 18:23, 4:21] = 4e-4
+    liquid[3:6, 18:23, 4:21] = 1e-4
     plane = ("y", "x")
     data = xr.Dataset(
         {
@@ -36,7 +36,7 @@ def lake():
     crs = CRS.from_proj4("+proj=lcc +lat_1=20 +lat_0=20 +lon_0=-40 +R=6371000")
     scene = Scene(Grid(x, x, levels, crs, 6_371_000.0), data, Atmosphere.us_standard())
     sun = np.array([0.3, -0.6, 0.74])
-    return Solver().solve(scene, sun / np.linalg.norm(sun), [615.0, 546.0, 450.0])
+    return Solver(tolerance=0.3).solve(scene, sun / np.linalg.norm(sun), [615.0, 546.0, 450.0])
 
 
 def glance(azimuth_deg, depression_deg, height_m=300.0):
@@ -72,7 +72,7 @@ def test_calm_water_is_a_mirror(lake) -> None:
 
 def test_what_is_mirrored_is_where_it_stands(lake) -> None:
     """Up over the northern horizon, under the cloud and past it: as the mirrored rays see it, each for itself."""
-    depression = np.arange(8.0, 40.0, 2.0)
+    depression = np.arange(8.0, 40.0, 4.0)
     eye, place, direction = glance(np.zeros(depression.size), depression)
     seen = mirrored(lake, eye, place, direction, 0.0)[:, 0]
     turned = [glance(np.zeros(depression.size), depression + tilt)[2] for tilt in (-4.0, 0.0, 4.0)]
