@@ -21,7 +21,7 @@ LEAST_FRAMES = 1.0  # and at least so many frames
 
 
 def exposure_curve(wanted: ArrayLike, frames_per_second: float) -> F64:
-    """Factors (n,) from L' to display light, smooth over frames, from what each frame by itself wants (n,), positive."""
+    """Factors (n,) from L' to display light for a film, from what each frame by itself wants (n,), positive."""
     stops = np.log2(np.asarray(wanted, float))
     needed = np.abs(np.diff(taut(stops - MOST_OFF, stops + MOST_OFF)))
     curve = slow(stops, np.maximum(needed, RATE / frames_per_second))
@@ -72,7 +72,7 @@ def _parting(low: F64, high: F64) -> tuple[int, float] | None:
 
 
 def slow(curve: F64, steepest: F64) -> F64:
-    """The function (n,) whose steps are up to ``steepest`` (n - 1,) that is least far from a curve (n,) at its worst."""
+    """The function (n,) of steps up to ``steepest`` (n - 1,) that is least far from a curve (n,) at its worst."""
     tilt = np.append(0.0, np.cumsum(steepest))
 
     def below(values: F64) -> F64:
