@@ -57,6 +57,22 @@ def test_grass_has_tufts_for_who_stands_on_it():
         assert least < (np.log(other / one)).std() / np.sqrt(2) < most
 
 
+def test_no_grass_grows_on_what_a_fine_map_shows_to_be_paved():
+    """Asphalt, new and old, concrete and paint; grass and soil beside them are rough as ever, and so are grey towns."""
+    lat, lon = places(4000)
+
+    def roughness(colour, known_m):
+        seen = land(colour, known_m, 0.01, lat, lon) / colour
+        np.testing.assert_allclose(seen.mean(axis=0), 1.0, rtol=0.03)
+        return seen[:, 1].std()
+
+    paved = (0.06, 0.06, 0.06), (0.12, 0.11, 0.10), (0.30, 0.28, 0.24), (0.75, 0.75, 0.72)
+    natural = FARMLAND, SAND, (0.07, 0.11, 0.04), (0.18, 0.13, 0.08)
+    assert max(roughness(colour, 1.0) for colour in paved) < 0.09
+    assert min(roughness(colour, 1.0) for colour in natural) > 0.12
+    assert roughness(paved[0], 7400.0) > 0.12
+
+
 def test_what_is_known_finely_is_left_alone():
     lat, lon = places(100)
     np.testing.assert_allclose(land(FARMLAND, 50.0, 100.0, lat, lon), [FARMLAND] * 100)

@@ -1,7 +1,8 @@
 """One exposure curve for a film, so slow that nobody notices it: what each frame would like, within bounds.
 
-The logarithm of the curve changes by `RATE` at most, and faster only where frames would else be `MOST_OFF` too dark or
-too bright, as at twilight in a film of a day: there by as much as the taut string through that corridor, which of all
+What frames want is first taken in the mean over about a second, in which bright things that pass by are lost. The
+logarithm of the curve changes by `RATE` at most, and faster only where frames would else be `MOST_OFF` too dark or too
+bright, as at twilight in a film of a day: there by as much as the taut string through that corridor, which of all
 curves in it has the least of any convex measure of its slopes (Davies and Kovac 2001). Of all curves of such slopes the
 one is taken that is least far from what the frames want at its worst: the mean of the largest one below and the
 smallest one above.
@@ -16,16 +17,18 @@ F64 = NDArray[np.float64]
 
 RATE = 0.1  # stops per second of the film, which nobody notices
 MOST_OFF = 1.0  # stops that a frame may be darker or brighter than it would be by itself
-ROUNDED_S = 0.3  # standard deviation of the smoothing that rounds the corners
+PASSING_S = 0.5  # standard deviation of the mean in which is lost what passes by, as marks of a runway do,
+ROUNDED_S = 0.3  # and of that which rounds the corners of the curve
 LEAST_FRAMES = 1.0  # and at least so many frames
 
 
 def exposure_curve(wanted: ArrayLike, frames_per_second: float) -> F64:
-    """Factors (n,) from L' to display light, smooth over frames, from what each frame by itself wants (n,), positive."""
-    stops = np.log2(np.asarray(wanted, float))
+    """Factors (n,) from L' to display light for a film, from what each frame by itself wants (n,), positive."""
+    passing, rounding = (max(seconds * frames_per_second, LEAST_FRAMES) for seconds in (PASSING_S, ROUNDED_S))
+    stops = _smooth(np.log2(np.asarray(wanted, float)), passing)
     needed = np.abs(np.diff(taut(stops - MOST_OFF, stops + MOST_OFF)))
     curve = slow(stops, np.maximum(needed, RATE / frames_per_second))
-    return np.asarray(2.0 ** _rounded(curve, max(ROUNDED_S * frames_per_second, LEAST_FRAMES)))
+    return np.asarray(2.0 ** _smooth(curve, rounding))
 
 
 def taut(low: F64, high: F64) -> F64:
@@ -72,7 +75,7 @@ def _parting(low: F64, high: F64) -> tuple[int, float] | None:
 
 
 def slow(curve: F64, steepest: F64) -> F64:
-    """The function (n,) whose steps are up to ``steepest`` (n - 1,) that is least far from a curve (n,) at its worst."""
+    """The function (n,) of steps up to ``steepest`` (n - 1,) that is least far from a curve (n,) at its worst."""
     tilt = np.append(0.0, np.cumsum(steepest))
 
     def below(values: F64) -> F64:
@@ -82,7 +85,7 @@ def slow(curve: F64, steepest: F64) -> F64:
     return np.asarray(0.5 * (below(curve) - below(-curve)))
 
 
-def _rounded(curve: F64, sigma: float) -> F64:
+def _smooth(curve: F64, sigma: float) -> F64:
     """A Gaussian mean of so many frames; at the ends the film is taken to go on as its mirror image does."""
     if len(curve) < 2:
         return curve

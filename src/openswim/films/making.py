@@ -234,7 +234,7 @@ def _frame(
 
     camera = _above_ground(lights[0][1], shot.camera)
     eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
-    images = [(share, eye.view()) for share, eye in eyes]
+    images = [(share, eye.view(irradiance=radiance)) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
@@ -272,7 +272,7 @@ def _ahead(eye: Viewpoint) -> dict[str, Any]:
     camera = eye.camera
     if camera.view != "perspective":
         return {}
-    sight = eye.sight(camera.azimuth_deg, camera.altitude_deg)
+    sight = eye.ahead()
     if not np.isfinite(sight.distance_m[0]):
         return {}
     return {"ahead": sight.names[sight.kind[0]], "ahead_m": float(sight.distance_m[0])}

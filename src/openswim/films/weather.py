@@ -20,8 +20,8 @@ from openswim.system.inputs import size_and_change
 class Weather:
     """Model times (ascending, datetime64[ms]) whose scenes ``open_at`` reads; two of them are held at a time.
 
-    identity: text that is another one where the weather is. grids_at: the grids of a time and where they come from, where
-    they can be had without reading its scene.
+    identity: text that is another one where the weather is. grids_at: the grids of a time, and where they come from,
+    where they can be had without reading its scene.
     """
 
     def __init__(
