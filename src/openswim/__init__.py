@@ -5,7 +5,8 @@
     openswim.to_rgb(image)
 
 The folders follow the light: `readers` and `scene` (the world), `optics`, `lights`, `transport`, `ground`,
-`cameras`, `colour`, `fluxes`. Names are imported on first use, so `import openswim` itself costs nothing.
+`cameras`, `fluxes`, `heavens`, `pictures`, `colour`. Names are imported on first use, so `import openswim` itself
+costs nothing.
 """
 
 from importlib import import_module

@@ -40,6 +40,8 @@ def run(request: CalibrateRequest) -> None:
         raise UserError("--output missing: give -o camera.toml (or --camera camera.toml to check one)")
     if request.lat is None or request.lon is None:
         raise UserError("place missing: give --lat and --lon in degrees")
+    if not request.output.suffix:
+        raise UserError(f"output {request.output}: a camera's file ends in .toml")
     report = request.report or request.output.with_suffix(".html")
     if report == request.output:
         raise UserError(f"output {request.output}: a camera's file ends in .toml; its report gets .html")

@@ -18,8 +18,8 @@ from openswim.cli.options import PATH, debug, quality, solver
               help="Of --clear: height of the ground above sea level, m.  [default: as files of --station or --aeronet "
               "say, else 0]")  # fmt: skip
 @click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
-@click.option("--end", help="Last time, UTC.  [default: the first]")
-@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
+@click.option("--end", help="Last time, UTC.  [default: --start, or the model's last]")
+@click.option("--every", help="From time to time, such as 10min or 30s.  [default: 1min; the model's own times]")
 @click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH",
               help="A tilted plane: degrees from the horizontal, and the azimuth that it faces, degrees clockwise from "
               "north; may be given several times.")  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def run(request: SatelliteRequest) -> None:
         raise UserError(f"--band missing: give some of {', '.join(known[request.imager])}")
     bands = [band(request.imager, name) for name in request.bands]
     for output in request.outputs:
-        if output.is_dir():
+        if os.path.isdir(output):
             continue  # the file gets the name that satpy knows
         if output.suffix.lower() not in (".nc", ".tif", ".tiff"):
             raise UserError(f"output {output}: suffix {output.suffix!r} is unknown; use .nc or .tif")

@@ -14,6 +14,7 @@ from openswim.errors import UserError
 from openswim.satellites.fixed_grid import FixedGrid
 from openswim.scene.cf import save_netcdf
 from openswim.scene.files import written_whole
+from openswim.system.inputs import check_name, check_ordinary
 
 F64 = NDArray[np.float64]
 
@@ -95,8 +96,8 @@ def read(path: str | Path) -> xr.Dataset:
     the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
     """
     source = Path(path)
-    if not source.exists():
-        raise UserError(f"{source}: no such file")
+    check_ordinary(source)
+    check_name(source)
     try:
         return _from_netcdf(source) if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff(source)
     except (OSError, ValueError, KeyError) as error:

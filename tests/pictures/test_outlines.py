@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Rays
-from openswim.outlines import outlines, outlines_of, softened
+from openswim.pictures.outlines import outlines, outlines_of, softened
 from openswim.scene.frame import Frame
 
 FRAME = Frame(6_371_000.0, 40.0, 10.0)
