@@ -45,14 +45,10 @@ HOUSE = {
     "rendering": Place(0.88, 6.6, 1.5, "openswim.render"),
     "lighting": Place(2.3, 6.6, 1.5, "openswim.light"),
     "kept_light": Place(3.85, 8.9, 1.35, "light on disk"),
-    "viewpoint": Place(3.05, 5.5, 1.6, "a camera in the light"),
-    "colour": Place(4.75, 0.75, 1.35, "what an eye sees"),
-    "fluxes": Place(4.75, 2.3, 1.35, "W m⁻² on a plane"),
-    "images": Place(4.75, 4.25, 1.35, "labelled data"),
-    "observer": Place(4.75, 5.8, 1.35, "where one stands"),
-    "outlines": Place(4.75, 7.35, 1.35, "edges in a pixel"),
-    "sun_disc": Place(6.1, 2.35, 1.35, "the sun in pixels"),
-    "heavens": Place(3.85, 3.3, 1.5, "moon, stars, night"),
+    "pictures": Place(3.05, 5.5, 1.6, "a camera in the light"),
+    "colour": Place(4.75, 2.3, 1.2, "what an eye sees"),
+    "fluxes": Place(4.75, 3.9, 1.35, "W m⁻² on a plane"),
+    "heavens": Place(3.85, 5.5, 1.5, "moon, stars, night"),
     "solver": Place(4.75, 8.9, 1.35, "asks transport"),
     "readers": Place(6.1, 4.55, 1.3, "files to scenes"),
     "transport": Place(6.1, 7.35, 3.4, "how light travels"),
@@ -68,8 +64,8 @@ HOUSE = {
 BETWEEN = {
     ("cli", "validation"): 2.4,
     ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
-    ("observations", "cameras"): 3.0, ("observations", "lights"): 1.53,
-    ("kept_light", "readers"): 3.42, ("observer", "cameras"): 3.75,
+    ("observations", "cameras"): 3.05, ("observations", "lights"): 1.53,
+    ("kept_light", "readers"): 4.75,
 }  # fmt: skip
 TRANSPORT = {
     "linear": Place(0, 3.0, 1.9, "a linear twin of fast, its adjoint"),
@@ -107,8 +103,7 @@ TRANSPORT_WALLS = [
 INK, FAINT, PAPER, WALL = "#22303c", "#5b6b78", "#fffdf8", "#b4552d"
 COLOURS = ("#dcebf7", "#e7f1e1", "#fbeed3")  # of rooms that users meet, of those that light passes, of what is given
 USERS = {"cli", "observations", "comparison", "assimilation", "stations", "films", "batches", "satellites",
-         "validation", "rendering", "lighting", "kept_light", "viewpoint", "solver", "outlines", "observer", "sun_disc",
-         "images", "heavens", CONDUCTORS}  # fmt: skip
+         "validation", "rendering", "lighting", "kept_light", "pictures", "solver", "heavens", CONDUCTORS}  # fmt: skip
 GIVEN = {"ground", "optics", "options", "cameras", "lights", "scene", "readers", "foundation", "medium", "air", "march",
          "engine"}  # fmt: skip
 BOX = 46  # px, height of a room
@@ -135,10 +130,10 @@ def imports() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     found = runpy.run_path(str(ROOT / "tests/test_rooms.py"))
     homes = runpy.run_path(str(ROOT / "src/openswim/__init__.py"))["_HOME"]
     between: dict[str, set[str]] = {}
-    for name, others in found["IMPORTS"].items():
+    for name, others in found["imports"]().items():
         asked = {
             homes[node.attr]
-            for node in ast.walk(found["TREES"][name])
+            for node in ast.walk(found["trees"]()[name])
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "openswim"
             if node.attr in homes
         }

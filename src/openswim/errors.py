@@ -6,11 +6,13 @@ _LONGEST, _END = 600, 150  # characters of a message, and of what is kept of its
 class UserError(Exception):
     """Bad input or a wrong request: one line that says what, where, and what to do (exit code 2).
 
-    What a file says of itself may be very long: of a long message its beginning and its end are kept.
+    What a file says of itself may be very long: of a long message its beginning and its end are kept. Names that are no
+    text are shown with backslashes.
     """
 
     def __init__(self, message: object = "") -> None:
         text = " ".join(part.strip() for part in str(message).splitlines())
+        text = text.encode("utf-8", "backslashreplace").decode()
         if len(text) > _LONGEST:
             text = f"{text[: _LONGEST - _END]} ... {text[-_END:]}"
         super().__init__(text)

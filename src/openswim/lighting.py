@@ -20,12 +20,12 @@ from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
 from openswim.lights.eclipses import MoonShadow
 from openswim.lights.refraction import lit_altitude_deg
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.transport import Field
-from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
 
@@ -150,6 +150,10 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
     another scene than is given.
     """
-    scene, field, day, when = read_light(path, None if scene is None else settled(scene))
-    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).sun_alone()
-    return LitScene(scene, field, day, when, lamps=lamps)
+    scene, lights, whole_sun, day, when = read_light(path, None if scene is None else settled(scene))
+    field = lights[0].field
+    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm)
+    if whole_sun:
+        return LitScene(scene, field, day, when, lamps=None if lamps is None else lamps.sun_alone())
+    every = tuple(LitBy(light.name, light.field, light.strength) for light in lights)
+    return LitScene(scene, field, day, when, lamps=lamps, lights=every)

@@ -10,12 +10,12 @@ import xarray as xr
 
 from openswim.arguments import check_kind
 from openswim.cameras import Camera
-from openswim.images import check_fits, check_layers
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
-from openswim.observer import check_observer
+from openswim.pictures.images import check_fits, check_layers
+from openswim.pictures.observer import check_observer
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
 
 
 def render(

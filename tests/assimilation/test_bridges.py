@@ -41,14 +41,30 @@ def test_jax() -> None:
     assert found == pytest.approx(slope(op, way), rel=1e-6)
 
 
-def test_torch() -> None:
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+def test_torch(device: str) -> None:
+    torch = pytest.importorskip("torch")
+    if device == "cuda" and not torch.cuda.is_available():
+        pytest.skip("no CUDA device")
+    op = operator()
+    arrays = [
+        torch.tensor(v.values, dtype=torch.float64, device=device, requires_grad=True) for v in op.first().values()
+    ]
+    row = op.as_torch()(*arrays)
+    assert row.device.type == device
+    (row**2).sum().backward()
+    way = ways(op)
+    found = sum(float((a.grad.cpu().numpy() * v).sum()) for a, v in zip(arrays, way.values(), strict=True))
+    assert found == pytest.approx(slope(op, way), rel=1e-6)
+
+
+def test_torch_in_single_precision() -> None:
+    """Controls of a network are singles: their gradients are too."""
     torch = pytest.importorskip("torch")
     op = operator()
-    arrays = [torch.tensor(v.values, dtype=torch.float64, requires_grad=True) for v in op.first().values()]
-    (op.as_torch()(*arrays) ** 2).sum().backward()
-    way = ways(op)
-    found = sum(float((a.grad.numpy() * v).sum()) for a, v in zip(arrays, way.values(), strict=True))
-    assert found == pytest.approx(slope(op, way), rel=1e-6)
+    arrays = [torch.tensor(v.values, dtype=torch.float32, requires_grad=True) for v in op.first().values()]
+    op.as_torch()(*arrays).sum().backward()
+    assert all(a.grad.dtype is torch.float32 and a.grad.abs().sum() > 0 for a in arrays)
 
 
 @pytest.mark.parametrize("name", ["jax", "torch"])

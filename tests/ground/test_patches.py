@@ -20,9 +20,9 @@ def places(n, extent_deg=8.0):
     return 45 + rng.uniform(0, extent_deg, n), 5 + rng.uniform(0, extent_deg, n)
 
 
-@pytest.mark.parametrize("colour", [FARMLAND, FOREST, SAND, (0.15, 0.14, 0.09)])
+@pytest.mark.parametrize("colour", [FARMLAND, FOREST, SAND])
 def test_the_mean_is_the_maps_at_any_distance(colour):
-    lat, lon = places(200_000)
+    lat, lon = places(100_000)
     for footprint in (0.0, 30.0, 1000.0, 6000.0):
         albedo = land(colour, 7400.0, footprint, lat, lon)
         np.testing.assert_allclose(albedo.mean(axis=0), colour, rtol=0.01)
@@ -39,7 +39,7 @@ def test_green_land_is_woods_and_fields_and_sand_is_nearly_even():
 
 def test_a_pixel_shows_the_mean_of_what_it_covers():
     """What is seen over 600 m is what finer pixels show there on average."""
-    lat, lon = places(1500)
+    lat, lon = places(600)
     away = (np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 17)])) * 300.0 / 111e3).reshape(2, -1, 1)
     fine = land(FARMLAND, 7400.0, 0.0, (lat + away[0]).ravel(), (lon + away[1] / np.cos(np.radians(lat))).ravel())
     mean = fine.reshape(289, -1, 3).mean(axis=0)[:, 1]

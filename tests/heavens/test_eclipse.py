@@ -9,6 +9,7 @@ import openswim
 from openswim.cameras import Camera, Rays
 from openswim.errors import UserError
 from openswim.heavens.corona import FARTHEST, brightness, drawn_corona
+from openswim.heavens.sun_disc import Bite, Disc, beam_of, drawn
 from openswim.kept_light import save_light
 from openswim.lighting import daylight
 from openswim.lights.eclipses import MoonShadow, light_left, solar_eclipse
@@ -17,7 +18,6 @@ from openswim.lights.eclipses.solar import discs
 from openswim.scene import Scene
 from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector, scene_frame
 from openswim.solver import Solver
-from openswim.sun_disc import Bite, Disc, beam_of, drawn
 from openswim.transport.montecarlo.covered import cover, covered_by
 
 WAVELENGTHS = np.array([450.0, 546.0, 615.0])

@@ -75,7 +75,7 @@ def test_devices_links_and_names(tmp_path):
     _refused(tmp_path / "b.nc", "b.nc: a link to a file that is not there")
     odd = tmp_path / os.fsdecode(b"caf\xe9.nc")
     os.link(era5(tmp_path / "d.nc", new=True).paths[0], odd)
-    _refused(odd, "its name is not UTF-8", "rename it")
+    _refused(odd, "this name is not UTF-8", "rename it")
 
 
 def test_a_store_that_points_out_of_its_folder(tmp_path):

@@ -15,6 +15,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
 from openswim.readers.common.units import conversion
+from openswim.scene.procedural import demo_scene
 
 LEVELS = np.array([100.0, 600.0, 1500.0])
 CONTENT = (np.arange(24.0).reshape(3, 2, 4) * 1e-5).astype("f4")
@@ -366,7 +367,7 @@ def test_not_scenes_at_all(tmp_path):
     said = {
         "missing.nc": "no such file",
         "empty": "empty: copy or download",
-        "text.nc": "neither a netCDF",
+        "text.nc": "no file of weather: netCDF",
         "folder": "cannot be opened|not a Zarr",
         "plain": "not a Zarr",
         "other.nc": "holds t2m",
@@ -458,3 +459,25 @@ def test_fields_that_others_name_as_coordinates_are_read(tmp_path):
     data = _dataset(rain_content=(("z", "y", "x"), 0.5 * CONTENT, {"units": "kg m-3"}))
     data.liquid_content.attrs["coordinates"] = "rain_content"
     assert float(_read(tmp_path, data).data.rain_content.max()) == pytest.approx(0.5 * CONTENT.max())
+
+
+def test_a_field_that_was_written_and_is_gone_is_told(tmp_path):
+    """The file itself says what it was written with; a scene that goes to a file and back is told nothing."""
+    scene = demo_scene(16, 16, 16)
+    scene.to_netcdf(tmp_path / "a.nc")
+    assert not any("any more" in note for note in open_scene(tmp_path / "a.nc").notes)
+    with xr.open_dataset(tmp_path / "a.nc", decode_cf=False) as whole:
+        whole.drop_vars(["surface_albedo", "ice_content"], errors="ignore").to_netcdf(tmp_path / "b.nc")
+    told = [note for note in open_scene(tmp_path / "b.nc").notes if "any more" in note]
+    assert len(told) == 1
+    assert "surface_albedo" in told[0]
+    assert told[0] in describe(tmp_path / "b.nc").assumed
+
+
+def test_without_a_time_the_earliest_is_taken(tmp_path):
+    scene = demo_scene(16, 16, 16)
+    later, earlier = np.datetime64("2024-06-21T15", "ns"), np.datetime64("2024-06-21T12", "ns")
+    data = xr.concat([scene.to_dataset().drop_vars("time").assign_coords(time=t) for t in (later, earlier)], "time",
+                     data_vars="all")  # fmt: skip
+    data.to_netcdf(tmp_path / "a.nc")
+    assert open_scene(tmp_path / "a.nc").time == earlier

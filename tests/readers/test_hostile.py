@@ -12,7 +12,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from tests.readers.model_files import MAKERS, cosp, era5, laps, les, les_text, merra2, rams
+from tests.readers.model_files import MAKERS, cosp, ecrad, era5, laps, les, les_text, merra2, rams
 
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
@@ -357,3 +357,8 @@ def test_air_that_lost_its_vapour_is_told(analysis):
         return q
 
     assert any("is zero at" in note and "warm air" in note for note in open_scene(_change(analysis, "q", lost)).notes)
+
+
+@pytest.mark.parametrize("change", [lambda p: np.where(p == p[0, 0], -5.0, p), lambda p: p[:, ::-1]])
+def test_pressures_between_layers_that_do_not_rise_are_refused(tmp_path, change):
+    _refused(_change(ecrad(tmp_path / "a.nc").paths[0], "pressure_hl", change), "a.nc: pressure_hl does not rise")

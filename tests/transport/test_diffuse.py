@@ -71,7 +71,7 @@ def test_wavelengths_alike_are_lit_alike(periodic: bool) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "times", "altitude_deg", "off"),
-    [(3, 0.5, 40.0, 0.0022), (3, 0.5, 15.0, 0.0014), (3, 3.0, 70.0, 0.0003), (4, 3.0, 30.0, 0.0005)],
+    [(3, 0.5, 40.0, 0.0022), (3, 0.5, 15.0, 0.0014), (4, 3.0, 30.0, 0.0005)],
 )
 def test_a_white_world_without_sides_keeps_its_light(seed: int, times: float, altitude_deg: float, off: float) -> None:
     """Broken conservative cloud, periodic, black ground: what enters leaves by the top or is absorbed below; also where
@@ -299,12 +299,12 @@ def test_clouds_at_the_top_end_there_though_air_goes_on() -> None:
 def test_a_small_cloud_on_the_earth_is_one_on_a_plane() -> None:
     """Cells of optical depth up to 14, without air: where they were not divided across, on the Earth alone, a
     fifteenth of the light from above was missing."""
-    shape = (14, 24, 24)
+    shape = (14, 16, 16)
     lumps = gaussian_filter(np.random.default_rng(7).standard_normal(shape), (1.5, 2.0, 2.0))
     lumps = np.clip(lumps - np.quantile(lumps, 0.65), 0, None)
     lumps[:2], lumps[9:] = 0, 0
     lumps *= 7 / (lumps.sum(axis=0).mean() * 100.0)
-    across = np.random.default_rng(5).uniform(-2000.0, 2000.0, (200, 2))
+    across = np.random.default_rng(5).uniform(-1300.0, 1300.0, (200, 2))
     down = Rays(np.column_stack([across, np.full(200, 3000.0)]), np.tile([0.0, 0.0, -1.0], (200, 1)))
     flat, curved = (
         Solver().solve(scene, toward(200.0, 60.0), [546.0]).view(down).radiance.mean()

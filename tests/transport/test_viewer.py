@@ -13,9 +13,9 @@ import pytest
 import openswim
 from openswim import Camera
 from openswim.lighting import light
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene.procedural import demo_scene
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
 
 ROWS, COLUMNS = 60, 120
 

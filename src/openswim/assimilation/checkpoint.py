@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.assimilation.background import Space
 from openswim.errors import UserError
-from openswim.observer import place_of
+from openswim.pictures.observer import place_of
 from openswim.scene.files import written_whole
 from openswim.system.archives import Damaged, arrays_of
 from openswim.system.inputs import check_ordinary

@@ -11,7 +11,7 @@ from openswim.errors import UserError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from openswim.viewpoint import Viewpoint
+    from openswim.pictures.viewpoint import Viewpoint
 
 DEPTH = "cloud_optical_depth"
 

@@ -21,8 +21,8 @@ from openswim.errors import UserError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from openswim.pictures.viewpoint import LitScene
     from openswim.scene import Scene
-    from openswim.viewpoint import LitScene
 
 
 @dataclass(frozen=True)

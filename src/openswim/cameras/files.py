@@ -56,6 +56,10 @@ class FrameSettings:
     utc_offset_h: float | None = None
     saturated_count: float | None = None
 
+    def __post_init__(self) -> None:
+        if self.utc_offset_h is not None and not abs(self.utc_offset_h) <= 15:
+            raise UserError(f"the clock's offset from UTC (utc_offset_h) is {self.utc_offset_h:g}, not -15 to 15 hours")
+
 
 @dataclass(frozen=True)
 class ResponseSettings:
@@ -310,8 +314,6 @@ def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
     numbers = {
         key: number(f"[frame] {key}", frame[key]) for key in ("utc_offset_h", "saturated_count") if key in frame
     }
-    if abs(numbers.get("utc_offset_h", 0.0)) > 15:
-        raise UserError(f"[frame] utc_offset_h {numbers['utc_offset_h']:g} is not within -15..15 hours")
     return FrameSettings(pattern, numbers.get("utc_offset_h"), numbers.get("saturated_count"))
 
 

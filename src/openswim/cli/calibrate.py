@@ -40,6 +40,8 @@ def run(request: CalibrateRequest) -> None:
         raise UserError("--output missing: give -o camera.toml (or --camera camera.toml to check one)")
     if request.lat is None or request.lon is None:
         raise UserError("place missing: give --lat and --lon in degrees")
+    if not request.output.suffix:
+        raise UserError(f"output {request.output}: a camera's file ends in .toml")
     report = request.report or request.output.with_suffix(".html")
     if report == request.output:
         raise UserError(f"output {request.output}: a camera's file ends in .toml; its report gets .html")
@@ -76,5 +78,5 @@ def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:
     settings = FrameSettings(pattern, offset_h, full)
     for frame in frames:
         count, median = check(replace(content, frames=settings), frame, request.time, request.height_m)
-        told = f"median distance {median:.2f} px" if count else "nothing to measure by"
+        told = f"median distance {median:.2f} px" if count else "which may be cloud, or another camera, place or time"
         click.echo(f"{frame}: {count} stars match, {told}")

@@ -9,10 +9,10 @@ import numpy as np
 
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
-from openswim.images import PIXEL_BYTES
 from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
 from openswim.options import Options
+from openswim.pictures.images import PIXEL_BYTES
 from openswim.progress import PATIENCE_S
 from openswim.system.machine import free_memory
 from openswim.transport.engine.pack import PACK

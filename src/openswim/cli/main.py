@@ -62,7 +62,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        return _fail(str(UserError(f"{error.format_message()} (see openswim --help)")), USERS_MISTAKE, state)
+        asked = getattr(error, "ctx", None)
+        command = "openswim" if asked is None else asked.command_path
+        return _fail(str(UserError(f"{error.format_message()} (see {command} --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED

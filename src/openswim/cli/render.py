@@ -81,7 +81,7 @@ def run(request: RenderRequest) -> None:
     from openswim.colour import check_writable
     from openswim.colour.picture import check_bits
     from openswim.ground.earth import preload
-    from openswim.images import check_layers
+    from openswim.pictures.images import check_layers
     from openswim.readers import files_of
     from openswim.scene.files import check_target
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.cameras import Camera
-from openswim.observer import place_of, terrain_below
+from openswim.pictures.observer import place_of, terrain_below
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 

@@ -18,9 +18,9 @@ from openswim.comparison.scores import Region
 from openswim.comparison.skies import Model, Skies
 from openswim.errors import UserError
 from openswim.observations import SkyFrame, read_frame
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
 SUN_MASKS_DEG = (5.0, 12.0)  # Albers et al. 2020, Sect. 4.2.3 and Table 4

@@ -14,14 +14,14 @@ from openswim.comparison.clear_table import ClearTable
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
-from openswim.observer import place_of, terrain_below
 from openswim.optics.chosen import with_aerosol
+from openswim.pictures.observer import place_of, terrain_below
+from openswim.pictures.viewpoint import LitScene
 from openswim.readers import Neighbourhood, describe, open_scene
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene
 
 F64 = NDArray[np.float64]
 Model = Scene | LitScene | str | Path | Sequence[str | Path] | None

@@ -15,6 +15,7 @@ from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import parse_time
+from openswim.system.inputs import check_ordinary
 
 F64 = NDArray[np.float64]
 
@@ -50,6 +51,7 @@ class CameraPath:
         """A path from GPX (ele, time), or CSV: columns time, lat, lon, height_m; optional azimuth, altitude, roll,
         fov."""
         file = Path(path)
+        check_ordinary(file)
         try:
             if file.stat().st_size > MOST_BYTES:
                 raise UserError(f"{file}: larger than {MOST_BYTES // 1_000_000} MB: too many points for a path")

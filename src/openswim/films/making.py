@@ -26,14 +26,15 @@ from openswim.films.outputs import check_output, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
-from openswim.observer import check_observer, ground_below
+from openswim.pictures.observer import check_observer, ground_below
+from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
-from openswim.viewpoint import LitScene, Viewpoint
 
 MOST_FRAMES = 100_000
+_LONGEST_STEP_S = 366 * 86400.0
 LIGHT_EVERY_S = 300.0  # of a path: the sun is placed anew so often, and frames between two lights are blended
 _ONE_LIGHT = 0.5  # of that time, up to which one light in the middle will do
 _MOST_HALF = 65000.0  # that half floats hold
@@ -139,9 +140,11 @@ def shots_of(
         return [Shot(time, each) for time, each in zip(times, path.camera(camera, times), strict=True)]
     times = sky.times
     if every_s is not None:
-        step = np.timedelta64(round(number("film: every", every_s) * 1e3), "ms")
-        if step <= np.timedelta64(0, "ms"):
-            raise UserError(f"film: every {every_s:g} s; give more than 0")
+        if np.isnat(times).any():
+            raise UserError("film: frames in steps (every) are between times, and these scenes tell none")
+        if not 1e-3 <= number("film: every", every_s) <= _LONGEST_STEP_S:
+            raise UserError(f"film: every {every_s:g} s; give .001 s to a year")
+        step = np.timedelta64(round(every_s * 1e3), "ms")
         first, last = times[0] if begin is None else begin, times[-1] if end is None else end
         _count(float((last - first) / step))
         times = np.arange(first, last + np.timedelta64(1, "ms"), step)

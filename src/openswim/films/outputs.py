@@ -33,10 +33,12 @@ def check_output(path: Path) -> str:
     if kind == "video":
         check_video(suffix)
     if kind == "pictures":
+        if not path.name:
+            raise UserError(f"film {path}: is no name for a folder of pictures: choose one")
+        check_target(path.with_name(f"{path.name}.png"))  # a file beside it, as its folder could be written
         foreign = _foreign(path)
         if foreign:
             raise UserError(f"film {path}: holds {foreign}, which is no frame: choose another name")
-        check_target(path.with_name(f"{path.name}.png"))  # a file beside it, as its folder could be written
     else:
         check_target(path)
     return kind

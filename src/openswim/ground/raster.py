@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.interpolation import corners
-from openswim.system.inputs import check_ordinary
+from openswim.system.inputs import check_name, check_ordinary
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -222,6 +222,7 @@ def _opened(path: Path) -> Any:
     import warnings
 
     check_ordinary(path)
+    check_name(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.points import Drawn, Through, gathered
+from openswim.heavens.sun_disc import Disc, across, pixels_of
 from openswim.scene.frame import horizon_vector
-from openswim.sun_disc import Disc, across, pixels_of
 
 F64 = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.scene.rays import Rays
 from openswim.transport import Field
-from openswim.transport.field import Viewpoint
+from openswim.transport.view.eye import Eye, Through
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight
 
@@ -29,8 +29,9 @@ class LitBy:
 class Eyes:
     """One eye in each light's field: used as one is."""
 
-    every: tuple[Viewpoint, ...]
+    every: tuple[Eye, ...]
     strength: tuple[F64, ...]
+    sees_outlines = True
 
     @classmethod
     def of(cls, lights: tuple[LitBy, ...], rays: Rays) -> Eyes:
@@ -50,3 +51,9 @@ class Eyes:
     def of_others(self, rays: Rays) -> Eyes:
         """That of other rays from the same eye."""
         return replace(self, every=tuple(eye.of_others(rays) for eye in self.every))
+
+    def summed(self, rays: Rays) -> View:
+        return self.of_others(rays).view(rays)
+
+    def through(self, rays: Rays) -> Through:
+        return self.every[0].through(rays)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.points import Drawn, Through, gathered
+from openswim.heavens.sun_disc import Disc, pixels_of
 from openswim.lights import moon_irradiance
 from openswim.lights.eclipses.lunar import shadow, shadow_light
 from openswim.lights.moon import Moon
@@ -20,7 +21,6 @@ from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
 from openswim.srgb import from_srgb
-from openswim.sun_disc import Disc, pixels_of
 
 F64 = NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from openswim.heavens.corona import MOST_SUN, drawn_corona, flattening, pole_dir
 from openswim.heavens.lamps import Lamps
 from openswim.heavens.moon_disc import drawn_moon
 from openswim.heavens.points import FAINTEST, Drawn, Points, Through, drawn_points, points_over
+from openswim.heavens.sun_disc import Bite, Disc
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.eclipses import moonlight_left
 from openswim.lights.moon import Moon
 from openswim.optics.bent_rays import LongerWay, Refraction
 from openswim.scene.atmosphere import Atmosphere
-from openswim.sun_disc import Bite, Disc
 from openswim.transport.lit.lit_grid import Once
 
 F64 = NDArray[np.float64]

@@ -116,6 +116,10 @@ def check(
         raise UserError("only a camera with a lens, at a latitude and longitude, can be checked by stars")
     if seen.shape != place.shape:
         raise UserError(f"{seen.path}: is {seen.shape[1]}x{seen.shape[0]} pixels, the camera's frames are not")
+    altitude = sun_position(seen.time, place.lat, place.lon, height_m).refracted_altitude_deg
+    if altitude >= _NIGHT_DEG:
+        raise UserError(f"{seen.path}: the sun is {altitude:.1f} degrees high: a camera is checked by the stars of a "
+                        "clear night's frame")  # fmt: skip
     sky = sky_of(seen, place.lat, place.lon, height_m, None if place.mask is None else place.mask.hidden)
     size = min(max(min(seen.shape) / 1040, 0.3), 1.0)
     star, peak = pairs(optics, sky.direction, sky.peaks.place, TOLERANCES_PX[-1] * size)
@@ -152,8 +156,9 @@ def _looked_at(
         if way == "sun" and found.spot is not None:
             standing.add(frame)
     if len(out) == 1 and isinstance(out[0], Sighting):
-        told = "no sun in this frame" if out[0].spot is None else "one sun tells no camera"
-        raise UserError(f"{given[0]}: {told}; give {LEAST_SPOTS} frames or more of a clear day, or a starry one")
+        body, span = ("moon", "night") if by == "moon" else ("sun", "day")
+        told = f"no {body} in this frame" if out[0].spot is None else f"one {body} tells no camera"
+        raise UserError(f"{given[0]}: {told}; give {LEAST_SPOTS} frames or more of a clear {span}, or a starry one")
     if not out:
         raise UserError(f"{given[0]}: in none of the frames sun or stars show")
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from openswim.errors import UserError
 from openswim.satellites.fixed_grid import FixedGrid
 from openswim.scene.cf import save_netcdf
 from openswim.scene.files import written_whole
+from openswim.system.inputs import check_name, check_ordinary
 
 F64 = NDArray[np.float64]
 
@@ -94,8 +96,8 @@ def read(path: str | Path) -> xr.Dataset:
     the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
     """
     source = Path(path)
-    if not source.exists():
-        raise UserError(f"{source}: no such file")
+    check_ordinary(source)
+    check_name(source)
     try:
         return _from_netcdf(source) if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff(source)
     except (OSError, ValueError, KeyError) as error:
@@ -120,11 +122,13 @@ def _from_geotiff(path: Path) -> xr.Dataset:
     try:
         import rasterio
         from pyproj import CRS
-        from rasterio.errors import RasterioIOError
+        from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
     except ImportError as error:
         raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
     try:
-        file = rasterio.open(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused below
+            file = rasterio.open(path)
     except RasterioIOError as error:
         raise UserError(f"{path}: cannot be read as GeoTIFF ({error})") from error
     with file:

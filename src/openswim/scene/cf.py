@@ -27,6 +27,7 @@ PROFILES = {
     "profile_temperature": ("temperature_k", {"units": "K", "standard_name": "air_temperature"}),
     "profile_ozone": ("ozone_per_m3", {"units": "m-3", "long_name": "ozone molecules per volume of air"}),
 }
+FIELDS = "openswim_fields"  # attribute: names of what was written, by which is seen what was lost since
 VAPOUR_PROFILE = "profile_water_vapour"  # kg m-3, where there is one
 _AXES = {
     "projected": (("projection_x_coordinate", "m"), ("projection_y_coordinate", "m")),
@@ -76,6 +77,7 @@ def in_layout(
         if own.relative_extinction is not None:
             data[target].attrs["relative_extinction"] = _albedo_attribute(own.relative_extinction)
     data.attrs = {"Conventions": "CF-1.11", "title": "OpenSWIm scene", "openswim_layout": LAYOUT, **history}
+    data.attrs[FIELDS] = " ".join(sorted(map(str, fields.data_vars)))
     if grid is not None:
         data.attrs |= {"earth_radius_m": float(grid.earth_radius_m), "periodic_sides": int(grid.periodic)}
     if time is not None:

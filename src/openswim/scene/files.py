@@ -11,6 +11,7 @@ from pathlib import Path
 
 from openswim.arguments import check_kind
 from openswim.errors import UserError
+from openswim.system.inputs import check_name
 from openswim.system.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
@@ -25,6 +26,7 @@ def check_target(
     Meant to be called before a long computation; `name`: what the message calls the file.
     """
     target = Path(path)
+    check_name(target, name)
     for each in map(Path, inputs):
         if any(_same(target, held) for held in (each, *each.absolute().parents)):
             raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")

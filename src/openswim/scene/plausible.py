@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
+from openswim.scene.oddities.damage import damaged_fields
 from openswim.scene.oddities.neighbours import uneven_air
 from openswim.scene.oddities.values import odd_values
 from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
@@ -59,6 +60,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
                 notes += uneven_air(pressure, data["air_temperature"].values, heights_m, max(grid.spacing_m()))
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
     notes += _water(data, heights, min(grid.size_m())) + odd_values(data, (grid.shape[1], grid.shape[2])) + _cover(data)
+    notes += damaged_fields(data, max(grid.spacing_m()))
     return notes + high_bottom(grid.height_m[0], terrain)
 
 

@@ -18,6 +18,7 @@ from openswim.optics.spheres import Sizes, SphereOptics, scattering_by_spheres
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.phase import PhaseFunction, TablePhase
 from openswim.scene.times import Time, parse_time
+from openswim.system.inputs import check_ordinary
 
 F64 = NDArray[np.float64]
 
@@ -154,6 +155,7 @@ def _phases(found: dict[str, float]) -> dict[float, PhaseFunction]:
 
 def _row(path: Path, time: np.datetime64 | None) -> dict[str, float]:
     """Numbers by column: of the row nearest to a time, or the mean of all rows."""
+    check_ordinary(path)
     try:
         with path.open(newline="", encoding="latin-1") as file:
             lines = list(csv.reader(file))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.scene.times import parse_time
+from openswim.system.inputs import check_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,6 +85,7 @@ def read_station(
 
 def kind_of(path: Path) -> str | None:
     """What a file is by its first lines; None: no station's file."""
+    check_ordinary(path)
     try:
         with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
             head = file.read(4000)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.lighting import light
 from openswim.lights import SunTrack
+from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.stations.clear import ClearLight
 from openswim.stations.planes import Planes, relative_diffuse
-from openswim.viewpoint import LitScene, Viewpoint
 
 F64 = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from openswim.arguments import numbers, shown
 from openswim.errors import UserError
 from openswim.fluxes import Quadrature, quadrature_directions
+from openswim.pictures.viewpoint import Viewpoint
 from openswim.scene.frame import horizon_vector
-from openswim.viewpoint import Viewpoint
 
 F64 = NDArray[np.float64]
 

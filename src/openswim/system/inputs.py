@@ -35,6 +35,15 @@ def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:
         raise UserError(f"{label}: empty: copy or download it again")
 
 
+def check_name(path: str | os.PathLike[str], name: str = "") -> None:
+    """Refuse names that libraries which read and write files cannot be told. name: as in `check_ordinary`."""
+    try:
+        os.fspath(path).encode("utf-8")
+    except UnicodeEncodeError:
+        shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+        raise UserError(f"{f'{name} {shown}'.strip()}: this name is not UTF-8: rename it") from None
+
+
 def check_within(path: Path, folder: Path | None, label: str, remedy: str) -> None:
     """Raise UserError where no file can have a name, or where it, links followed, leads out of a folder.
 

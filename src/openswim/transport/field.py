@@ -17,6 +17,7 @@ from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.medium.medium import Medium
 from openswim.transport.plan import Plan
 from openswim.transport.tiled import LargeViewer, LitDomain
+from openswim.transport.view.eye import Through
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import AT_NM, Sight, sight_of
 from openswim.transport.view.viewer import Viewer
@@ -25,11 +26,12 @@ F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """An eye in a field, at all wavelengths: see `Viewer`. It may be used from several threads at once."""
+class FieldEye:
+    """An eye in a field, at all wavelengths: see `Viewer`."""
 
     packs: tuple[Viewer | LargeViewer, ...]
     terms: Terms
+    sees_outlines = True
 
     def view(self, rays: Rays) -> View:
         """Radiance along rays from the eye; memory is bounded by tiling over them."""
@@ -47,12 +49,19 @@ class Viewpoint:
         pack = self.packs[int(np.argmin(off_nm))]
         return pack.sight(rays) if isinstance(pack, LargeViewer) else sight_of(pack, rays)
 
-    def of_others(self, rays: Rays) -> Viewpoint:
+    def of_others(self, rays: Rays) -> FieldEye:
         """That of other rays from the same eye, for which little is made again: see `Viewer.of_others`."""
         lit, relief = self.packs[0].lit, None
         if lit.landscape is not None:
             relief = lit.landscape.seen_from(rays)
-        return Viewpoint(tuple(pack.of_others(rays, relief) for pack in self.packs), self.terms)
+        return FieldEye(tuple(pack.of_others(rays, relief) for pack in self.packs), self.terms)
+
+    def summed(self, rays: Rays) -> View:
+        return self.of_others(rays).view(rays)
+
+    def through(self, rays: Rays) -> Through:
+        view = self.summed(rays)
+        return view.transmittance, view.hit
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +125,10 @@ class Field:
                 out[name] = out.get(name, 0.0) + seconds
         return out
 
-    def viewpoint(self, rays: Rays) -> Viewpoint:
+    def viewpoint(self, rays: Rays) -> FieldEye:
         """The eye of some rays, which share their origin or their direction; made once, it serves any of them."""
         relief = None if self.landscape is None else self.landscape.seen_from(rays)
-        return Viewpoint(tuple(
+        return FieldEye(tuple(
             Viewer.of(pack, rays, relief) if isinstance(pack, LitGrid) else LargeViewer.of(pack, rays)
             for pack in self.packs
         ), self.terms)  # fmt: skip

@@ -107,7 +107,7 @@ def validate(directory: Path, solver: Solver) -> tuple[list[Row], list[str]]:
 def reference_files(directory: Path) -> list[Path]:
     """The files below a folder that may be references."""
     found = (Path(folder, name) for folder, _, names in os.walk(directory) for name in names)  # folders may vanish
-    return sorted(p for p in found if p.is_file() and (p.suffix in SUFFIXES or _is_station(p)))
+    return sorted(p for p in found if os.path.isfile(p) and (p.suffix in SUFFIXES or _is_station(p)))
 
 
 def _is_station(path: Path) -> bool:

@@ -65,7 +65,10 @@ def as_jax(operator: Rows) -> Any:
 
 
 def as_torch(operator: Rows) -> Any:
-    """``f(*controls)``: a row of observations, double precision on the CPU, with `backward`."""
+    """``f(*controls)``: a row of observations in double precision, with `backward`.
+
+    The work is done on the CPU; values and gradients come back on the devices of the controls.
+    """
     try:
         import torch
     except ImportError:
@@ -76,12 +79,13 @@ def as_torch(operator: Rows) -> Any:
         @staticmethod
         def forward(ctx: Any, *arrays: Any) -> Any:
             ctx.save_for_backward(*arrays)
-            return torch.from_numpy(latest.at([a.detach().double().cpu().numpy() for a in arrays]).value.values.copy())
+            value = latest.at([a.detach().double().cpu().numpy() for a in arrays]).value.values
+            return torch.from_numpy(value.copy()).to(arrays[0].device)
 
         @staticmethod
         def backward(ctx: Any, bar: Any) -> Any:
             arrays = ctx.saved_tensors
             bars = latest.back([a.detach().double().cpu().numpy() for a in arrays], bar.detach().double().cpu().numpy())
-            return tuple(torch.from_numpy(b.copy()).to(a.dtype) for a, b in zip(arrays, bars, strict=True))
+            return tuple(torch.from_numpy(b.copy()).to(a) for a, b in zip(arrays, bars, strict=True))
 
     return Observe.apply

@@ -29,9 +29,9 @@ from openswim.errors import UserError
 from openswim.ground.surface import settled, surface_of
 from openswim.lighting import daylight
 from openswim.lights.spectrum import solar_irradiance
-from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.species import scene_optics
+from openswim.pictures.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time

@@ -21,7 +21,7 @@ from openswim.readers.fields.absent import DEFAULT_AEROSOL
 from openswim.scene import Grid, Optics, plausible
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.cf import AEROSOL, PROFILES, VAPOUR_PROFILE
+from openswim.scene.cf import AEROSOL, FIELDS, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM
 from openswim.scene.phase import by_wavelength, phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
@@ -29,7 +29,7 @@ from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
 _PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
 _NO_OPTICS = "attributes not as docs/scene-format.md describes"
-_GLOBAL = ("openswim_layout", "earth_radius_m", "periodic_sides", "atmosphere")
+_GLOBAL = ("openswim_layout", FIELDS, "earth_radius_m", "periodic_sides", "atmosphere")
 _OPTICAL = (
     "phase_function", "single_scattering_albedo", "angstrom_exponent", "relative_extinction", "aerosol_type", "kind",
 )  # fmt: skip
@@ -99,6 +99,13 @@ def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
         return plausible.high_bottom(grid.height_m[0], None)
     terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
     return plausible.high_bottom(grid.height_m[0], terrain)
+
+
+def lost_fields(data: xr.Dataset) -> list[str]:
+    """A note on fields that were written to a file of ours and are there no more."""
+    lost = [name for name in str(data.attrs.get(FIELDS, "")).split() if name not in data.variables]
+    listed = ", ".join(lost[:6]) + (" ..." if len(lost) > 6 else "")
+    return [f"no {listed} any more, which the file was written with: lost, or left out?"] if lost else []
 
 
 def misspelt(data: xr.Dataset) -> list[str]:

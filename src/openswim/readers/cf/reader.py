@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, is_layer, misspelt, optics_of
+from openswim.readers.cf.fields import atmosphere_of, fields_of, high_bottom, is_layer, lost_fields, misspelt, optics_of
 from openswim.readers.cf.grid import grid_of, upright
 from openswim.readers.common.base import (
     SceneInfo,
@@ -92,7 +92,7 @@ class CFReader:
             ]
             if unused:
                 notes.append(f"variables not used: {', '.join(unused)}")
-            notes += misspelt(data)
+            notes += lost_fields(data) + misspelt(data)
             source = str(data.attrs.get("source", path.name))
             return Scene(grid, fields, atmosphere, optics, valid, source, notes)
 
@@ -125,7 +125,7 @@ class CFReader:
             expected += [name for name, entry in VARIABLES.items() if "z" not in entry.dims]
             if "openswim_layout" not in data.attrs:
                 notes += no_species(data) + no_sizes(data) + no_ground(data) + high_bottom(data, grid)
-            notes += misspelt(data)
+            notes += lost_fields(data) + misspelt(data)
             return SceneInfo.on(
                 grid,
                 path=str(path),

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.bounds import check_container, check_header, check_name
+from openswim.readers.common.bounds import check_container, check_header
 from openswim.readers.common.classic import classic_length
 from openswim.scene.grid import extent_deg
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
+from openswim.system.inputs import check_name
 
 if TYPE_CHECKING:
     import netCDF4
@@ -114,7 +115,7 @@ def unreadable(path: Path) -> str:
     if not path.exists():
         return f"{path}: no such file"
     if path.is_dir():
-        return f"{path}: a folder, but not a Zarr store: give a file or a Zarr folder"
+        return f"{path}: a folder, but not a Zarr store: give a file in it, a pattern in quotes, or a Zarr folder"
     try:
         with path.open("rb") as file:
             magic = file.read(8)
@@ -124,15 +125,15 @@ def unreadable(path: Path) -> str:
         return f"{path}: truncated or damaged netCDF file: copy or download it again"
     if magic.startswith(b"GRIB"):
         return f"{path}: damaged GRIB file: copy or download it again"
-    return f"{path}: neither a netCDF file nor a Zarr folder"
+    return f"{path}: no file of weather: netCDF, HDF5, GRIB, Zarr, kerchunk references and text of LES are read"
 
 
 def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
-    """Index of the wanted time (to 1 s) among (n,) datetime64; the first where none is named. NaT is no time."""
+    """Index of the wanted time (to 1 s) among (n,) datetime64; the earliest where none is named. NaT is no time."""
     stamp = parse_time(wanted)
     known = np.flatnonzero(~np.isnat(times))
     if stamp is None:
-        return int(known[0]) if known.size else 0
+        return int(known[np.argmin(times[known])]) if known.size else 0
     apart = np.abs(times[known].astype("datetime64[ms]") - stamp)
     if (apart <= np.timedelta64(1, "s")).any():
         return int(known[np.argmin(apart)])

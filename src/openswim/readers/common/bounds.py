@@ -87,18 +87,6 @@ def _is_ordinary(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def check_name(path: Path) -> None:
-    """Refuse names that the netCDF library cannot be told."""
-    try:
-        os.fspath(path).encode("utf-8")
-    except UnicodeEncodeError:
-        raise UserError(f"{shown_name(path)}: its name is not UTF-8, and netCDF cannot open it: rename it") from None
-
-
-def shown_name(path: Path) -> str:
-    return os.fsencode(path).decode("utf-8", "backslashreplace")
-
-
 def check_container(path: Path) -> None:
     """Refuse an HDF5 file that never ends, that crashes the library, or whose data lies in other files; looked at by a
     process of its own, once a file."""

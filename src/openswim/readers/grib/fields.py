@@ -15,10 +15,12 @@ from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
+from openswim.scene.oddities.damage import highest_values
 from openswim.scene.variables import HYDROMETEORS
 
 F32 = NDArray[np.float32]
 
+COVER = "cloud cover"
 _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
 SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
@@ -52,8 +54,8 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
     """Cloud fraction of the levels; where a file of wide cells has none, from its humidity."""
     fields = columns.levels_of("cloud_cover")
     if fields:
-        columns.tell_lacking("cloud cover", fields, air.levels)
-        values = taken(columns, "cloud cover", fields, air.levels)
+        columns.tell_lacking(COVER, fields, air.levels)
+        values = taken(columns, COVER, fields, air.levels)
         if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
             raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
         found["cloud_area_fraction"] = np.clip(values, 0, 1)
@@ -101,6 +103,8 @@ def taken(columns: Columns, name: str, fields: dict[float, Field], levels: Seque
     gaps = without_gaps(values) - sum(level not in fields for level in levels) * values[0].size
     if gaps:
         columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
+    if name != COVER:  # of which many nodes have all that there can be
+        columns.notes += highest_values(name, values)
     return values
 
 

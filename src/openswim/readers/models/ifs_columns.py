@@ -60,6 +60,8 @@ class IFSColumnsReader(GriddedReader):
 
         check_size(path, "pressure_hl", (*data["pressure_hl"].shape, lons.size))
         half = np.asarray(data["pressure_hl"].transpose("column", ...).values, np.float64)
+        if not (half[:, :1] >= 0).all() or not (np.diff(half, axis=1) > 0).all():
+            raise UserError(f"{path}: pressure_hl does not rise from 0 or more at the top to the ground: damaged")
         warm = np.asarray(data["temperature_hl"].transpose("column", ...).values, np.float64)
         out: dict[str, Any] = {
             "pressure": (dims, spread(0.5 * (half[:, 1:] + half[:, :-1])), {"units": "Pa"}),

@@ -33,6 +33,7 @@ _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
 _RIM = 0.2  # of the reach, over which all fades to the level ground beyond
 _FLAT_M = 100.0  # lower ground is level
+_LEVEL_M = 10.0  # a domain whose heights differ by more would end as a wall
 _KNOTS = 8  # nodes between places that maps and projections are asked for
 _KNOT_M = 4000.0  # and how far those are apart, at most
 _BAND = 250_000  # nodes worked out at a time
@@ -216,11 +217,11 @@ class Lattice:
 
 
 def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = None) -> Landscape | None:
-    """The landscape of a grid on the round Earth; None where its own terrain says it all. ``wider``: that around."""
+    """The landscape of a grid on the round Earth; None where all is level. ``wider``: that around."""
     if not medium.frame.curved:
         return None
     found = Landscape(surface, medium, wider)
-    if surface.mapped:
+    if surface.mapped or wider is not None or np.ptp(medium.terrain_m) > _LEVEL_M:
         return found
     if not surface.mountains:
         return None

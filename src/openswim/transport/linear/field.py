@@ -8,14 +8,14 @@ import numpy as np
 
 from openswim.options import Options
 from openswim.scene.rays import Rays
-from openswim.transport.field import Field, Viewpoint
+from openswim.transport.field import Field, FieldEye
 from openswim.transport.linear.of_matter import SceneCore
 from openswim.transport.linear.operator import State
 from openswim.transport.view.seen import View
 
 
 @dataclass(frozen=True, eq=False)
-class LinearViewpoint(Viewpoint):
+class LinearEye(FieldEye):
     """An eye in a `LinearField`: radiance is the core's."""
 
     core: SceneCore
@@ -25,9 +25,9 @@ class LinearViewpoint(Viewpoint):
         found = super().view(rays)
         return replace(found, radiance=self.core.seen(self.state, rays).T.astype(np.float32))
 
-    def of_others(self, rays: Rays) -> LinearViewpoint:
+    def of_others(self, rays: Rays) -> LinearEye:
         other = super().of_others(rays)
-        return LinearViewpoint(other.packs, other.terms, self.core, self.state)
+        return LinearEye(other.packs, other.terms, self.core, self.state)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,9 +47,9 @@ class LinearField(Field):
     def quality(self) -> str:
         return self.solver.quality
 
-    def viewpoint(self, rays: Rays) -> LinearViewpoint:
+    def viewpoint(self, rays: Rays) -> LinearEye:
         eye = super().viewpoint(rays)
-        return LinearViewpoint(eye.packs, eye.terms, self.core, self.state)
+        return LinearEye(eye.packs, eye.terms, self.core, self.state)
 
 
 def fast_around(options: Options) -> Options:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.errors import UserError
 from openswim.ground.sample import SurfaceSample
 from openswim.lights.eclipses import MoonShadow
 from openswim.optics.gas_bands import Terms
@@ -28,11 +30,15 @@ from openswim.transport.montecarlo.kernels import flux_kernel, path_kernel, scou
 from openswim.transport.montecarlo.phase import Phases
 from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.world import World, build_world
+from openswim.transport.view.eye import Through
 from openswim.transport.view.seen import View
+from openswim.transport.view.sight import Sight
 
 F64 = NDArray[np.float64]
 
 PATHS = 256  # per ray, unless told otherwise
+NO_LAYERS = "layers: the solver reference has none: use fast or swim for them"
+_SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
 _PASS_S = 0.7  # of paths between looks at the clock
 _PART_RAYS = 2048  # of large pictures, between looks at an interrupt: half a second of one path each in thick cloud
 _SAVE_S = 30.0
@@ -71,7 +77,8 @@ def solve_reference(
 
 @dataclass
 class ReferenceField:
-    """The light of a scene by Monte Carlo, with the methods of `Field`."""
+    """The light of a scene by Monte Carlo, with the methods of `Field`; it is every eye in it too, since paths need
+    nothing made ready."""
 
     solver: Options
     surface: Surface
@@ -84,6 +91,16 @@ class ReferenceField:
     lighting: Lighting
     timings: dict[str, float] = field(default_factory=dict)
     found: tuple[dict[str, F64], dict[str, F64]] | None = None  # fluxes and their errors, once asked for
+    sees_outlines: ClassVar[bool] = False
+    landscape: ClassVar[None] = None
+
+    @property
+    def quality(self) -> str:
+        return self.solver.quality
+
+    @property
+    def media(self) -> list[Medium]:
+        return [] if self.medium is None else [self.medium]
 
     @property
     def wavelengths_nm(self) -> F64:
@@ -101,7 +118,7 @@ class ReferenceField:
         """Radiance along rays; with ``across_m`` and ``along_m`` (3,), its mean over origins spread that far."""
         started = time.perf_counter()
         n, (origin, direction) = len(rays), _lines(rays)
-        transmittance, hit, ground_m, species = self.through(rays)
+        transmittance, hit, ground_m, species = self._scouted(rays)
         position = np.where(hit[:, None], origin + direction * ground_m[:, None], np.nan)
         sides = [np.zeros(3) if side is None else np.asarray(side, float) for side in (across_m, along_m)]
         sums = self._sums(origin, direction, sides, self._seen(position, hit))
@@ -113,7 +130,30 @@ class ReferenceField:
             sigma=mean(sums.sigma.astype(np.float32)), paths=sums.paths, interrupted=sums.interrupted,
         )  # fmt: skip
 
-    def through(self, rays: Rays) -> tuple[NDArray[np.float32], NDArray[np.bool_], F64, F64]:
+    def viewpoint(self, rays: Rays) -> ReferenceField:
+        return self
+
+    def of_others(self, rays: Rays) -> ReferenceField:
+        return self
+
+    def summed(self, rays: Rays) -> ReferenceView:
+        """Radiance along rays of which the sum counts: paths are spread over them."""
+        solver = self.solver
+        paths = solver.paths or (PATHS if solver.target_error is None and solver.seconds is None else None)
+        fewer = replace(
+            solver,
+            paths=None if paths is None else max(2, paths // _SPREAD),
+            target_error=None if solver.target_error is None else min(solver.target_error * _SPREAD**0.5, 0.5),
+        )
+        return replace(self, solver=fewer).view(rays)
+
+    def sight(self, rays: Rays) -> Sight:
+        raise UserError(NO_LAYERS)
+
+    def through(self, rays: Rays) -> Through:
+        return self._scouted(rays)[:2]
+
+    def _scouted(self, rays: Rays) -> tuple[NDArray[np.float32], NDArray[np.bool_], F64, F64]:
         """Transmittance (n, nw) along rays, whether they end on the ground and how far away (n,), and the optical depth
         (n, ns) of each species."""
         n, (origin, direction) = len(rays), _lines(rays)

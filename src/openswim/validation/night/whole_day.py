@@ -12,6 +12,7 @@ from openswim.colour.photometry import illuminance_lx
 from openswim.fluxes import Quadrature, quadrature_directions
 from openswim.heavens.lamps import Lamp, Lamps, lamps_of, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
+from openswim.heavens.sun_disc import Disc, beam_of
 from openswim.lighting import daylight
 from openswim.lights.daylight import Daylight
 from openswim.lights.units import magnitude_of_radiance
@@ -19,7 +20,6 @@ from openswim.scene import Scene
 from openswim.scene.frame import Frame, azimuth_altitude, horizon_vector, scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
-from openswim.sun_disc import Disc, beam_of
 from openswim.transport import Field
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.view.viewer import wide_shells

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-import openswim
 from openswim.arguments import check_kind
 from openswim.cameras import Camera, Rays
 from openswim.cameras.pixels import Pixels
@@ -30,29 +28,35 @@ from openswim.heavens.eyes import Eyes, LitBy
 from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
-from openswim.images import add_errors, add_layers, check_layers, dataset
-from openswim.kept_light import save_light
+from openswim.heavens.sun_disc import Disc, beam_of, drawn
+from openswim.kept_light import KeptLamp, save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
-from openswim.observer import SPACE_M, check_above_ground, check_observer, grid_place, ground_below, place_of
-from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.optics.limits import stated
-from openswim.outlines import outlines_of, softened
+from openswim.pictures.attributes import image_attributes, irradiance_attributes
+from openswim.pictures.images import add_errors, add_layers, dataset
+from openswim.pictures.observer import (
+    SPACE_M,
+    aerosol_above,
+    check_above_ground,
+    check_observer,
+    ground_below,
+    place_of,
+)
+from openswim.pictures.outlines import outlines_of, softened
 from openswim.scene import Scene
 from openswim.scene.around import Around
 from openswim.scene.frame import azimuth_altitude, horizon_vector
 from openswim.solver import Solver
-from openswim.sun_disc import Disc, beam_of, drawn
 from openswim.transport import Field, ReferenceField
-from openswim.transport.field import Viewpoint as Eye
 from openswim.transport.lit.lit_grid import Once
-from openswim.transport.montecarlo.reference import PATHS, ReferenceView
+from openswim.transport.montecarlo.reference import ReferenceView
+from openswim.transport.view.eye import Eye
 from openswim.transport.view.sight import Sight
 
 F64 = NDArray[np.float64]
 
 _QUADRATURE = 32  # .3 % off 64 under broken clouds, where 8 are 5 %
-_SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
 
 
 @dataclass(frozen=True)
@@ -89,9 +93,9 @@ class LitScene:
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
-        if self.lights:
-            raise UserError(f"{path}: light of moon, night sky or eclipse is not kept yet: save the light of a day")
-        save_light(self.scene, self.field, self.daylight, self.time, path)
+        towns = {} if self.lamps is None else {lamp.name: lamp.towns for lamp in self.lamps.every}
+        lights = [KeptLamp(each.name, each.field, each.strength, towns[each.name]) for each in self.lights]
+        save_light(self.scene, self.field, self.daylight, self.time, path, lights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +121,7 @@ class Viewpoint:
         if (rows.step or 1) != 1 or (columns.step or 1) != 1 or top >= bottom or left >= right:
             raise UserError(f"tile of rows {rows} and columns {columns}: give slices within {ny} x {nx}, without steps")
         # outlines are told by the pixels beside: one more on every side
-        more = 0 if isinstance(self._eye, ReferenceField) else 1
+        more = int(self._eye.sees_outlines)
         around = np.s_[max(top - more, 0) : min(bottom + more, ny), max(left - more, 0) : min(right + more, nx)]
         own = np.zeros((ny, nx), bool)
         own[top:bottom, left:right] = True
@@ -144,19 +148,19 @@ class Viewpoint:
             add_errors(image, pixels, view, field.solver.seed)
         if layers:
             rays = self.rays[self._number[top:bottom, left:right][pixels.inside]]
-            add_layers(image, pixels, _with_layers(self._eye).sight(rays), field.frame)
+            add_layers(image, pixels, self._eye.sight(rays), field.frame)
         return image
 
     def sight(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Sight:
         """What stands in directions (n,) from the camera's place, and how far away it is."""
         rays = self._toward(azimuth_deg, altitude_deg)
-        return _with_layers(self._eye).of_others(rays).sight(rays)
+        return self._eye.of_others(rays).sight(rays)
 
     def ahead(self) -> Sight:
         """The same in the middle pixel of the picture, with the land as the picture has it."""
         ny, nx = self._number.shape
         middle = int(self._number[ny // 2, nx // 2])
-        return _with_layers(self._eye).sight(self.rays[middle : middle + 1])
+        return self._eye.sight(self.rays[middle : middle + 1])
 
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
@@ -168,8 +172,7 @@ class Viewpoint:
     def sky(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
         """Solar-relative radiance toward directions (n,), of which the sum counts, and the transmittance to space along
         them, 0 where they end on the ground; both (n, nw)."""
-        eye, rays = self._eye, self._toward(azimuth_deg, altitude_deg)
-        view = _for_sums(eye).view(rays) if isinstance(eye, ReferenceField) else eye.of_others(rays).view(rays)
+        view = self._eye.summed(self._toward(azimuth_deg, altitude_deg))
         return np.asarray(view.radiance, float), np.asarray(view.transmittance * ~view.hit[:, None], float)
 
     def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
@@ -247,13 +250,8 @@ class Viewpoint:
             _add_disc(relative, view, pixels, heavens.moon_disc(), heavens.moon_strength())
 
     def _through(self, local: F64, width_rad: float) -> tuple[NDArray, NDArray[np.bool_]]:
-        """What rays toward directions (n, 3) in the horizon frame go through: see `openswim.sun_disc.Through`."""
-        eye, rays = self._eye, Rays(self.rays.origin_m, local @ self._axes, width_rad)
-        eye = eye.every[0] if isinstance(eye, Eyes) else eye
-        if isinstance(eye, ReferenceField):
-            return eye.through(rays)[:2]
-        view = eye.of_others(rays).view(rays)
-        return view.transmittance, view.hit
+        """What rays toward directions (n, 3) in the horizon frame go through: see `heavens.sun_disc.Through`."""
+        return self._eye.through(Rays(self.rays.origin_m, local @ self._axes, width_rad))
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -265,10 +263,14 @@ class Viewpoint:
         return made | (self.once("irradiance", self._near_irradiance) if irradiance and self._near else {})
 
     def _made_attrs(self) -> dict[str, Any]:
-        out = _attributes(self.lit, self.camera, *self.sun)
+        lit = self.lit
+        notes = stated(lit.field.wavelengths_nm, lit.scene.atmosphere)
+        notes += [] if lit.lamps is None else lit.lamps.stated()
+        out = image_attributes(lit.scene, lit.field, self.camera, self.sun, lit.daylight.distance_au, lit.time, notes)
         out |= {} if self._heavens is None else self._heavens.attrs()
-        if self._near and self.lit.scene.atmosphere is not None:
-            out["aerosol_optical_depth_550nm"] = round(self._aerosol_depth(), 5)
+        if self._near and lit.scene.atmosphere is not None:
+            levels = lit.scene.levels[: max(len(lit.field.media), 1)]
+            out["aerosol_optical_depth_550nm"] = round(aerosol_above(levels, self.camera, self.ground_m), 5)
         return out
 
     def _near_irradiance(self) -> dict[str, Any]:
@@ -277,23 +279,12 @@ class Viewpoint:
             kept[place] = self._irradiance()
         return kept[place]
 
-    def _aerosol_depth(self) -> float:
-        """Vertical optical depth of all aerosol above the ground at the observer."""
-        scene = self.lit.scene
-        levels = scene.levels[:1] if isinstance(self.lit.field, ReferenceField) else scene.levels
-        found = None if scene.grid is None else grid_place(levels, *place_of(self.camera))
-        if found is None:
-            return aerosol_depth(levels[-1], self.ground_m)
-        return aerosol_depth(levels[found[0]], self.ground_m, found[1:])
-
     @property
-    def _eye(self) -> Eye | Eyes | ReferenceField:
-        field, lights = self.lit.field, self.lit.lights
-        if isinstance(field, ReferenceField):
-            return field
-        return self.once(
-            "eye", lambda: Eyes.of(self._seen_from_here(), self.rays) if lights else field.viewpoint(self.rays)
-        )
+    def _eye(self) -> Eye:
+        return self.once("eye", self._aimed)
+
+    def _aimed(self) -> Eye:
+        return Eyes.of(self._seen_from_here(), self.rays) if self.lit.lights else self.lit.field.viewpoint(self.rays)
 
     def _seen_from_here(self) -> tuple[LitBy, ...]:
         """The lights; from space, where it is night in the scene, also the sun on clear air beyond: the lit limb."""
@@ -323,31 +314,16 @@ class Viewpoint:
 
     def _irradiance(self) -> dict[str, Any]:
         """Spectral and broadband irradiance on the horizontal at the observer."""
-        field, day = self.lit.field, self.lit.daylight
+        wl, distance_au = self.lit.field.wavelengths_nm, self.lit.daylight.distance_au
         quadrature = quadrature_directions(_QUADRATURE, *self.sun)
         radiance, _ = self.sky(quadrature.azimuth_deg, quadrature.altitude_deg)
         beam = beam_of(self._disc, self._through)
-        wl, altitude = field.wavelengths_nm, beam.altitude_deg
-        direct = beam.direct * self.lit.strength("sun")
-        spectral = spectral_irradiance(radiance, quadrature, direct, altitude, wl, day.distance_au)
-        gases = self.gases
+        direct, altitude = beam.direct * self.lit.strength("sun"), beam.altitude_deg
+        spectral = spectral_irradiance(radiance, quadrature, direct, altitude, wl, distance_au)
         diffuse = spectral["relative_diffuse_horizontal"].values
-        wide = broadband(beam.open, diffuse, wl, altitude, day.distance_au, visible=beam.visible, **gases)
-        out: dict[str, Any] = {
-            "global_horizontal_irradiance_w_m2": wide.global_horizontal,
-            "direct_normal_irradiance_w_m2": wide.direct_normal,
-            "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
-            "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
-        }
-        out = {name: round(float(value), 2) for name, value in out.items() if np.isfinite(value)}
-        for part in ("global", "direct", "diffuse"):
-            out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = [
-                float(v) for v in spectral[f"{part}_horizontal"].values
-            ]
-        lux = illuminance_lx(
-            spectral["relative_global_horizontal"].values + self._moonbeam(), wl, day.distance_au
-        )
-        return out | {"illuminance_lx": float(f"{lux:.4g}")}
+        wide = broadband(beam.open, diffuse, wl, altitude, distance_au, visible=beam.visible, **self.gases)
+        lux = illuminance_lx(spectral["relative_global_horizontal"].values + self._moonbeam(), wl, distance_au)
+        return irradiance_attributes(spectral, wide, lux)
 
     def _moonbeam(self) -> F64 | float:
         """The moon's direct light on the horizontal, over the sun's outside of the air."""
@@ -364,7 +340,7 @@ class Viewpoint:
         view = eye.view(rays)
         relative, wanted = view.radiance.astype(np.float32), own[inside]
         # from space pixels are about as long on the ground as they are wide, and are seen as one
-        if self._near and not isinstance(eye, ReferenceField) and self.lit.field.frame.curved:
+        if self._near and eye.sees_outlines and self.lit.field.frame.curved:
             edge = np.flatnonzero(outlines_of(view, inside) & wanted)
             relative[edge] = softened(eye, rays[edge], self.lit.field.frame)
         every = {f.name: getattr(view, f.name) for f in dataclasses.fields(view)}
@@ -379,60 +355,6 @@ def _add_disc(relative: NDArray, view: Any, pixels: Pixels, disc: Disc, strength
     half = np.broadcast_to(pixels.half_width_deg, inside.shape)[inside]
     radiance = disc_coverage(distance[open_to], half[open_to], disc.radius_deg, disc.wavelengths_nm)
     relative[open_to] += (strength * radiance * view.transmittance[open_to]).astype(np.float32)
-
-
-def _with_layers(eye: Eye | Eyes | ReferenceField) -> Eye | Eyes:
-    """An eye that can say what it looks at."""
-    if isinstance(eye, ReferenceField):
-        check_layers(True, eye.solver.name)
-        raise AssertionError
-    return eye
-
-
-def _for_sums(field: ReferenceField) -> ReferenceField:
-    """The field to look from along rays of which the sum counts: Monte Carlo spreads its paths over them."""
-    solver = field.solver
-    most = PATHS if solver.target_error is None and solver.seconds is None else None
-    paths = solver.paths or most
-    fewer = dataclasses.replace(
-        solver,
-        paths=None if paths is None else max(2, paths // _SPREAD),
-        target_error=None if solver.target_error is None else min(solver.target_error * _SPREAD**0.5, 0.5),
-    )
-    return dataclasses.replace(field, solver=fewer)
-
-
-def _stated(lit: LitScene) -> list[str]:
-    return stated(lit.field.wavelengths_nm, lit.scene.atmosphere) + ([] if lit.lamps is None else lit.lamps.stated())
-
-
-def _attributes(lit: LitScene, camera: Camera, azimuth: float, altitude: float) -> dict[str, Any]:
-    attrs: dict[str, Any] = {
-        "Conventions": "CF-1.11",
-        "title": f"OpenSWIm {camera.name} image",
-        "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}: openswim {openswim.__version__}",
-        "view": camera.name,
-        "source": lit.scene.source,
-        "assumptions": "\n".join([*lit.scene.notes, *_stated(lit)]),
-        "solver": lit.field.solver.name,
-        "quality": lit.field.solver.quality if isinstance(lit.field, ReferenceField) else lit.field.quality,
-        "sun_altitude_deg": round(altitude, 4),
-        "sun_azimuth_deg": round(azimuth, 4),
-        "sun_distance_au": lit.daylight.distance_au,
-        "height_m": float(camera.height_m),
-        "height_above": camera.above,
-    }
-    if camera.view == "perspective":
-        attrs |= {
-            "view_azimuth_deg": float(camera.azimuth_deg), "view_altitude_deg": float(camera.altitude_deg),
-            "view_roll_deg": float(camera.roll_deg), "field_of_view_deg": float(camera.fov_deg),
-        }  # fmt: skip
-    x, y = place_of(camera)
-    attrs |= {"longitude": x, "latitude": y} if lit.field.frame.curved else {"x_m": x, "y_m": y}
-    for name, time in (("valid_time", lit.scene.time), ("light_time", lit.time)):  # of the weather, of the sun
-        if time is not None:
-            attrs[name] = f"{np.datetime_as_string(np.datetime64(time), 's')}Z"
-    return attrs
 
 
 def _part(pixels: Pixels, where: tuple[slice, slice]) -> Pixels:

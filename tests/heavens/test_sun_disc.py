@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from openswim import Camera
+from openswim.heavens.sun_disc import Disc, beam_of, drawn
 from openswim.lights import disc_points, disc_profile
-from openswim.sun_disc import Disc, beam_of, drawn
 
 WAVELENGTHS = np.array([450.0, 615.0])
 RADIUS_DEG = 0.2666

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.errors import UserError
+from openswim.optics.aerosol_depth import aerosol_depth
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.grid import EDGE, extent_text
@@ -58,10 +59,9 @@ def ground_below(scene: Scene, field: Field | ReferenceField, camera: Camera) ->
     if grid.periodic or camera.height_m >= SPACE_M:
         return 0.0
     x, y = place_of(camera)
-    landscape = None if isinstance(field, ReferenceField) else field.landscape
-    if landscape is not None:
-        return landscape.ground_m(y, x)
-    media = [field.medium] if isinstance(field, ReferenceField) else field.media
+    if field.landscape is not None:
+        return field.landscape.ground_m(y, x)
+    media = field.media
     found = grid_place(scene.levels[: len(media)], x, y)
     if found is None:  # above sea level, or `check_observer` would have complained
         return 0.0
@@ -91,6 +91,14 @@ def terrain_below(levels: Sequence[Scene], x: float, y: float) -> float | None:
     level, ix, iy = found
     terrain = np.ascontiguousarray(levels[level].data["surface_altitude"].values)
     return float(bilinear(terrain, np.array([ix]), np.array([iy]))[0])
+
+
+def aerosol_above(levels: Sequence[Scene], camera: Camera, ground_m: float) -> float:
+    """Vertical optical depth at 550 nm of all aerosol of nested scenes above the ground at a camera."""
+    found = None if levels[0].grid is None else grid_place(levels, *place_of(camera))
+    if found is None:
+        return aerosol_depth(levels[-1], ground_m)
+    return aerosol_depth(levels[found[0]], ground_m, found[1:])
 
 
 def place_of(camera: Camera) -> tuple[float, float]:

@@ -13,8 +13,8 @@ from openswim import Camera, Solver, UserError
 from openswim.cli.main import run
 from openswim.colour import save
 from openswim.lighting import light
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene.procedural import demo_scene
-from openswim.viewpoint import LitScene
 
 LAYERS = ("seen", "distance", "height", "optical_depth")
 

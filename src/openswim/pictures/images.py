@@ -13,7 +13,7 @@ from openswim.errors import UserError
 from openswim.lights import solar_irradiance
 from openswim.scene.frame import Frame
 from openswim.system.machine import free_memory
-from openswim.transport.montecarlo.reference import ReferenceView
+from openswim.transport.montecarlo.reference import NO_LAYERS, ReferenceView
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import FIRST_SPECIES, Sight
 
@@ -88,7 +88,7 @@ def dataset(
 def check_layers(layers: bool, solver: str) -> None:
     """Complain of layers that a solver does not have, before it is begun."""
     if layers and solver == "reference":
-        raise UserError("layers: the solver reference has none: use fast or swim for them")
+        raise UserError(NO_LAYERS)
 
 
 def add_layers(image: xr.Dataset, pixels: Pixels, sight: Sight, frame: Frame) -> None:

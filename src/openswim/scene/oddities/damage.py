@@ -1,0 +1,84 @@
+"""Where damage to a file shows in one field: a level that is like neither of its neighbours, many nodes at the highest
+value, ground that jumps up and down.
+
+Damaged bytes of a packed field (GRIB) are read as any other values within its range, so ranges cannot tell them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+_ENDS = ("_content", "_effective_radius", "_number", "_area_fraction")
+_SAMPLES = 256  # columns each way
+_FEW_NODES, _FEW_HELD = 100, 30  # of a level, and with something in them: fewer correlate by chance
+# Correlation of the levels below and above, less that of the one between with either: by weather up to 0.24, since what
+# is between is like what is around
+_UNLIKE = 0.35
+_HIGHEST, _HIGHEST_SHARE = 16, 0.01  # nodes of one level that share its highest value ...
+_VALUES = 16  # ... beside at least so many others
+_STEP_M, _STEP_PER_M = 1200.0, 0.05  # of ground to both neighbours, and of that per metre between them
+_FAR_M = 1e5  # between nodes, over which any ground may lie
+_STEPS, _STEPS_SHARE = 4, 0.002
+
+
+def damaged_fields(data: xr.Dataset, cell_m: float) -> list[str]:
+    """Notes on contents, sizes, fractions and extinctions on levels (z, y, x), and on the ground's height (y, x)."""
+    notes = []
+    for name, field in data.data_vars.items():
+        on_levels = field.dims[:1] == ("z",) and field.ndim == 3
+        if on_levels and ("extinction" in str(name) or str(name).endswith(_ENDS)):
+            every = tuple(slice(None, None, max(1, size // _SAMPLES)) for size in field.shape[1:])
+            columns = field.values[(slice(None), *every)].reshape(field.shape[0], -1)
+            if columns.shape[1] >= _FEW_NODES:
+                notes += _unlike(str(name), columns)
+    if "surface_altitude" in data and cell_m < _FAR_M:
+        notes += _rough_ground(data["surface_altitude"].values, cell_m)
+    return notes
+
+
+def _unlike(name: str, columns: F32) -> list[str]:
+    """Levels (z, n) between two that are alike; by square roots, since few nodes hold most of the water."""
+    held = np.sqrt(np.maximum(columns, 0.0, dtype=np.float32))
+    away = held - held.mean(axis=1, keepdims=True)
+    spread = np.sqrt((away**2).mean(axis=1))
+    known = ((columns > 0).sum(axis=1) > _FEW_HELD) & (spread > 0)
+    away /= np.where(known, spread, 1.0)[:, None]
+    for k in range(1, len(away) - 1):
+        if not known[k - 1 : k + 2].all():
+            continue
+        below, across, above = ((away[i] * away[j]).mean() for i, j in ((k - 1, k), (k - 1, k + 1), (k, k + 1)))
+        if across - max(abs(below), abs(above)) > _UNLIKE:
+            return [f"{name} of level {k + 1} is unlike those below and above, which are alike: a damaged field?"]
+    return []
+
+
+def highest_values(name: str, levels: F32) -> list[str]:
+    """A note on a level (z, y, x) many of whose nodes hold the highest of many values, as read: bits that are all set,
+    or a cut."""
+    for k, level in enumerate(levels):
+        most = level.max()
+        count = int((level == most).sum()) if most > 0 else 0
+        if count > max(_HIGHEST, _HIGHEST_SHARE * level.size) and np.unique(level[level > 0]).size > _VALUES:
+            return [f"{name} of level {k + 1} holds its highest value, {most:.3g}, {count} times: cut, or damaged?"]
+    return []
+
+
+def _rough_ground(height_m: F32, cell_m: float) -> list[str]:
+    """Ground (y, x) that is far above, or far below, both of its neighbours in a row."""
+    allowed = _STEP_M + _STEP_PER_M * cell_m
+    found = np.zeros(height_m.shape, bool)
+    for axis in (0, 1):
+        if height_m.shape[axis] < 3:
+            continue
+        step = np.diff(height_m.astype(np.float64), axis=axis)
+        excess = np.sign(step) * np.maximum(np.abs(step) - allowed, 0.0)
+        inner = (slice(None),) * axis + (slice(1, -1),)
+        found[inner] |= np.delete(excess, -1, axis) * np.delete(excess, 0, axis) < 0
+    count = int(found.sum())
+    if count <= max(_STEPS, _STEPS_SHARE * found.size):
+        return []
+    return [f"surface_altitude jumps up and down by over {allowed:.0f} m at {count} nodes: a damaged field?"]
