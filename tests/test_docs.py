@@ -182,7 +182,12 @@ def test_modules_named_in_the_settings_exist() -> None:
     assert named - _modules().keys() == set()
 
 
+@cache
+def _pictures() -> dict[str, str]:
+    return runpy.run_path(str(ROOT / "tools/make_rooms_picture.py"))["pictures"]()
+
+
 @pytest.mark.parametrize("name", ["rooms.svg", "transport.svg"])
 def test_the_picture_of_the_rooms_is_that_of_today(name: str) -> None:
-    made = runpy.run_path(str(ROOT / "tools/make_rooms_picture.py"))["pictures"]()
-    assert made[name] == (ROOT / "docs/images" / name).read_text("utf-8"), "run python tools/make_rooms_picture.py"
+    drawn = (ROOT / "docs/images" / name).read_text("utf-8")
+    assert _pictures()[name] == drawn, "run python tools/make_rooms_picture.py"

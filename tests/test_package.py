@@ -47,6 +47,15 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     assert not hasattr(openswim, "camera")
 
 
+def test_rooms_may_be_named_without_their_own_import() -> None:
+    code = (
+        "import openswim; openswim.colour.save; openswim.satellites.reflectance\n"
+        "assert not hasattr(openswim, '__main__') and not hasattr(openswim, 'color')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_every_dependency_has_its_reason() -> None:
     page = (ROOT / "docs" / "dependencies.md").read_text().lower()
     explained = set(re.findall(r"^\| `([^`]+)` \|", page, flags=re.MULTILINE))

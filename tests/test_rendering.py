@@ -196,12 +196,11 @@ def test_clear_sky_irradiance_is_haurwitzs(zenith: float) -> None:
 @pytest.mark.parametrize("altitude", [5.0, 30.0])
 def test_irradiance_grows_with_height_to_the_suns_own(altitude: float) -> None:
     """Above the air the beam is the solar constant, but for the 1.4 % beyond 280-4000 nm, and nothing is diffuse."""
-    scene = Scene.clear(LAT, LON)
-    normal, diffuse = np.array([
-        [openswim.render(scene, Camera.allsky(LAT, LON, height, size=4), sun=(180.0, altitude)).attrs[name]
-         for height in (2.0, 3e3, 9e3, 25e3, 99e3)]
-        for name in ("direct_normal_irradiance_w_m2", "diffuse_horizontal_irradiance_w_m2")
-    ])  # fmt: skip
+    lit = light(Scene.clear(LAT, LON), sun=(180.0, altitude))
+    heights = (2.0, 3e3, 9e3, 25e3, 99e3)
+    views = [openswim.render(lit, Camera.allsky(LAT, LON, height, size=4)).attrs for height in heights]
+    parts = ("direct_normal", "diffuse_horizontal")
+    normal, diffuse = (np.array([view[f"{part}_irradiance_w_m2"] for view in views]) for part in parts)
     assert (np.diff(normal) > 0).all()
     assert (np.diff(diffuse) < 0).all()
     assert normal[-1] == pytest.approx(0.986 * SOLAR_CONSTANT_W_M2, rel=0.003)
@@ -222,16 +221,17 @@ def test_irradiance_is_reckoned_once_an_observer(clear) -> None:
 
 def test_diffuse_irradiance_under_broken_clouds(monkeypatch) -> None:
     """At ten places below cumulus and cirrus, as 64 altitudes of twice as many directions tell it (.12 % RMS)."""
-    lit = light(demo_scene(64, 64, 40))
+    lit, usual = light(demo_scene(64, 64, 40)), viewpoint._QUADRATURE
     grid = lit.scene.grid
     lon, lat = grid.lonlat(*(np.random.default_rng(1).uniform(0.15, 0.85, (2, 10)) * 63))
     found = []
-    for places in (viewpoint._QUADRATURE, 64):
-        monkeypatch.setattr(viewpoint, "_QUADRATURE", places)
-        lit.irradiances.clear()
-        views = [openswim.render(lit, Camera.allsky(*place, size=8)).attrs for place in zip(lat, lon, strict=True)]
-        found.append([view["diffuse_horizontal_spectral_irradiance_w_m2_nm"] for view in views])
-    error = np.array(found[0]) / np.array(found[1]) - 1
+    for place in zip(lat, lon, strict=True):
+        for places in (usual, 64):
+            monkeypatch.setattr(viewpoint, "_QUADRATURE", places)
+            lit.irradiances.clear()
+            told = lit.viewpoint(Camera.allsky(*place, size=8)).attrs
+            found.append(told["diffuse_horizontal_spectral_irradiance_w_m2_nm"])
+    error = np.array(found[::2]) / np.array(found[1::2]) - 1
     assert np.sqrt((error**2).mean()) < 0.0016
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -75,17 +76,23 @@ def _named(tree: ast.AST) -> set[str]:
     return names
 
 
-TREES = {name: ast.parse(path.read_text("utf-8")) for name, path in FILES.items()}
-# A folder's face only hands on names of what is within; the package's own face hands on everything.
-IMPORTS = {
-    name: {
-        each
-        for each in _named(tree) & FILES.keys() - {name, "openswim"}
-        if not (name in FACES and each.startswith(f"{name}."))
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {name: ast.parse(path.read_text("utf-8")) for name, path in FILES.items()}
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """Of every file. A folder's face only hands on names of what is within; the package's own hands on everything."""
+    return {
+        name: {
+            each
+            for each in _named(tree) & FILES.keys() - {name, "openswim"}
+            if not (name in FACES and each.startswith(f"{name}."))
+        }
+        for name, tree in trees().items()
+        if name != "openswim"
     }
-    for name, tree in TREES.items()
-    if name != "openswim"
-}
 
 
 def _folder(name: str) -> str:
@@ -122,7 +129,7 @@ def _circles(arrows: Mapping[str, Iterable[str]]) -> list[list[str]]:
 
 def _between_folders() -> dict[str, set[str]]:
     arrows: dict[str, set[str]] = {}
-    for name, imported in IMPORTS.items():
+    for name, imported in imports().items():
         for each in imported:
             if _folder(each) != _folder(name):
                 arrows.setdefault(_folder(name), set()).add(_folder(each))
@@ -136,7 +143,7 @@ def test_circles_are_found() -> None:
 
 def test_no_circle_between_files() -> None:
     arrows = {name: {each for each in imported if not (_unclean(name) and _unclean(each))}
-              for name, imported in IMPORTS.items()}  # fmt: skip
+              for name, imported in imports().items()}  # fmt: skip
     assert _circles(arrows) == []
 
 
@@ -156,7 +163,7 @@ def test_rooms_import_only_those_before_them(room: str) -> None:
     allowed = ORDER[: ORDER.index(room) + 1]
     wrong = [
         f"{name} imports {each}"
-        for name, imported in sorted(IMPORTS.items())
+        for name, imported in sorted(imports().items())
         for each in sorted(imported)
         if name.split(".")[1] == room and each.split(".")[1] not in allowed
     ]
@@ -168,7 +175,7 @@ def test_the_package_itself_is_asked_by_the_last_rooms_only() -> None:
     it gives its version alone."""
     wrong = [
         f"{name}, line {node.lineno}: openswim.{node.attr}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         if name != "openswim" and name.split(".")[1] not in ("validation", "cli")
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "openswim"
@@ -190,7 +197,7 @@ def test_rooms_of_transport_import_only_those_before_them(room: str) -> None:
     later = TRANSPORT[TRANSPORT.index(room) + 1 :]
     wrong = [
         f"{name} imports {each}"
-        for name, imported in sorted(IMPORTS.items())
+        for name, imported in sorted(imports().items())
         for each in sorted(imported)
         if name.startswith(f"openswim.transport.{room}.") and each.split(".")[1:2] == ["transport"]
         and each.split(".")[2] in later
@@ -202,7 +209,7 @@ def test_transport_is_handed_matter_and_ground() -> None:
     """It reads no scene, no file and no map."""
     wrong = [
         f"{name} imports {each}"
-        for name, imported in sorted(IMPORTS.items())
+        for name, imported in sorted(imports().items())
         for each in sorted(imported)
         if name.startswith("openswim.transport.")
         and (

@@ -130,10 +130,10 @@ def imports() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     found = runpy.run_path(str(ROOT / "tests/test_rooms.py"))
     homes = runpy.run_path(str(ROOT / "src/openswim/__init__.py"))["_HOME"]
     between: dict[str, set[str]] = {}
-    for name, others in found["IMPORTS"].items():
+    for name, others in found["imports"]().items():
         asked = {
             homes[node.attr]
-            for node in ast.walk(found["TREES"][name])
+            for node in ast.walk(found["trees"]()[name])
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "openswim"
             if node.attr in homes
         }

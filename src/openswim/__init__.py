@@ -69,11 +69,20 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'openswim' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_HOME[name]), name) if name in _HOME else _room(name)
     globals()[name] = value
     return value
+
+
+def _room(name: str) -> Any:
+    """A module of the package, such as `colour`: it may be named without having been imported."""
+    if not name.startswith("_"):
+        try:
+            return import_module(f"openswim.{name}")
+        except ModuleNotFoundError as error:
+            if error.name != f"openswim.{name}":
+                raise
+    raise AttributeError(f"module 'openswim' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

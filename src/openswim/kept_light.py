@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,42 +28,60 @@ from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
 
-KIND, VERSION = "openswim light", 2
+KIND, VERSION = "openswim light", 3
 _CHUNK = 1 << 23  # bytes of an array that are written together
 _LONGEST_TEXT = 1 << 22  # characters of the description, more than any light has
 _MOST_MEMORY = 0.8  # share of the memory that is free
 
 
+class KeptLamp(NamedTuple):
+    """A light of its own: what its solar-relative radiance counts (nw,), and that of the ground where it shines with
+    1 nW cm-2 sr-1 (nw,), if it does."""
+
+    name: str
+    field: Field
+    strength: np.ndarray
+    towns: np.ndarray | None = None
+
+
 def save_light(
     scene: Scene, field: Field | ReferenceField, daylight: Daylight, time: np.datetime64 | None,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str], lamps: Sequence[KeptLamp] = (),
 ) -> None:  # fmt: skip
-    """Keep solved light as a Zarr folder, whole or not at all: see `LitScene.save`."""
+    """Keep solved light as a Zarr folder, whole or not at all: see `LitScene.save`. ``lamps``: all, where it is not
+    the whole sun's alone; ``field`` is the first's."""
     if not isinstance(field, Field):
         raise UserError(f"{path}: solver reference keeps no light, but follows paths for each view: use a checkpoint")
     if field.solver.name == "linear":
         raise UserError(f"{path}: solver linear keeps no light: save that of solver fast")
-    if any(level.eclipse is not None for pack in field.packs if isinstance(pack, LitGrid) for level in pack.levels):
-        raise UserError(f"{path}: light in an eclipse of the sun is not kept: save that of another time")
     if not all(isinstance(pack, LitGrid) for pack in field.packs):
         raise UserError(f"{path}: a domain of so many columns is lit anew for each view: save the light of a part")
-    found = described(field.lit)
+    every = lamps or (KeptLamp("sun", field, np.ones(len(field.wavelengths_nm))),)
+    found = [described(each.field.lit, each.name) for each in every]
+    arrays = {name: array for each in found for name, array in each.arrays.items()}
     about = {
         "kind": KIND, "version": VERSION, "openswim": openswim.__version__, "fingerprint": fingerprint(scene),
         "options": asdict(field.solver), "wavelengths_nm": field.wavelengths_nm.tolist(),
         "daylight": asdict(daylight) | {"direction": daylight.direction.tolist()},
         "time": None if time is None else str(time),
         "cut": [level.cut for level in scene.levels], "ground": [_ground(level) for level in scene.levels],
-        "drift_m": [level.drift_m for level in scene.levels], "light": found.levels,
+        "drift_m": [level.drift_m for level in scene.levels], "whole_sun": not lamps,
+        "lights": [
+            {
+                "name": one.name, "strength": one.strength.tolist(), "packs": own.levels,
+                "towns": None if one.towns is None else one.towns.tolist(),
+            }
+            for one, own in zip(every, found, strict=True)
+        ],
     }  # fmt: skip
     import zarr
 
-    with written_whole(path) as partial, job("light to disk", sum(a.nbytes for a in found.arrays.values())) as meter:
+    with written_whole(path) as partial, job("light to disk", sum(a.nbytes for a in arrays.values())) as meter:
         root = zarr.open_group(str(partial), mode="w", zarr_format=2)
         root.attrs.put(about)
         for n, level in enumerate(scene.levels):
             level.to_dataset().to_zarr(str(partial), group=f"scene{n}", mode="w", zarr_format=2, consolidated=False)
-        for name, array in found.arrays.items():
+        for name, array in arrays.items():
             first = max(1, _CHUNK // max(1, array[:1].nbytes)) if array.ndim else 1
             chunks = (min(first, max(1, array.shape[0])), *(max(1, n) for n in array.shape[1:])) if array.ndim else ()
             stored = root.create_array(
@@ -74,8 +93,8 @@ def save_light(
 
 def read_light(
     path: str | os.PathLike[str], scene: Scene | None
-) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
-    """The scene, its light, its sun and the time: see `openswim.open_light`."""
+) -> tuple[Scene, list[KeptLamp], bool, Daylight, np.datetime64 | None]:
+    """The scene, its lights, whether they are the whole sun's alone, the sun, the time: see `openswim.open_light`."""
     import zarr
 
     check_kind("light", path, (str, os.PathLike), "give the name of a folder that lit.save(...) has written")
@@ -104,7 +123,7 @@ def read_light(
 
 def _read(
     path: str | os.PathLike[str], root: Any, about: dict[str, Any], scene: Scene | None
-) -> tuple[Scene, Field, Daylight, np.datetime64 | None]:
+) -> tuple[Scene, list[KeptLamp], bool, Daylight, np.datetime64 | None]:
     if len(json.dumps(about)) > _LONGEST_TEXT:
         raise ValueError("its description is too long")
     nbytes = sum(array.nbytes for _, array in root["arrays"].members(max_depth=None) if hasattr(array, "nbytes"))
@@ -135,11 +154,22 @@ def _read(
                 meter.advance(known[name].nbytes)
             return known[name]
 
-        packs = restored(about["light"], array, solver, matter, surface)
+        lights = []
+        for each in about["lights"]:
+            of, ground = (matter.starlit(), surface) if each["name"] == "sky" else (matter, surface)
+            if each["towns"] is not None:
+                ground = replace(surface, lamps=np.array(each["towns"], float)[matter.terms.which])
+            packs = restored(each["packs"], array, solver, of, ground)
+            strength = np.array(each["strength"], float)
+            if strength.shape != wavelengths.shape:
+                raise ValueError("expected the strength of a light at all wavelengths")
+            lights.append(KeptLamp(str(each["name"]), Field(packs, terms=matter.terms), strength))
+    if not lights:
+        raise ValueError("expected a light")
     day = dict(about["daylight"])
     daylight = Daylight(**day | {"direction": np.array(day["direction"], float)})
     time = None if about["time"] is None else np.datetime64(about["time"], "ms")
-    return scene, Field(packs, terms=matter.terms), daylight, time
+    return scene, lights, bool(about["whole_sun"]), daylight, time
 
 
 def _scene(path: str | os.PathLike[str], about: dict[str, Any]) -> Scene:

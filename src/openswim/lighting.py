@@ -150,6 +150,10 @@ def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitS
     user's own maps of the ground. Raises UserError where the folder holds no light, that of another version, or of
     another scene than is given.
     """
-    scene, field, day, when = read_light(path, None if scene is None else settled(scene))
-    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm).sun_alone()
-    return LitScene(scene, field, day, when, lamps=lamps)
+    scene, lights, whole_sun, day, when = read_light(path, None if scene is None else settled(scene))
+    field = lights[0].field
+    lamps = None if when is None else _lamps(scene, when, day, field.wavelengths_nm)
+    if whole_sun:
+        return LitScene(scene, field, day, when, lamps=None if lamps is None else lamps.sun_alone())
+    every = tuple(LitBy(light.name, light.field, light.strength) for light in lights)
+    return LitScene(scene, field, day, when, lamps=lamps, lights=every)

@@ -5,12 +5,24 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from openswim.assimilation.report import _irradiance
+
 PAGE = Path(__file__).parents[2] / "docs/assimilation.md"
+
+
+def test_irradiance_beyond_what_was_observed_is_in_the_plot() -> None:
+    """Observed 612, seen 1304 before and 1247 after."""
+    found = SimpleNamespace(
+        rows=SimpleNamespace(irradiance_w_m2=lambda row: np.array([row])), observed={"value": 612.0}, before=1304.0,
+        after=1247.0,
+    )  # fmt: skip
+    assert _irradiance(found).count("<circle") == 2  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from tests.batches.one_process import done
 from openswim import Scene, UserError
 from openswim.batches import Work, ensembles, read_plan
 from openswim.batches.ensembles import CLEAR, CLOUDY, cloud_picture, outcomes, together
+from openswim.cli.main import run
 
 PEAK_PER_M = {"a": 2e-3, "b": 4e-3, "c": 1e-5, "d": 0.0}  # of slabs 2 km deep, that rise and fall with height evenly
 PLAN = """openswim_batch = 1
@@ -89,6 +90,15 @@ def test_it_is_made_once_and_anew_for_another_question(plan: Path) -> None:
     with xr.open_dataset(work.plan.folder / "ensemble/roof_20260710T120000.nc") as found:
         middle = found["cloud_probability"].values[4, 4]
     assert middle == 0.25  # b alone
+    plan.write_text(PLAN)
+
+
+def test_the_command_counts_ensembles_apart(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan.write_text(PLAN.replace("0.03", "2.9"))
+    assert run(["batch", str(plan)]) == 0
+    told = capsys.readouterr()
+    assert "4 of them done; nothing is left to render" in told.err
+    assert "0 made, 4 stood already, 0 failed, 1 ensemble put together" in told.out
     plan.write_text(PLAN)
 
 

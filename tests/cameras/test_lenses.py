@@ -146,11 +146,10 @@ def test_pointing_is_that_of_perspective(azimuth, altitude, roll):
     np.testing.assert_allclose(Optics.pointing(LENSES[8], (0, 0), azimuth, altitude, roll).axes(), expected, atol=1e-12)
 
 
-def test_a_part_of_a_frame_and_a_coarser_one_see_the_same():
+def test_a_coarser_frame_sees_the_same():
     for lens in LENSES:
         optics = mounted(lens)
         there = optics.direction(150.0, 220.0)
-        np.testing.assert_allclose(optics.cropped(40, 60).direction(110.0, 160.0), there, atol=1e-12)
         coarse = optics.scaled(0.25)
         np.testing.assert_allclose(coarse.direction((150.5) / 4 - 0.5, 220.5 / 4 - 0.5), there, atol=1e-9)
 

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import openswim
+from openswim.cli.irradiance import IrradianceRequest, _times
 from openswim.cli.main import run
 
 CLEAR = ["irradiance", "--clear", "--lat", "46.8", "--lon", "6.9", "--start", "2016-06-23T11:40"]
@@ -106,6 +107,19 @@ def test_an_aeronet_file_says_where_it_stands(
 
 
 @pytest.mark.parametrize(
+    ("options", "count"),
+    [({}, 3), ({"every": "30min"}, 13), ({"every": "30"}, 13), ({"every": "1h", "start": "2016-06-23T11:00"}, 1)],
+)
+def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, str], count: int) -> None:
+    model = np.array(["2016-06-23T09:00", "2016-06-23T12:00", "2016-06-23T15:00"], "datetime64[ms]")
+    times = _times(IrradianceRequest((Path("x.nc"),), **options), model)
+    assert len(times) == count
+    if "start" not in options:
+        assert times[0] == model[0]
+        assert times[-1] == model[-1]
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["irradiance", "-o", "a.csv"], "FILES, or --clear"),
@@ -114,7 +128,7 @@ def test_an_aeronet_file_says_where_it_stands(
         ([*CLEAR], "--output missing"),
         ([*CLEAR, "-o", "a.png"], "use .nc or .csv"),
         ([*CLEAR, "--end", "2016-06-22", "-o", "a.csv"], "end after the start"),
-        ([*CLEAR, "--every", "0", "-o", "a.csv"], "above 0"),
+        ([*CLEAR, "--every", "0", "-o", "a.csv"], "such as 5min"),
         ([*CLEAR, "--plane", "30", "-o", "a.csv"], "2 numbers"),
         ([*CLEAR, "--fit", "beam", "-o", "a.csv"], "need a --station"),
         (["irradiance", "x.nc", "--aod", "0.1", "--lat", "1", "--lon", "1", "-o", "a.csv"], "of a clear sky"),

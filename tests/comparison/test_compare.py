@@ -10,8 +10,10 @@ from tests.comparison.skies import NAME, clear_radiance, small_camera, write_fra
 
 import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
+from openswim.cli.compare import line_of, told
 from openswim.comparison.encoding import decoded, encoded
 from openswim.comparison.report.page import write_page
+from openswim.comparison.response import Curve
 from openswim.errors import UserError
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "data" / "sky"
@@ -33,6 +35,20 @@ def test_curves_of_counts_and_their_inverse():
     for encoding in ("srgb", "linear", 2.2, 0.7):
         np.testing.assert_allclose(encoded(decoded(share, encoding), encoding), share, atol=1e-6)
     assert float(decoded(0.5, "srgb")) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+
+
+def test_a_level_part_of_a_curve_makes_no_seam():
+    """Its inverse leaps by .3 in ln light: spread over .15 of ln radiance that is a slope of .81 at most. A power law
+    stays one."""
+    light = np.geomspace(0.005, 1, 400)
+    power = 0.2 * light**1.3
+    level = np.minimum(power, 0.2 * 0.14**1.3) + np.maximum(power - 0.2 * 0.19**1.3, 0)
+    at = np.geomspace(1e-4, 0.5, 2000)
+    found = Curve(light, power, 1.3, 0.0).inverse(at)
+    np.testing.assert_allclose(found, (at / 0.2) ** (1 / 1.3), rtol=3e-3)
+    slope = np.diff(np.log(Curve(light, level, 1.3, 0.0).inverse(at))) / np.diff(np.log(at))
+    assert slope.min() > 0
+    assert slope.max() < 1 / 1.3 + np.log(0.19 / 0.14) / (0.15 * np.sqrt(2 * np.pi)) + 0.1
 
 
 def test_a_simulated_camera_is_found_again(sky, tmp_path):
@@ -75,6 +91,31 @@ def test_a_frame_without_a_valid_pixel_has_scores_of_nan(sky, tmp_path):
     found = openswim.compare(None, frame, CAMERA)
     assert np.isnan(found.r).all()
     assert "no pixel is left" in found.attrs["reasons"]
+    assert found.attrs["share_of_sky_used"] == 0
+    write_page(found, CAMERA.camera, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text("utf-8")
+    assert "There is no r." in text
+    assert "No r, pod, far, ets, observed cover, simulated cover: no pixel is left." in text
+    assert np.median(found.simulated_as_stored.values[CAMERA.camera.pixels().inside]) > 0.2  # the sky is shown
+    assert "no r: no pixel is left, of 0 % of the sky" in line_of(found)
+
+
+def test_it_is_said_when_half_of_the_frame_is_black(sky, tmp_path):
+    """The black half counts nowhere: the other is scored, and its share told."""
+    half = np.array(sky)
+    half[:, : half.shape[1] // 2] = 0
+    found = openswim.compare(None, write_frame(tmp_path / NAME, half), CAMERA, aod_range=False, sun_mask_deg=0)
+    assert found.attrs["share_of_sky_used"] == pytest.approx(0.5, abs=0.02)
+    assert not found.valid.values[:, : half.shape[1] // 2].any()
+    assert f"undone, of {100 * found.attrs['share_of_sky_used']:.0f} % of the sky" in line_of(found)
+
+
+def test_a_frame_far_from_the_models_time_is_noted(srgb_frame, capsys):
+    found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False)
+    for model_time, noted in (("2024-06-20T10:00:00Z", False), ("2024-06-21T14:00:00Z", True)):
+        told(found.assign_attrs(model_time=model_time))
+        err = capsys.readouterr().err
+        assert ("2024-06-21T14:00:00Z, is 30 hours after this frame" in err) is noted
 
 
 def test_masks_by_one_rule_for_both_pictures(sky, srgb_frame, tmp_path):

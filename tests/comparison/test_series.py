@@ -5,10 +5,12 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from PIL import Image
 from tests.comparison.skies import clear_radiance, small_camera, write_frame
 
 from openswim.comparison.series import compare_into
 from openswim.comparison.settings import Settings, known_camera, skies_of
+from openswim.errors import UserError
 
 CAMERA = small_camera(64)
 TIMES = ("080000", "080400", "100000")
@@ -61,6 +63,35 @@ def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
     again = []
     run(frames, tmp_path, lambda comparison: again.append(comparison))
     assert not again
+
+
+def test_a_grey_and_a_damaged_frame_end_no_series(frames, tmp_path):
+    """Grey as by night, stored in three colours; and half of a file."""
+    with Image.open(frames[2]) as picture:
+        picture.convert("L").convert("RGB").save(tmp_path / "grey_20240620_100000.png")
+    (tmp_path / "half_20240620_090000.png").write_bytes(frames[0].read_bytes()[:500])
+    listed = [frames[0], *sorted(tmp_path.glob("*.png"))]
+    settings, skies = Settings(size=64, aod_range=False), skies_of(None, "fast", None, None, table=True)
+    left_out = []
+
+    def tell_failed(path, error):
+        left_out.append(path.name)
+
+    plain = known_camera(CAMERA, settings, None, "fast", skies)
+    compare_into(skies, listed, CAMERA, settings, plain, tmp_path / "out", tell_failed=tell_failed)
+    assert left_out == ["half_20240620_090000.png"]
+    with xr.open_dataset(tmp_path / "out/scores.nc") as scores:
+        r = scores.r.sel(weighting="solid angle", sun_mask=12, light="decoded")
+        assert (r.sel(score_channel="mean") > 0.99).all()
+        np.testing.assert_array_equal(np.isnan(r.sel(score_channel="red")), [False, True])
+        line = scores.keogram_stored.values[1]
+        np.testing.assert_array_equal(line, line[:, :1].repeat(3, axis=1))
+        assert np.nanmax(line) > 0
+    with pytest.raises(UserError, match="cannot be read"):  # not one is left
+        compare_into(skies, listed[2:], CAMERA, settings, plain, tmp_path / "none")
+    curves = known_camera(CAMERA, settings, frames[0], "fast", skies)
+    with pytest.raises(UserError, match="is grey, the clear frame is not"):
+        compare_into(skies, listed[1:2], CAMERA, settings, curves, tmp_path / "none")
 
 
 def test_interpolated_clear_skies_are_those_that_are_solved():

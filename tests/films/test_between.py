@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from openswim import Scene, UserError
+from openswim import Camera, Scene, UserError
+from openswim.films import Weather
 from openswim.films.between import Motion, between
 from openswim.films.drift import drift_of
+from openswim.films.making import shots_of
 from openswim.scene import Grid
 from openswim.scene.procedural.cumulus import cumulus_field
 
@@ -131,3 +133,22 @@ def test_a_nest_that_moves_says_between_which_times() -> None:
               for hour, shift in ((2, 0.0), (3, 5e3))]  # fmt: skip
     with pytest.raises(UserError, match=r"grid at 2026-07-10T12.* is not that at 2026-07-10T13.*leave out --every"):
         Motion.between(*scenes)
+
+
+def test_times_in_between_of_a_moving_nest_are_refused_before_a_scene_is_read() -> None:
+    def unread(_: np.datetime64) -> Scene:
+        raise AssertionError
+
+    def grids(time: np.datetime64) -> list[tuple[str, Grid]]:
+        east = 9e3 * float((time - NOON) / np.timedelta64(1, "h"))
+        return [("wrfout", Grid(np.arange(4) * 9e3 + east, np.arange(4) * 9e3, np.arange(3) * 1e3))]
+
+    times = NOON + np.arange(4) * np.timedelta64(1, "h")
+    nest = Weather(times, unread, ["a nest"], grids)
+    still = Weather(times, unread, ["a domain"], lambda _: grids(NOON))
+    camera = Camera.allsky(47.0, 11.0, size=8)
+    with pytest.raises(UserError, match=r"^wrfout: its grid at .*leave out --every"):
+        shots_of(nest, camera, 300.0, None, 25.0, 1.0, None, None)
+    assert len(shots_of(still, camera, 300.0, None, 25.0, 1.0, None, None)) == 37
+    assert len(shots_of(nest, camera, None, None, 25.0, 1.0, None, None)) == 4
+    assert len(shots_of(nest, camera, 3600.0, None, 25.0, 1.0, None, None)) == 4  # the model's own

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from openswim.ground.hills import steepness_below, sunlight_on_slopes
 
@@ -27,7 +27,7 @@ def light(altitude_deg, azimuth_deg=120.0, steepness=0.4, footprint_m=0.0, n=100
     return sunlight_on_slopes(lat, lon, sun, mu, steep, cell_m, footprint)
 
 
-@pytest.mark.parametrize("altitude", [1.0, 8.0, 20.0, 45.0, 85.0])
+@pytest.mark.parametrize("altitude", [1.0, 20.0, 85.0])
 @pytest.mark.parametrize("footprint", [0.0, 300.0, 1500.0])
 def test_the_ground_gets_as_much_light(altitude, footprint):
     factor = light(altitude, footprint_m=footprint)
@@ -39,7 +39,7 @@ def test_slopes_turned_away_are_dark():
     """As many as a normal distribution of slopes has."""
     for altitude, steepness in ((5.0, 0.4), (15.0, 0.4), (15.0, 0.1)):
         spread = steepness / np.sqrt(2) / np.tan(np.radians(altitude))
-        assert (light(altitude, steepness=steepness) == 0).mean() == pytest.approx(norm.sf(1 / spread), abs=0.02)
+        assert (light(altitude, steepness=steepness) == 0).mean() == pytest.approx(ndtr(-1 / spread), abs=0.02)
 
 
 def test_the_sun_of_the_other_side_lights_the_other_slopes():

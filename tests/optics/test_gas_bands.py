@@ -18,7 +18,7 @@ from openswim.scene.phase import HenyeyGreenstein
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared"))
 CENTRES_NM = np.arange(410.0, 1691.0, 20.0)
-SOME_NM = np.array([410.0, 470.0, 550.0, 650.0, 690.0, 770.0, 870.0, 950.0, 1130.0, 1270.0, 1450.0, 1610.0])
+SOME_NM = np.array([410.0, 550.0, 650.0, 770.0, 950.0, 1450.0, 1610.0])
 SUN_ZENITH_DEG, TILT_DEG = 48.19, 37.0  # air mass 1.5; a plane that faces the sun
 
 

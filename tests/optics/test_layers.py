@@ -149,13 +149,14 @@ def test_purple_light_while_the_sun_reaches_a_layer_high_up() -> None:
     """The Earth's shadow, seen 20 degrees up toward the sun, stands below a layer at 20 km while the sun is less than
     some 5 degrees down, and far above it when it is 9 down. In between it is lit by a sun that the air has reddened."""
     clear = Scene.clear(40.0, 0.0)
-    camera = openswim.Camera.perspective(40.0, 0.0, azimuth_deg=250.0, altitude_deg=20.0, fov_deg=2.0, size=(2, 2))
+    camera = openswim.Camera.allsky(40.0, 0.0, size=2)
     more = {}
     for sun in (-4.0, -9.0):
-        with_layer, without = (
-            openswim.render(scene, camera, sun=(250.0, sun), wavelengths_nm=[615.0, 450.0]).radiance.values.mean((0, 1))
+        lit = (
+            openswim.light(scene, wavelengths_nm=[615.0, 450.0], sun=(250.0, sun))
             for scene in (with_stratosphere(clear, "pinatubo"), clear)
         )
+        with_layer, without = (each.viewpoint(camera).look(250.0, 20.0)[0] for each in lit)
         more[sun] = with_layer / without
     assert more[-4.0][0] > 2.7
     assert more[-4.0][1] < 0.65

@@ -1,6 +1,7 @@
 """Mie theory of size distributions against its limits, and irregular particles against measured dust."""
 
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from openswim.optics import irregular
 from openswim.optics.spheres import Mode, Sizes, gamma_sizes, lognormal_sizes, scattering_by_spheres
 from openswim.scene.phase import Rayleigh
 
-miepython = pytest.importorskip("miepython")
+pytestmark = pytest.mark.skipif(find_spec("miepython") is None, reason="no miepython")
 
 
 def single(radius_um):
@@ -50,6 +51,8 @@ def test_asymmetry_is_the_one_of_the_series():
     """The moment of the values against the sum over a_n and b_n, which never looks at an angle."""
     sizes = lognormal_sizes([Mode(0.15, 1.6)], 60)
     found = scattering_by_spheres(sizes, 1.45 - 0.01j, 550.0)
+    import miepython
+
     rows = [miepython.efficiencies_mx(1.45 - 0.01j, 2 * np.pi * r / 0.55) for r in sizes.radius_um]
     area = sizes.number * sizes.radius_um**2
     q_sca, g = np.array([(row[1], row[3]) for row in rows]).T

@@ -73,3 +73,15 @@ def test_bright_and_dark_ground_are_mixed_but_not_clouds() -> None:
         edge = np.flatnonzero(outlines_of(view, np.ones((n, n), bool)))
         radiance[edge] = softened(eye, rays[edge], FRAME)
         assert set(np.unique(radiance)) == expected
+
+
+def test_the_horizon_is_an_outline_before_opaque_cloud_too() -> None:
+    """Three columns of sky over sea: open, behind a thin cloud, behind an opaque one. And cloud before the ground."""
+    inside = np.ones((2, 4), bool)
+    view = SimpleNamespace(
+        distance_m=np.array([[-1.0, -1.0, -1.0, 800.0], [900.0, 900.0, 900.0, 900.0]]).ravel(),
+        transmittance=np.array([[0.9, 0.1, 0.0, 1e-4], [1.0, 1.0, 1.0, 1.0]]).reshape(-1, 1),
+        radiance=np.array([[2.0, 2.0, 2.0, 2.0], [0.5, 0.5, 0.5, 0.5]]).reshape(-1, 1),
+    )
+    found = outlines_of(view, inside).reshape(2, 4)
+    np.testing.assert_array_equal(found, np.array([[1, 1, 1, 0], [1, 1, 1, 0]], bool))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from openswim.errors import UserError
-from openswim.readers import describe, open_scene
+from openswim.readers import describe, grids_of, open_scene
 
 PROJECTIONS = {
     "lambert": dict(map_proj=1),
@@ -157,6 +157,9 @@ def test_static_coordinates_and_moving_nests(wrf_file):
     assert open_scene(path, "2005-08-28T15:00").place[0] - open_scene(path).place[0] == pytest.approx(
         0.5, abs=1e-5
     )
+    (name, first), (_, second) = (grids_of(path, time)[0] for time in (None, "2005-08-28T15:00"))
+    assert name == path.name
+    assert second.lonlat(0, 0)[1] - first.lonlat(0, 0)[1] == pytest.approx(0.5, abs=1e-5)
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("XLAT", "XLAT_MOVING")
         fixed = file.createVariable("XLAT", "f4", ("south_north", "west_east"))

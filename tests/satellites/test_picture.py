@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import xarray as xr
 
+from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.lights.eclipses import light_left
 from openswim.lights.eclipses.solar import discs
 from openswim.satellites import FixedGrid, band, imagers, reflectance
+from openswim.satellites.files import write
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 
@@ -91,3 +96,27 @@ def test_bands_weigh_to_one_and_unknown_ones_are_refused() -> None:
         band("goes-16 abi", "C09")
     with pytest.raises(UserError, match="no pixel"):
         reflectance(_scene(), WHOLE.part(slice(0, 9), slice(0, 9)), [band("goes-16 abi", "C02")])
+
+
+def test_the_command_takes_the_models_time_nearest_to_the_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Clear at first and a deep cloud an hour later, at the picture's time."""
+    for hour, water in ((16, 0.0), (17, 1e-3)):
+        scene = _scene(water)
+        scene.time = np.datetime64(f"2021-06-21T{hour}:00", "ms")
+        scene.to_netcdf(tmp_path / f"model_{hour}.nc")
+    bare = Scene.clear(LAT, LON, None, 0.6, time=NOON + np.timedelta64(10, "m"))
+    write(reflectance(bare, _grid(1), [band("goes-16 abi", "C02")]), tmp_path / "seen.nc")
+    models = [str(tmp_path / f"model_{hour}.nc") for hour in (16, 17)]
+    asked = ["satellite", *models, "--like", str(tmp_path / "seen.nc"), "--band", "C02"]
+    assert run([*asked, "-o", str(tmp_path / "out.nc")]) == 0
+    assert "note: the model's nearest" not in capsys.readouterr().err
+    with xr.open_dataset(tmp_path / "out.nc") as found:
+        assert found.attrs["time_coverage_start"].startswith("2021-06-21T17:10")
+        assert float(found.reflectance_factor.mean()) > 0.7  # the sea has .08
+    elsewhere = WHOLE.part(slice(900, 903), slice(1000, 1003))
+    write(reflectance(Scene.clear(LAT, LON, None, 0.6, time=NOON), elsewhere, [band("goes-16 abi", "C02")]),
+          tmp_path / "seen.nc")  # fmt: skip
+    assert run(asked) == 2
+    assert "its pixels are within latitude" in capsys.readouterr().err

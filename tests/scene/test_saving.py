@@ -136,7 +136,7 @@ def assert_same(again: Scene, scene: Scene) -> None:
         np.testing.assert_allclose(again.grid.lonlat(1.3, 0.4), scene.grid.lonlat(1.3, 0.4), atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(scene=scenes(), zarr=st.booleans())
 def test_round_trip(scene, zarr):
     with tempfile.TemporaryDirectory() as folder:

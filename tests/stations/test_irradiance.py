@@ -106,8 +106,8 @@ def _cloudy(time: str, content: float) -> Scene:
 def test_between_model_times_the_light_of_both_is_mixed():
     early, late = _cloudy("2016-06-23T10:00", 0.0), _cloudy("2016-06-23T12:00", 2e-4)
     times = np.array(["2016-06-23T10:30"], "datetime64[m]")
-    mixed = openswim.irradiance([early, late], LAT, LON, times)
-    alone = [openswim.irradiance(scene, LAT, LON, times) for scene in (early, late)]
+    mixed = openswim.irradiance([early, late], LAT, LON, times, solver="swim")
+    alone = [openswim.irradiance(scene, LAT, LON, times, solver="swim") for scene in (early, late)]
     for name in ("ghi", "dni", "dhi", "spectral_dhi"):
         np.testing.assert_allclose(mixed[name], 0.75 * alone[0][name] + 0.25 * alone[1][name], rtol=1e-6)
     assert (alone[1].dni < 1).all()
@@ -118,10 +118,10 @@ def test_between_model_times_the_light_of_both_is_mixed():
 @pytest.mark.slow
 def test_several_places_share_a_solve():
     scene = _cloudy("2016-06-23T10:00", 5e-5)
-    found = openswim.irradiance(scene, [LAT, LAT + 0.05], [LON, LON], "2016-06-23T10:00")
+    found = openswim.irradiance(scene, [LAT, LAT + 0.05], [LON, LON], "2016-06-23T10:00", solver="swim")
     assert found.attrs["solves"] == 1
     assert found.ghi.dims == ("time", "place")
-    alone = openswim.irradiance(scene, LAT + 0.05, LON, "2016-06-23T10:00")
+    alone = openswim.irradiance(scene, LAT + 0.05, LON, "2016-06-23T10:00", solver="swim")
     np.testing.assert_allclose(found.ghi[:, 1], alone.ghi, rtol=1e-6)
 
 

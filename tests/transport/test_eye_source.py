@@ -57,11 +57,11 @@ def test_nodes_without_cloud_are_stood_for_by_the_thickest_around(periodic: bool
     np.testing.assert_array_equal(found[alone], np.flatnonzero(alone))
 
 
-@pytest.mark.parametrize(("columns", "factor"), [((70, 45), 2), ((100, 97), 4)])
-def test_source_is_what_the_moments_scatter_toward_the_eye(columns, factor: int) -> None:
+@pytest.mark.parametrize(("size", "factor"), [((70, 45, 20), 2), ((100, 97, 16), 4)])
+def test_source_is_what_the_moments_scatter_toward_the_eye(size, factor: int) -> None:
     """sum_l sigma_l sum_m Y_lm(v) M_lm per extinction, where moments are kept and where the coarser grid's are."""
     sun = toward(200.0, 40.0)
-    field = Solver(tolerance=0.5).solve(demo_scene(*columns, 20), sun, [615.0, 450.0]).lit[0]
+    field = Solver(tolerance=0.5).solve(demo_scene(*size), sun, [615.0, 450.0]).lit[0]
     light, medium = field.light, field.medium
     nz, ny, nx = medium.shape
     eye = np.array([300.0, -200.0, 2500.0])

@@ -58,7 +58,7 @@ def fan(azimuth_deg: float, altitude: np.ndarray) -> np.ndarray:
     return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(altitude)], axis=-1)
 
 
-@pytest.mark.parametrize("azimuth", [-20.0, 0.0, 20.0])
+@pytest.mark.parametrize("azimuth", [0.0, 20.0])
 def test_a_ridge_line_stands_where_geometry_has_it(tmp_path, azimuth: float) -> None:
     """A round ridge along a parallel, 9 km north, pixels of 1 mrad: its outline is right to a tenth of a pixel."""
     x, north = pixels(30e3, 30.0), pixels(30e3, 30.0)[::-1]

@@ -80,10 +80,10 @@ def test_even_cloud_as_layers_of_many_streams(
     field[2:4] = tau / 800.0  # linear to nothing at both sides: two cells' worth in all
     ours = grid_scene(field, (6, 24, 24), CELL_M, curved=True, surface_albedo=0.2)
     truth = slab(tau, albedo=0.2)
-    truth_field = Solver().solve(truth, sun, [WAVELENGTH_NM])
+    field, truth_field = (Solver().solve(scene, sun, [WAVELENGTH_NM]) for scene in (ours, truth))
     for south_deg in (0.0, 35.0):
         rays = _rays(ours, 3, 3, south_deg)
-        seen = Solver().solve(ours, sun, [WAVELENGTH_NM]).view(rays).radiance[4, 0]
+        seen = field.view(rays).radiance[4, 0]
         down = rays.directions()[4]
         place = np.array([1000.0, 1000.0, 1000.0]) - 3000.0 * down
         expected = truth_field.view(Rays(place, down)).radiance[0, 0]
@@ -97,11 +97,10 @@ def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
     field[25] = 1e-9
     scene = grid_scene(field, (30, 24, 24), (3000.0, 3000.0, 500.0), curved=True, air=True)
     clear = Scene.clear(LAT, LON, surface_albedo=0.0)
+    fields = [Solver().solve(one, _sun(zenith_deg), [615.0, 450.0]) for one in (scene, clear)]
     for south_deg in (0.0, 35.0):
         rays = _rays(scene, 3, 3, south_deg)
-        seen, expected = (
-            Solver().solve(one, _sun(zenith_deg), [615.0, 450.0]).view(rays).radiance[4] for one in (scene, clear)
-        )
+        seen, expected = (field.view(rays).radiance[4] for field in fields)
         np.testing.assert_allclose(seen, expected, rtol=0.0044)
 
 

@@ -121,3 +121,14 @@ def test_tables_are_stacked_by_scatterer_and_wavelength() -> None:
     assert tables.shape == (2, 3601, 32, 2)
     np.testing.assert_array_equal(tables[0, ..., 1], tables[1, ..., 0])
     np.testing.assert_array_equal(tables[0, ..., 0], peak_table(a, M))
+
+
+def test_what_a_ray_knows_nothing_of_is_in_the_table() -> None:
+    """Truncated at degree 10, read by rays that know five moments: at every angle and depth the sum is the same."""
+    phase, known = HenyeyGreenstein(0.74), np.cos(angles())
+    chi = phase.moments(11)
+    low = (2 * np.arange(10) + 1) * (chi[:10] - chi[10])
+    whole = peak_table(phase, 10).astype(float) + legval(known, low)[:, None]
+    part = peak_table(phase, 10, 5).astype(float) + legval(known, low[:5])[:, None]
+    np.testing.assert_allclose(part, whole, atol=2e-5)
+    assert np.abs(peak_table(phase, 10, 5) - peak_table(phase, 10)).max() > 1

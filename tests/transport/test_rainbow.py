@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openswim import Camera, Solver, render
+from openswim import Camera, Solver, light
 from openswim.optics import scene_optics
 from openswim.scene import Scene
 
@@ -19,37 +19,16 @@ def shower() -> Scene:
 
 def brightness(radius_deg: np.ndarray, wavelength_nm: float, solver: Solver | str = "fast") -> np.ndarray:
     """L' straight above the point opposite the sun, at angles from it."""
-    found = []
-    for radius in radius_deg:
-        camera = Camera.perspective(
-            x_m=4e3, y_m=4e3, azimuth_deg=0.0, altitude_deg=float(radius) - SUN_DEG, fov_deg=0.1, size=(1, 1)
-        )
-        image = render(shower(), camera, solver=solver, wavelengths_nm=[wavelength_nm], sun=(180.0, SUN_DEG))
-        found.append(image.solar_relative_radiance.item())
-    return np.array(found)
-
-
-def profile(radius_deg: np.ndarray, wavelength_nm: float) -> np.ndarray:
-    """`brightness` of one picture, one pixel wide."""
-    rows, wide = len(radius_deg), float(radius_deg[-1] - radius_deg[0])
-    middle = 0.5 * (radius_deg[0] + radius_deg[-1])
-    # columns of a picture of this width, turned by a quarter
-    camera = Camera.perspective(
-        x_m=4e3, y_m=4e3, azimuth_deg=0.0, altitude_deg=float(middle) - SUN_DEG, fov_deg=wide, size=(1, rows),
-        roll_deg=90.0,
-    )
-    image = render(shower(), camera, wavelengths_nm=[wavelength_nm], sun=(180.0, SUN_DEG))
-    order = np.argsort(image.altitude.values.ravel())
-    angle = image.altitude.values.ravel()[order] + SUN_DEG
-    slant = np.sin(np.radians(angle - SUN_DEG))  # a layer is the thicker, the lower it is looked at
-    return np.interp(radius_deg, angle, image.solar_relative_radiance.values.ravel()[order] * slant)
+    lit = light(shower(), solver, [wavelength_nm], sun=(180.0, SUN_DEG))
+    return lit.viewpoint(Camera.allsky(x_m=4e3, y_m=4e3, size=2)).look(0.0, radius_deg - SUN_DEG)[:, 0]
 
 
 def test_the_rainbow_that_an_eye_sees() -> None:
     radius = np.arange(32.0, 58.0, 0.1)
     places = []
     for wavelength in (615.0, 450.0):
-        seen = profile(radius, wavelength)
+        # a layer is the thicker, the lower it is looked at
+        seen = brightness(radius, wavelength) * np.sin(np.radians(radius - SUN_DEG))
         primary, secondary = (np.where((radius > a) & (radius < b), seen, 0) for a, b in ((38, 45), (48, 58)))
         places.append([radius[np.argmax(primary)], radius[np.argmax(secondary)]])
         inside, band = (np.median(seen[(radius > a) & (radius < b)]) for a, b in ((32, 36), (44, 48.5)))

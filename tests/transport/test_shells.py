@@ -80,7 +80,7 @@ def rayleigh_air():
     """Conservative molecules only, over black ground, four wavelengths, all suns."""
     atmosphere = Atmosphere.us_standard(ozone_du=0.0, aerosol=None)
     air = background(atmosphere, np.array([450.0, 546.0, 615.0, 700.0]), shell_levels())
-    return air, build_shells(air, (0.0, 100.0), RADIUS_M, 0.0, 0.0, 5, 1e5)
+    return air, build_shells(air, (0.0, 100.0), RADIUS_M, 0.0, 0.0, 1e5)
 
 
 def test_beam_is_dimmed_by_the_slant_column(rayleigh_air) -> None:
@@ -128,7 +128,7 @@ def test_diffuse_flux_is_half_of_what_thin_air_scatters(rayleigh_air) -> None:
 
 
 def test_vacuum_lets_all_through() -> None:
-    shells = build_shells(None, (0.0, 80.0), RADIUS_M, 0.0, 0.3, 5, 3000.0)
+    shells = build_shells(None, (0.0, 80.0), RADIUS_M, 0.0, 0.3, 3000.0)
     assert not shells.extinction.any()
     mu = np.interp(np.arange(len(shells.ground_flux)), shells.moment_sun_table, np.linspace(-1, 1, 4001))
     np.testing.assert_allclose(shells.ground_flux[:, 0], np.maximum(mu, 0), atol=1e-3)

@@ -3,6 +3,10 @@
 import numpy as np
 import pytest
 
+from openswim.optics.chosen import with_stratosphere
+from openswim.scene import Scene
+from openswim.scene.frame import scene_frame
+from openswim.scene.rays import Rays
 from openswim.solver import Solver
 from openswim.validation.clearsky import ClearSky
 
@@ -17,3 +21,19 @@ def test_no_sun_stands_out():
     assert (np.diff(light) < 0).all()
     for a, b, c in (light[:3], light[3:]):
         assert b / np.sqrt(a * c) == pytest.approx(1.0, abs=0.08)
+
+
+@pytest.mark.slow
+def test_light_leaves_a_layer_that_the_sun_grazes():
+    """After Pinatubo, with the sun 2 degrees down: along the layer most light that is scattered is turned out of it. In
+    the afterglow Monte Carlo has a standard error of 1 %; `fast` was 22 % brighter while light that is turned by ten
+    degrees counted as if it were not."""
+    scene = with_stratosphere(Scene.clear(40.0, 0.0), "pinatubo")
+    frame = scene_frame(scene)
+    sun, eye = frame.direction(250.0, -2.0, 40.0, 0.0), frame.position(40.0, 0.0, 2.0)
+    rays = Rays(eye, np.array([frame.direction(250.0, altitude, 40.0, 0.0) for altitude in (20.0, 26.0, 32.0, 40.0)]))
+    fast, truth = (
+        solver.solve(scene, sun, np.array([615.0, 546.0])).view(rays).radiance.astype(float).sum(axis=0)
+        for solver in (Solver("fast"), Solver("reference", paths=200_000))
+    )
+    np.testing.assert_allclose(fast / truth, 1.0, atol=0.08)

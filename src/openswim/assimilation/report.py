@@ -100,11 +100,12 @@ def _camera(analysis: Found, n: int) -> list[str]:
 def _irradiance(analysis: Found) -> str:
     rows = analysis.rows
     value = rows.irradiance_w_m2(analysis.observed["value"])
-    most = 100 * float(np.ceil(max(value.max(initial=0.0), 100.0) / 100 * 1.2))
+    seen = [rows.irradiance_w_m2(row) for row in (analysis.before, analysis.after)]
+    most = 100 * float(np.ceil(1.1 * max(each.max(initial=100.0) for each in (value, *seen)) / 100))
     plot = Plot("observed, W/m2", "seen, W/m2", (0.0, most), (0.0, most), [(0.0, "0"), (most / 2, f"{most / 2:.0f}")])
     plot.line(np.array([0.0, most]), np.array([0.0, most]), COLOURS["grey"])
-    for row, colour in ((analysis.before, COLOURS["red"]), (analysis.after, COLOURS["blue"])):
-        plot.points(value, rows.irradiance_w_m2(row), colour, 3.0, 0.7)
+    for each, colour in zip(seen, (COLOURS["red"], COLOURS["blue"]), strict=True):
+        plot.points(value, each, colour, 3.0, 0.7)
     return plot.svg + "<p>Red: before, blue: after.</p>"
 
 

@@ -119,10 +119,6 @@ class Optics:
         x, below = (c * right - e * down) / (c - s * e), (down - s * right) / (c - s * e)
         return -x if self.mirrored else x, -below
 
-    def cropped(self, row: float, column: float) -> "Optics":
-        """For a frame that begins at this pixel of the whole one."""
-        return replace(self, centre_row=self.centre_row - row, centre_column=self.centre_column - column)
-
     def scaled(self, factor: float) -> "Optics":
         """For a frame with pixels `factor` times as fine."""
         centre = [(place + 0.5) * factor - 0.5 for place in (self.centre_row, self.centre_column)]

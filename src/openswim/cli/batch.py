@@ -46,6 +46,7 @@ def run(request: BatchRequest) -> None:
     """Check the request, say what it will take, make the pictures, and list what failed."""
     from openswim.batches import Work, read_plan
     from openswim.batches.making import jobs_of
+    from openswim.batches.plan import ENSEMBLE
     from openswim.readers import files_of
 
     jobs = jobs_of(request.jobs, request.threads)
@@ -64,8 +65,10 @@ def run(request: BatchRequest) -> None:
     start = clock.perf_counter()
     report = work.run(jobs, request.threads, request.scheduler)
     seconds = clock.perf_counter() - start
-    click.echo(f"{plan.folder}: {len(report.made)} made, {report.standing} stood already, {len(report.failed)} failed, "
-               f"{seconds:.0f} s")  # fmt: skip
+    ensembles = sum(one.task.startswith(f"{ENSEMBLE}/") for one in report.made)
+    joined = f", {ensembles} ensemble{'s' * (ensembles > 1)} put together" if ensembles else ""
+    click.echo(f"{plan.folder}: {len(report.made) - ensembles} made, {report.standing} stood already, "
+               f"{len(report.failed)} failed{joined}, {seconds:.0f} s")  # fmt: skip
     tell_failed(report)
 
 
@@ -120,7 +123,7 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     pictures = waiting * sum(len(camera.suffixes) for camera in plan.cameras)
     told = f"{len(work.mine)} times and members, {len(work.mine) - waiting} of them done"
     if not waiting:
-        click.echo(f"{told}; nothing is left to do", err=True)
+        click.echo(f"{told}; nothing is left to render", err=True)
         return
     one = _of_a_task(work)
     if one is None:

@@ -78,5 +78,5 @@ def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:
     settings = FrameSettings(pattern, offset_h, full)
     for frame in frames:
         count, median = check(replace(content, frames=settings), frame, request.time, request.height_m)
-        told = f"median distance {median:.2f} px" if count else "nothing to measure by"
+        told = f"median distance {median:.2f} px" if count else "which may be cloud, or another camera, place or time"
         click.echo(f"{frame}: {count} stars match, {told}")

@@ -8,7 +8,7 @@ import click
 from openswim.cli.options import PATH, QUALITIES, debug, frame_options, frame_times, quality, solver
 
 
-@click.command()
+@click.command(short_help="Find a fisheye camera's lens and mount from its frames.")
 @click.argument("frames", type=PATH, nargs=-1, required=True)
 @click.option("--lat", type=float, help="Latitude of the camera, degrees north.")
 @click.option("--lon", type=float, help="Longitude of the camera, degrees east.")
@@ -31,7 +31,7 @@ def calibrate(**options: Any) -> None:
     run(CalibrateRequest(**options))
 
 
-@click.command()
+@click.command(short_help="Compare a camera's frames with a model's sky.")
 @click.argument("files", type=PATH, nargs=-1, required=True, metavar="MODEL FRAME...")
 @click.option("--camera", "camera_file", type=PATH, required=True,
               help="TOML file of the camera.")  # fmt: skip
@@ -61,7 +61,7 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
     run(CompareRequest(files, **options))
 
 
-@click.command("correct-clouds")
+@click.command("correct-clouds", short_help="Mend a model's clouds by cameras' frames.")
 @click.argument("model", type=PATH)
 @click.argument("frames", type=PATH, nargs=-1, required=True)
 @click.option("--camera", "camera_files", type=PATH, multiple=True, required=True,
@@ -72,8 +72,10 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
 @click.option("--passes", type=int, default=2, show_default=True, help="How often the edited scene is looked at again.")
 @click.option("--hold-out/--use-all", default=True, show_default=True,
               help="Keep every second block of the sky aside, and score by it.")  # fmt: skip
-@click.option("--base", "base_m", type=float, help="Metres: base of clouds to add.  [default: like the model's own]")
-@click.option("--thickness", "thickness_m", type=float, default=400.0, show_default=True, help="Of these, metres.")
+@click.option("--base", "base_m", type=float,
+              help="Base of clouds to add, metres above sea level.  [default: like the model's own]")
+@click.option("--thickness", "thickness_m", type=float, default=400.0, show_default=True,
+              help="Thickness of clouds to add, metres.")
 @click.option("--quality", type=click.Choice(QUALITIES), default="standard", show_default=True,
               help="How finely light is solved for.")  # fmt: skip
 @frame_options
@@ -89,7 +91,7 @@ def correct_clouds(**options: Any) -> None:
     run(CorrectCloudsRequest(**options))
 
 
-@click.command()
+@click.command(short_help="Fit a model's clouds to what cameras measured.")
 @click.argument("config", type=PATH)
 @click.option("-o", "--output", type=PATH,
               help="The analysed scene, .nc or .zarr; a page and the departures are written beside it.")  # fmt: skip
@@ -97,7 +99,8 @@ def correct_clouds(**options: Any) -> None:
 @click.option("--observations", type=PATH,
               help="Also write what was observed and is seen, as JEDI's IODA reads it, .nc.")  # fmt: skip
 @click.option("--write-back", type=PATH,
-              help="Also write a copy of the model's file (WRF) with the increments in it.")  # fmt: skip
+              help="Also write a copy of the model's file (WRF), or of its files into this folder (LAPS), with the "
+              "increments in it.")  # fmt: skip
 @debug
 def analyse(**options: Any) -> None:
     """Find clouds and ground of a model by what cameras and pyranometers measured, as CONFIG (.toml) says.

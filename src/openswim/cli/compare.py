@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from openswim.cameras.files import CameraFile
 
+MUCH = 0.8  # of the sky, below which it is said how much is used
+FAR_HOURS = 3.0  # between a frame and a model's time
 _SETTINGS = ("size", "sun_mask_deg", "lowest_deg", "encoding", "ghi_w_m2", "dhi_w_m2")
 
 
@@ -66,18 +68,23 @@ def run(request: CompareRequest) -> None:
     listed = [Path(path) for path in files_of(frames)]
     content = camera_content(request)
     settings = settings_of(request.settings())
-    if content.camera.nothing_hides:
-        where = f"trees, masts and roofs above {settings.lowest_deg:g} degrees count as sky, and spoil scores and masks"
-        remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
-        click.echo(f"note: {request.camera_file} names no obstacles: {where}; {remedy}", err=True)
+    tell_without_obstacles(request.camera_file, content, settings.lowest_deg)
     if request.quality is not None and request.solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     solver = Solver(request.solver, quality=request.quality or "standard")
     preload()
     skies = skies_of(model, solver, request.aod, request.albedo, table=len(listed) > 1)
     known = known_camera(content, settings, request.clear_frame, solver, skies)
-    done = compare_into(skies, listed, content, settings, known, request.output, request.time, told)
+    failed = []
+
+    def tell_failed(path: Path, error: UserError) -> None:
+        failed.append(path)
+        click.echo(f"left out: {error}", err=True)
+
+    done = compare_into(skies, listed, content, settings, known, request.output, request.time, told, tell_failed)
     click.echo(f"{done}")
+    if failed:
+        raise UserError(f"{len(failed)} of {len(listed)} frames are left out, as said above")
 
 
 def camera_content(request: CompareRequest) -> "CameraFile":
@@ -92,18 +99,46 @@ def camera_content(request: CompareRequest) -> "CameraFile":
 def told(comparison: "xr.Dataset") -> None:
     """One line about a frame."""
     click.echo(line_of(comparison))
+    if "model_time" in comparison.attrs:
+        seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
+        tell_when_far(seen, model, "frame")
+
+
+def tell_without_obstacles(path: Path, content: "CameraFile", lowest_deg: float) -> None:
+    """Note it where a camera's file names nothing that hides the sky."""
+    if content.camera.nothing_hides:
+        where = f"trees, masts and roofs above {lowest_deg:g} degrees count as sky, and spoil scores and masks"
+        remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
+        click.echo(f"note: {path} names no obstacles: {where}; {remedy}", err=True)
+
+
+def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:
+    """Note it where a model's nearest time is not that of what was seen."""
+    hours = float((seen - model) / np.timedelta64(1, "h"))
+    if abs(hours) > FAR_HOURS:
+        click.echo(f"note: the model's nearest time, {np.datetime_as_string(model, 's')}Z, is {abs(hours):.0f} hours "
+                   f"{'before' if hours > 0 else 'after'} this {what}: its clouds are not those of the {what}",
+                   err=True)  # fmt: skip
 
 
 def line_of(comparison: "xr.Dataset") -> str:
-    """Frame, time, mean r, cloud cover."""
+    """Frame, time, mean r or why there is none, share of the sky where much is missing, cloud cover."""
     attrs = comparison.attrs
     at = {"weighting": "solid angle", "sun_mask": attrs["sun_mask_deg"], "score_channel": "mean"}
     stored, undone = (float(comparison["r"].sel(at | {"light": name})) for name in ("as stored", "response undone"))
-    text = f"{attrs['frame']}: {attrs['time']}, r {stored:.3f} as stored, {undone:.3f} with the response undone"
+    if np.isfinite(stored):
+        text = f"{attrs['frame']}: {attrs['time']}, r {stored:.3f} as stored, {undone:.3f} with the response undone"
+    else:
+        why = [line.removeprefix("r: ") for line in attrs["reasons"].splitlines() if line.startswith("r: ")]
+        text = f"{attrs['frame']}: {attrs['time']}, no r: {' and '.join(why)}"
+    if attrs["share_of_sky_used"] < MUCH:
+        used = 100 * attrs["share_of_sky_used"]
+        text += f", of {used:.0f} % of the sky (the rest is black, saturated or unlike its surroundings)"
     if "observed_cover" in comparison:
         covers = [float(comparison[f"{who}_cover"].sel(rule="clear sky")) for who in ("observed", "simulated")]
         if np.isfinite(covers).all():
             return f"{text}; cloud {100 * covers[0]:.0f} % observed, {100 * covers[1]:.0f} % simulated"
         typical = attrs["red_blue_of_this_frame"]
-        text += f"; no cloud masks without a clear frame (if this sky is clear: red_blue = {typical:.3f})"
+        if np.isfinite(typical):
+            text += f"; no cloud masks without a clear frame (if this sky is clear: red_blue = {typical:.3f})"
     return text

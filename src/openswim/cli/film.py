@@ -10,11 +10,11 @@ import click
 
 from openswim.cli.render import RenderRequest, camera_of, look_of, neighbourhood, solver_of
 from openswim.errors import UserError
+from openswim.scene.times import interval_s
 
 if TYPE_CHECKING:
     from openswim.films import CameraPath
 
-_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _run(request: FilmRequest) -> None:
     path = None if request.path is None else CameraPath.read(request.path)
     picture = request.picture
     camera = camera_of(picture if path is None else _at_start(picture, path))
-    every = None if request.every is None else seconds_of(request.every)
+    every = None if request.every is None else interval_s("--every", request.every)
     around = neighbourhood(picture, camera)
     weather = Weather.of_files(
         picture.file, around=around, member=picture.member, allow_references=picture.allow_references
@@ -97,14 +97,6 @@ def _run(request: FilmRequest) -> None:
         keogram=request.keogram, title=request.title, solver=solver, from_time=request.start, to_time=request.end,
     )  # fmt: skip
     click.echo(f"{request.output}: {len(shots)} frames, {clock.perf_counter() - start:.0f} s")
-
-
-def seconds_of(text: str) -> float:
-    """Seconds of "5min", "30s", "1h" or a bare number of minutes."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]*)\s*", text.lower())
-    if match is None or (match.group(2) and match.group(2) not in _UNITS) or float(match.group(1)) <= 0:
-        raise UserError(f"--every {text}: write a length of time, such as 5min, 30s or 1h")
-    return float(match.group(1)) * _UNITS.get(match.group(2) or "min", 60.0)
 
 
 def _at_start(picture: RenderRequest, path: "CameraPath") -> RenderRequest:

@@ -33,7 +33,7 @@ class IrradianceRequest:
     ground_m: float | None = None
     start: str | None = None
     end: str | None = None
-    every: float | None = None
+    every: str | None = None
     planes: tuple[str, ...] = ()
     wavelengths: str | None = None
     vapour_cm: float | None = None
@@ -147,23 +147,23 @@ def _numbers(option: str, text: str, count: int | None) -> list[float]:
 
 
 def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
-    """From --start to --end, or the model's own times."""
+    """From --start to --end, or from the model's first time to its last, each of them without --every."""
     import numpy as np
 
-    from openswim.scene.times import parse_time
+    from openswim.scene.times import interval_s, parse_time
 
     if request.start is None:
-        if model is None or request.end is not None or request.every is not None:
-            raise UserError("times missing: give --start, and --end with --every in minutes, in UTC")
-        return model
-    start = parse_time(request.start)
-    end = start if request.end is None else parse_time(request.end)
+        if model is None or request.end is not None:
+            raise UserError("times missing: give --start, and --end with --every, in UTC")
+        if request.every is None:
+            return model
+        start, end = model[0], model[-1]
+    else:
+        start = parse_time(request.start)
+        end = start if request.end is None else parse_time(request.end)
     assert start is not None
     assert end is not None
-    minutes = 1.0 if request.every is None else request.every
-    if not 1e-3 <= minutes <= 1e6:
-        raise UserError(f"--every {minutes:g}: give .001 to a million minutes")
-    step = np.timedelta64(round(6e4 * minutes), "ms")
+    step = np.timedelta64(round(1e3 * interval_s("--every", request.every or "1min")), "ms")
     count = int((end - start) / step) + 1 if end >= start else 0
     if not 0 < count <= 1_000_000:
         raise UserError(f"--start {request.start} --end {request.end}: {count} times; give an end after the start")
@@ -258,10 +258,14 @@ def _within(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
 
 def _thinned(request: IrradianceRequest, station: xr.Dataset) -> slice:
     """The station's times that --every leaves."""
+    import numpy as np
+
+    from openswim.scene.times import interval_s
+
     if request.every is None or station.sizes["time"] < 2:
         return slice(None)
-    steps = request.every / ((station.time[1] - station.time[0]).values.astype("timedelta64[ms]").astype(int) / 6e4)
-    return slice(None, None, max(round(float(steps)), 1))
+    step_s = (station.time[1] - station.time[0]).values / np.timedelta64(1, "s")
+    return slice(None, None, max(round(interval_s("--every", request.every) / step_s), 1))
 
 
 def _print(model: xr.Dataset, station: xr.Dataset, rows: np.ndarray, which: str) -> None:

@@ -8,27 +8,31 @@ import click
 from openswim.cli.options import PATH, debug, quality, solver
 
 
-@click.command()
+@click.command(short_help="Global, direct and diffuse irradiance through time.")
 @click.argument("files", type=PATH, nargs=-1)
 @click.option("--clear", is_flag=True, help="A clear sky in place of a model's FILES.")
 @click.option("--lat", type=float, help="Latitude, degrees north.  [default: as files of --station or --aeronet say]")
-@click.option("--lon", type=float, help="Longitude, degrees east.  [default: likewise]")
+@click.option("--lon", type=float, help="Longitude, degrees east.  [default: as of --lat]")
 @click.option("--height", "height_m", type=float, default=2.0, show_default=True, help="Metres above the ground.")
 @click.option("--ground", "ground_m", type=float,
-              help="Of --clear: height of the ground above sea level, m.  [default: likewise, else 0]")  # fmt: skip
+              help="Of --clear: height of the ground above sea level, m.  [default: as files of --station or --aeronet "
+              "say, else 0]")  # fmt: skip
 @click.option("--start", help="First time, UTC, ISO 8601.  [default: the model's times]")
-@click.option("--end", help="Last time, UTC.")
-@click.option("--every", type=float, help="Minutes from time to time.  [default: 1]")
-@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH", help="A tilted plane; may be given often.")
+@click.option("--end", help="Last time, UTC.  [default: --start, or the model's last]")
+@click.option("--every", help="From time to time, such as 10min or 30s.  [default: 1min; the model's own times]")
+@click.option("--plane", "planes", multiple=True, metavar="TILT,AZIMUTH",
+              help="A tilted plane: degrees from the horizontal, and the azimuth that it faces, degrees clockwise from "
+              "north; may be given several times.")  # fmt: skip
 @click.option("--wavelengths", help="Wavelengths of the spectral parts, nm.  [default: 870,615,500,400]")
 @click.option("--vapour", "vapour_cm", type=float, help="Precipitable water, cm.  [default: the scene's own]")
 @click.option("--aeronet", type=PATH, multiple=True,
               help="Of --clear: aerosol, water vapour and ozone by files of AERONET.")  # fmt: skip
 @click.option("--aod", type=float, help="Of --clear: aerosol optical depth at 550 nm.  [default: .05]")
-@click.option("--albedo", type=float, help="Of --clear: the ground's.  [default: as measured, else .2]")
+@click.option("--albedo", type=float,
+              help="Of --clear: albedo of the ground.  [default: as measured, else .2]")
 @click.option(
     "--station", type=PATH,
-    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC, ARM, or a table with utc and ghi.",
+    help="Compare with this file of BSRN, SURFRAD, SOLRAD, MIDC or ARM, or a CSV table with columns utc and ghi.",
 )  # fmt: skip
 @click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
               help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
@@ -43,13 +47,15 @@ def irradiance(**options: Any) -> None:
     run(IrradianceRequest(**options))
 
 
-@click.command()
+@click.command(short_help="A model's clouds as an imager in space sees them.")
 @click.argument("files", type=PATH, nargs=-1, required=True)
 @click.option("--like", type=PATH, required=True,
               help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
 @click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
 @click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
-@click.option("--time", help="UTC, of the model.  [default: its first; light of the observed picture's time]")
+@click.option("--time",
+              help="UTC, of the model and its light.  [default: the model's nearest to the observed picture's, in the "
+              "latter's light]")  # fmt: skip
 @solver()
 @click.option("-o", "--output", "outputs", type=PATH, multiple=True, help=".nc or .tif to write.")
 @debug
@@ -60,7 +66,7 @@ def satellite(**options: Any) -> None:
     run(SatelliteRequest(**options))
 
 
-@click.command()
+@click.command(short_help="Compare with reference files; print a table.")
 @click.argument("directory", type=PATH)
 @solver()
 @quality
@@ -76,7 +82,7 @@ def validate(
     run(directory, solver, json_path, seconds, quality)
 
 
-@click.group()
+@click.group(short_help="Aerosol types and phase functions.")
 def aerosol() -> None:
     """Aerosol types, and phase functions from size and refractive index."""
 

@@ -29,7 +29,13 @@ def stacked(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
 
 def solver(*names: str) -> Callable[[Command], Command]:
     """--solver, of all or of some."""
-    return click.option("--solver", type=click.Choice(names or SOLVERS), default="fast", show_default=True)
+    texts = {
+        "swim": "swim: approximate and quick", "fast": "fast: light that is scattered many times is solved for",
+        "reference": "reference: Monte Carlo, slow, with errors",
+    }  # fmt: skip
+    told = "; ".join(texts[name] for name in names or SOLVERS)
+    return click.option("--solver", type=click.Choice(names or SOLVERS), default="fast", show_default=True,
+                        help=f"How light is computed. {told[0].upper()}{told[1:]}.")  # fmt: skip
 
 
 def _remember_debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -70,11 +76,20 @@ observer_options = stacked(  # of render and film: `RenderRequest` has them
         help="TOML file of a real camera (docs/cameras.md), in place of --view; --lat, --lon, --height go before its "
         "own.",
     ),
-    click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True),
-    click.option("--azimuth", "azimuth_deg", type=float, help="Of the image's centre, degrees clockwise from north."),
-    click.option("--altitude", "altitude_deg", type=float, help="Of the image's centre, degrees above the horizon."),
-    click.option("--fov", "fov_deg", type=float, help="Field of view across the width, degrees."),
-    click.option("--size", help="Pixels: COLUMNS, or COLUMNSxROWS."),
+    click.option("--view", type=click.Choice(VIEWS), default="allsky", show_default=True,
+                 help="Allsky is a fisheye picture of the upper hemisphere, north up and east left; sphere is a "
+                 "panorama of all directions; satellite looks straight down."),
+    click.option("--azimuth", "azimuth_deg", type=float,
+                 help="Of the middle of a panorama, sphere or perspective, degrees clockwise from north.  [default: "
+                 "180]"),
+    click.option("--altitude", "altitude_deg", type=float,
+                 help="Of the middle of a perspective, degrees above the horizon.  [default: 10]"),
+    click.option("--fov", "fov_deg", type=float,
+                 help="Of allsky, perspective and satellite: field of view across the width, degrees.  [default: 180; "
+                 "60; the whole Earth]"),
+    click.option("--size",
+                 help="Pixels: COLUMNS, or COLUMNSxROWS.  [default: allsky and satellite 800, panorama and sphere "
+                 "1440, perspective 900]"),
     quality,
     allow_references,
 )  # fmt: skip

@@ -45,7 +45,8 @@ def run(request: SatelliteRequest) -> None:
     import numpy as np
 
     import openswim
-    from openswim.readers import Neighbourhood
+    from openswim.cli.compare import tell_when_far
+    from openswim.readers import Neighbourhood, describe
     from openswim.satellites.comparison import agreement, displacement
     from openswim.satellites.files import grid_of, middle_of, read, write
     from openswim.satellites.picture import reflectance
@@ -59,7 +60,13 @@ def run(request: SatelliteRequest) -> None:
     if start is None and request.time is None:
         raise UserError(f"{request.like}: does not say its time: give --time, of the model and of the light")
     around = Neighbourhood.seen_from(*middle_of(observed, grid.lon_0), 36e6)
-    scene = openswim.open_scene(request.files, time=request.time, around=around)
+    chosen = parse_time(request.time)
+    if chosen is None and start is not None:
+        times = [parse_time(each) for each in describe(request.files).times]
+        chosen = min((each for each in times if each is not None), key=lambda each: abs(each - start), default=None)
+    scene = openswim.open_scene(request.files, time=chosen, around=around)
+    if request.time is None and start is not None and scene.time is not None:
+        tell_when_far(start, scene.time, "picture")
     picture = reflectance(scene, grid, bands, start if request.time is None and start else scene.time,
                           solver=request.solver)  # fmt: skip
     for output in request.outputs:

@@ -8,7 +8,7 @@ import click
 from openswim.cli.options import PATH, allow_references, debug, member, observer_options, solver
 
 
-@click.command()
+@click.command(short_help="Render four pictures of a made-up sky, without any file.")
 @click.option(
     "-o",
     "--output",
@@ -27,9 +27,9 @@ def demo(folder: Path) -> None:
     run(folder)
 
 
-@click.command()
+@click.command(short_help="Say what files hold, and what is assumed besides.")
 @click.argument("files", type=PATH, nargs=-1, required=True)
-@click.option("--map", "picture", type=PATH, help="Map column maxima in this PNG.")
+@click.option("--map", "picture", type=PATH, help="Write this PNG: maps of each field's largest value in the column.")
 @click.option("--time", help="UTC, ISO 8601, of the maps.  [default: the file's first]")
 @allow_references
 @debug
@@ -101,9 +101,11 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 )
 @click.option("--wavelengths", help="Wavelengths to render, nm, divided by commas.  [default: 615,546,450]")
 @click.option("--layers", is_flag=True,
-              help="Also what each pixel shows, how far away and how high, and optical depths: .nc .zarr; .exr.")
+              help="Also write what each pixel shows, how far away and how high, and optical depths, in .nc, .zarr and "
+              ".exr.")  # fmt: skip
 @click.option("--paths", type=int, help="Of --solver reference: paths per pixel.  [default: 256]")
-@click.option("--seed", type=int, default=0, help="Of --solver reference: number that all chances follow from.")
+@click.option("--seed", type=int, default=0, show_default=True,
+              help="Of --solver reference: seed of its random numbers.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
 @click.option(
     "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
@@ -120,7 +122,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
               help="Colours by sRGB, or by Eq. 36 of Albers et al. 2020.")  # fmt: skip
 @click.option("--gamma", type=float, help="Power law in place of sRGB's curve; the paper has 2.2.")
 @click.option("--bits", type=click.Choice(("8", "16")), default="8", show_default=True,
-              help="A colour, in .png and .tif.")  # fmt: skip
+              help="Bits of each colour, in .png and .tif.")  # fmt: skip
 @click.option("--caption", type=click.Choice(("inside", "below", "none")), default="inside", show_default=True,
               help="Where pictures say what was rendered.")  # fmt: skip
 @click.option(
@@ -145,16 +147,18 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
     run(RenderRequest(file=file[0] if len(file) == 1 else file, outputs=outputs, **options))
 
 
-@click.command()
+@click.command(short_help="Film the sky through time, or along a path.")
 @click.argument("file", type=PATH, nargs=-1, required=True)
 @observer_options
 @click.option("--member", help="Of an ensemble, by the file's own number; all: a film of each.  [default: its first]")
 @click.option("--path", type=PATH,
               help="Where the camera is at which time: CSV (time,lat,lon,height_m; azimuth,altitude,roll,fov as you "
               "like) or GPX. The film then follows it.")  # fmt: skip
-@click.option("--every", help="From frame to frame, such as 5min; clouds drift between the model's times.")
-@click.option("--from", "start", help="First time, UTC, ISO 8601.")
-@click.option("--to", "end", help="Last time, UTC.")
+@click.option("--every",
+              help="Time from frame to frame, such as 5min; clouds drift between the model's times.  [default: the "
+              "model's own times]")  # fmt: skip
+@click.option("--from", "start", help="First time, UTC, ISO 8601.  [default: the model's first]")
+@click.option("--to", "end", help="Last time, UTC.  [default: the model's last]")
 @click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
 @solver("swim", "fast")
@@ -187,15 +191,16 @@ def film(
     ))  # fmt: skip
 
 
-@click.command()
+@click.command(short_help="Make the pictures of many files, times and cameras.")
 @click.argument("plan", type=PATH)
 @click.argument("files", type=PATH, nargs=-1)
-@click.option("-o", "--output", type=PATH, help="Folder for the pictures.  [default: the plan's]")
-@click.option("--jobs", type=int, help="Processes side by side.  [default: one a core and so many threads]")
-@click.option("--threads", type=int, default=1, show_default=True, help="Of each process.")
+@click.option("-o", "--output", type=PATH, help="Folder for the pictures.  [default: the plan's, else openswim-batch]")
+@click.option("--jobs", type=int,
+              help="Processes side by side.  [default: as many as there are cores, divided by --threads]")
+@click.option("--threads", type=int, default=1, show_default=True, help="Threads of each process.")
 @click.option("--scheduler", help="Address of a Dask scheduler whose workers do it, such as tcp://10.0.0.5:8786.")
-@click.option("--part", help="Of several machines: WHICH/HOW_MANY, such as 3/16.")
-@click.option("--dry-run", is_flag=True, help="Only say what there is to do, and what it will take.")
+@click.option("--part", help="Share of this machine, of several: WHICH/HOW_MANY, such as 3/16.")
+@click.option("--dry-run", is_flag=True, help="Only say what there is to do, and how long it will take.")
 @click.option("--watch", type=PATH, help="Render what arrives in this folder, until Ctrl-C, and keep a page of it.")
 @click.option("--keep", type=int, help="Of --watch: the newest times that are kept.  [default: 288]")
 @allow_references

@@ -9,9 +9,10 @@ F64 = NDArray[np.float64]
 _FLAT = "a picture has no contrast"
 
 
-def moments(weight: F64, x: F64, y: F64) -> F64:
-    """(n, 6): w, w x, w y, w x^2, w y^2, w x y of pairs (n,)."""
-    return np.stack([weight, weight * x, weight * y, weight * x * x, weight * y * y, weight * x * y], axis=-1)
+def moments(weight: F64, x: F64, y: F64) -> list[F64]:
+    """w, w x, w y, w x^2, w y^2, w x y of pairs (n, channels), of weights (n, 1)."""
+    wx, wy = weight * x, weight * y
+    return [np.broadcast_to(weight, x.shape), wx, wy, wx * x, wy * y, wx * y]
 
 
 def pearson(sums: F64) -> F64:
@@ -33,16 +34,19 @@ def correlations_by_channel(x: F64, y: F64, weight: F64, tiles: Tiles) -> list[I
     channels = x.shape[1]
     if not x.size:
         return [Interval(np.nan, reason="no pixel is left")] * (channels + 1)
-    flat = [any(v.std() <= 1e-12 * abs(v).max() for v in pair) for pair in zip(x.T, y.T, strict=True)]
+    share = weight / weight.sum()
+    means = share @ x, share @ y
     # about the means, so that nothing is lost to rounding
-    x, y = (np.where(flat, 0.0, values - np.average(values, axis=0, weights=weight)) for values in (x, y))
-    pairs = np.concatenate([moments(weight, a, b) for a, b in zip(x.T, y.T, strict=True)], axis=-1)
+    pairs = moments(weight[:, None], x - means[0], y - means[1])
+    sums = np.stack([tiles.sums(part) for part in pairs], axis=-1)
+    for mean, squares in zip(means, (3, 4), strict=True):
+        sums[:, sums[..., squares].sum(axis=0) <= 1e-24 * weight.sum() * mean**2, 1:] = 0.0  # what is left of rounding
 
     def each(sums: F64) -> F64:
         found = [pearson(part) for part in np.split(sums, channels, axis=-1)]
         return np.stack([*found, np.mean(found, axis=0)])
 
-    return tiles.intervals(pairs, each, (-1.0, 1.0), _FLAT)
+    return tiles.intervals_of_sums(sums.reshape(len(sums), -1), each, (-1.0, 1.0), _FLAT)
 
 
 def root_mean_square(x: F64, y: F64, weight: F64, tiles: Tiles) -> Interval:

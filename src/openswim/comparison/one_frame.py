@@ -10,11 +10,12 @@ from openswim.cameras.files import CameraFile
 from openswim.comparison.below import below_scores
 from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, departure
 from openswim.comparison.encoding import encoded
-from openswim.comparison.prepared import Prepared, prepared, valid_pixels
+from openswim.comparison.prepared import Prepared, open_pixels, prepared, valid_pixels
 from openswim.comparison.response import AEROSOL_NOTE, Curve, fit_curve, fit_power_law
 from openswim.comparison.scores import Region, Scores, cloud_scores, correlations, radiance_errors, undone
 from openswim.comparison.settings import SUN_MASKS_DEG, KnownCamera, Settings, encoding_of, weighted_median
 from openswim.comparison.skies import Skies
+from openswim.errors import UserError
 from openswim.observations import SkyFrame
 
 F64 = NDArray[np.float64]
@@ -26,6 +27,9 @@ def compare_frame(
     """All of one frame: pictures, masks, scores."""
     ready = prepared(frame, content.camera, encoding_of(settings, content), settings.size)
     camera, pixels, colours = ready.camera, ready.pixels, ready.linear.shape[-1]
+    if known.curves is not None and len(known.curves) != colours:
+        raise UserError(f"{frame.path}: is {'grey' if colours == 1 else 'in colours'}, the clear frame is not: give a "
+                        "clear frame of the same kind, or none")  # fmt: skip
     sun = skies.sun_at(camera, ready.time)
     image = skies.simulated(camera, ready.time)
     simulated = np.asarray(image.radiance.values, float)
@@ -54,6 +58,9 @@ def compare_frame(
     text = {"long_name": "the simulated picture as this camera would store it"}
     scores.variables["simulated_as_stored"] = (("y", "x", "channel"), shown.astype(np.float32), text)
     scores.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
+    there = open_pixels(ready, sun, settings.sun_mask_deg, settings.lowest_deg)
+    whole = pixels.solid_angle_sr[there].sum()
+    scores.attrs["share_of_sky_used"] = round(float(region.weight.sum() / whole), 4) if whole > 0 else 0.0
     scores.variables["sun_distance"] = (("y", "x"), pixels.angle_to_deg(*sun).astype(np.float32), {"units": "degree"})
     return scores.dataset()
 
@@ -107,10 +114,10 @@ def _clouds(
 
 def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamera) -> F64:
     """Shares of full scale (ny, nx, channels) that this camera would have stored of simulated radiance: by its response
-    where that is known, or by a gain for each channel."""
+    where that is known, or by a gain for each channel; without a valid pixel by one that shows the sky."""
     if not region.weight.size:
-        return np.zeros(simulated.shape)
-    if known.curves is not None:
+        light = simulated * (0.2 / np.median(simulated[simulated > 0]) if (simulated > 0).any() else 1.0)
+    elif known.curves is not None:
         light = np.stack([curve.inverse(part) for curve, part in zip(known.curves, np.moveaxis(simulated, -1, 0),
                                                                      strict=True)], axis=-1)  # fmt: skip
     else:
@@ -206,6 +213,8 @@ def _attributes(
     }
     if known.red_blue is not None:
         attrs["red_blue"] = known.red_blue
+    if skies.model is not None and "valid_time" in image.attrs:
+        attrs["model_time"] = image.attrs["valid_time"]
     return attrs
 
 

@@ -51,7 +51,7 @@ def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = Non
         raise UserError(f"{frame.path}: is {own} pixels, its camera {others}: give the camera of this frame")
     if encoding is None:
         encoding = "srgb" if frame.full_scale < 256 else "linear"
-    counts = frame.counts if frame.counts.ndim == 3 else frame.counts[..., None]
+    counts = _colours(frame.counts)
     full = np.greater_equal(counts, frame.saturated).max(axis=-1, keepdims=True).astype(np.float32)
     smaller, pixels = _made_small(camera, size)
     shape = smaller.shape
@@ -102,12 +102,25 @@ def odd_pixels(linear: F32) -> Mask:
     return np.asarray((np.abs(linear - median) > ODD * np.maximum(median, 1e-6)).sum(axis=-1) == 1)
 
 
-def valid_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float, lowest_deg: float) -> Mask:
-    """Pixels of open sky: not near the sun (azimuth, altitude), nor saturated, nor odd, nor what the camera hides."""
+def _colours(counts: NDArray[Any]) -> NDArray[Any]:
+    """Counts (ny, nx, channels): a grey picture that is stored in three colours, as by night, has one channel."""
+    if counts.ndim == 2:
+        return counts[..., None]
+    grey = (counts == counts[..., :1]).all() and counts.min() < counts.max()
+    return counts[..., :1] if grey else counts
+
+
+def open_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float, lowest_deg: float) -> Mask:
+    """Pixels that look at open sky, above an altitude and not near the sun (azimuth, altitude)."""
     pixels = frame.pixels
     with np.errstate(invalid="ignore"):
         there = frame.camera.open_sky() & (pixels.altitude_deg >= lowest_deg)
-        there &= pixels.angle_to_deg(*sun) > sun_mask_deg
+        return np.asarray(there & (pixels.angle_to_deg(*sun) > sun_mask_deg))
+
+
+def valid_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float, lowest_deg: float) -> Mask:
+    """Pixels of open sky: not near the sun (azimuth, altitude), nor saturated, nor odd, nor black."""
+    there = open_pixels(frame, sun, sun_mask_deg, lowest_deg)
     return there & ~frame.saturated & ~frame.odd & (frame.linear > 0).all(axis=-1)
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 FEWEST_PIXELS = 50
+SMOOTH, STEP = 0.15, 0.01  # of ln radiance, over which the inverse of a curve is averaged
+_PIXELS = 5000  # spread over a picture, say of a power law what all say
 AEROSOL_NOTE = (
     "The response belongs to the aerosol that was taken: a hazier sky with a flatter response fits a frame as well. "
     "r never says which aerosol is right."
@@ -34,10 +36,21 @@ class Curve:
             found = np.where(outside, self.radiance[end] * ratio**self.slope, found)
         return found
 
-
     def inverse(self, radiance: NDArray[np.floating]) -> F64:
-        """Linear light of radiance."""
+        """Linear light of radiance: smooth, for where the curve is level its strict inverse leaps, and a picture would
+        have a seam there. Power laws stay what they are."""
+        from scipy.ndimage import gaussian_filter1d
+
+        ends = np.log(np.maximum(self.radiance[[0, -1]], 1e-9))
+        at = np.arange(ends[0] - 8 * SMOOTH, ends[1] + 8 * SMOOTH, STEP)
+        smooth = gaussian_filter1d(np.log(np.maximum(self._strict_inverse(np.exp(at)), 1e-9)), SMOOTH / STEP)
         value = np.asarray(radiance, float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.log(value)
+        inside = (x > at[0] + 4 * SMOOTH) & (x < at[-1] - 4 * SMOOTH)  # beyond, the curve is a power law itself
+        return np.where(inside, np.exp(np.interp(x, at, smooth)), self._strict_inverse(value))
+
+    def _strict_inverse(self, value: F64) -> F64:
         rising = self.radiance + 1e-9 * self.radiance[-1] * np.arange(len(self.radiance))  # where the curve is level
         found = np.interp(value, rising, self.light)
         for end, outside in ((0, value < rising[0]), (-1, value > rising[-1])):
@@ -82,14 +95,17 @@ class PowerLaw:
 
     @property
     def white_balance(self) -> F64:
-        """Exposure of each channel over green's."""
-        return self.exposure / self.exposure[len(self.exposure) // 2]
+        """Exposure of each channel over green's; NaN where the fit came upon none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.exposure / self.exposure[len(self.exposure) // 2])
 
 
 def fit_power_law(stored: F64, radiance: F64, weight: F64) -> PowerLaw:
     """Of shares of full scale (n, channels) as stored and radiance alike; robust against what is no clear sky."""
     from scipy.optimize import least_squares
 
+    spread = slice(None, None, max(1, len(weight) // _PIXELS))
+    stored, radiance, weight = stored[spread], radiance[spread], weight[spread]
     found = []
     for share, light, start in zip(stored.T, radiance.T, _starts(stored, radiance), strict=True):
 

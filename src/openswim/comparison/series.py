@@ -59,20 +59,37 @@ def of_series(comparison: xr.Dataset, camera: Camera) -> xr.Dataset:
 
 
 def joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Frames in the order of their times."""
+    """Frames in the order of their times; if some are in colours, so is what is kept of the grey ones."""
     ordered = sorted(parts, key=lambda part: (part["time"].values, str(part["frame"].values)))
+    coloured = next((part for part in ordered if part.sizes["channel"] == 3), ordered[0])
+    ordered = [part if part.sizes["channel"] == coloured.sizes["channel"] else _in_colours(part, coloured)
+               for part in ordered]  # fmt: skip
     return xr.concat(ordered, "time", data_vars="all", coords="different", compat="equals", join="outer",
                      combine_attrs="drop_conflicts")  # fmt: skip
+
+
+def _in_colours(grey: xr.Dataset, coloured: xr.Dataset) -> xr.Dataset:
+    """A grey frame's part laid out as that of one in colours: mean r, the keogram alike in all colours, else NaN."""
+    own = {name: grey[name] for name in ("time", "frame", "sun_altitude")}
+    out = xr.full_like(coloured, np.nan).assign_coords(own).assign_attrs(grey.attrs)
+    for name, found in grey.data_vars.items():
+        if "score_channel" in found.dims:
+            out[name].loc[{"score_channel": "mean"}] = found.sel(score_channel="mean", drop=True)
+        elif str(name).startswith("keogram"):
+            out[name][:] = found.values
+    return out
 
 
 def compare_into(
     skies: Skies, frames: Sequence[Path], content: CameraFile, settings: Settings, known: KnownCamera, folder: Path,
     time: Any = None, tell: Callable[[xr.Dataset], None] = lambda comparison: None,
+    tell_failed: Callable[[Path, UserError], None] = lambda path, error: None,
 ) -> Path:  # fmt: skip
     """Compare frames into a folder: NAME.nc and NAME.html of each, and of several scores.nc and index.html.
 
     A frame's file appears when it is complete, and frames whose file is there, made with the same settings, are left as
-    they are: after an interruption the same call goes on where it stopped. Returns the page to look at.
+    they are: after an interruption the same call goes on where it stopped. Of several frames those that cannot be
+    compared are told and left out; if there is no other, the first error is raised. Returns the page to look at.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -84,13 +101,21 @@ def compare_into(
         raise UserError(f"two frames are called {min(doubled)}: compare them one by one, into folders of their own")
     mark = fingerprint(skies, content, settings, known)
     camera = content.camera.resized(settings.size) if settings.size < content.camera.shape[1] else content.camera
-    parts = []
+    parts: list[xr.Dataset] = []
+    failed: list[UserError] = []
     for path in sorted(frames, key=lambda path: path.name):
         target = folder / f"{path.stem}.nc"
         done = _done(target, mark)
         if done is None:
-            frame: SkyFrame = frame_of(path, content, time)
-            done = compare_frame(skies, frame, content, settings, known)
+            try:
+                frame: SkyFrame = frame_of(path, content, time)
+                done = compare_frame(skies, frame, content, settings, known)
+            except UserError as error:
+                failed.append(error)
+                if len(failed) == len(frames):
+                    raise failed[0] from None
+                tell_failed(path, error)
+                continue
             done.attrs["fingerprint"] = mark
             write_page(done, camera, folder / f"{path.stem}.html")
             save_netcdf(done, target)

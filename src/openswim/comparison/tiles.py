@@ -55,7 +55,15 @@ class Tiles:
 
     def sums(self, values: F64) -> F64:
         """(m, k): sums of values (n, k) over each tile."""
-        return np.stack([np.bincount(self.number, column) for column in values.T], axis=-1)
+        return np.asarray(self._gathered @ values)
+
+    @cached_property
+    def _gathered(self) -> Any:
+        """(m, n): which directions are a tile's."""
+        from scipy.sparse import csr_array
+
+        n = len(self.number)
+        return csr_array((np.ones(n), (self.number, np.arange(n))), shape=(len(self.which), n))
 
     @cached_property
     def widening(self) -> float:
@@ -85,7 +93,12 @@ class Tiles:
         """
         if not len(values):
             return [Interval(np.nan, reason="no pixel is left")]
-        sums = self.sums(values)
+        return self.intervals_of_sums(self.sums(values), statistics, bounds, reason)
+
+    def intervals_of_sums(
+        self, sums: F64, statistics: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
+    ) -> list[Interval]:
+        """The same of sums (m, k) over each tile."""
         enough = len(sums) >= FEWEST_TILES and np.isfinite(self.widening)
         with np.errstate(invalid="ignore", divide="ignore"):
             whole = statistics(sums.sum(axis=0, keepdims=True))[:, 0]

@@ -228,12 +228,17 @@ def _one_grid(before: Scene, after: Scene) -> Grid:
     one, other = before.grid, after.grid
     if one is None or other is None:
         raise UserError("scenes without a grid have no times in between")
+    check_still(one, other, before.source, before.time, after.time)
+    return one
+
+
+def check_still(one: Grid, other: Grid, source: str, time: Time, later: Time) -> None:
+    """Raise UserError where the grids of a model at two times lie at different places."""
     if one.shape != other.shape or not (np.allclose(one.x, other.x) and np.allclose(one.y, other.y)):
         raise UserError(
-            f"{before.source}: its grid at {before.time} is not that at {after.time}, as where a "
-            "nest moves: only the model's own times can be shown (leave out --every)"
+            f"{source}: its grid at {time} is not that at {later}, as where a nest moves: only the model's own times "
+            "can be shown (leave out --every; a path needs a file of one time)"
         )
-    return one
 
 
 def _seconds(before: Scene, after: Scene) -> float:

@@ -98,7 +98,7 @@ def film(
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure))
     lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
     _make(kept, lights, shots, kind == "radiance", exposure)
-    curve = _exposures(kept, len(shots), exposure)
+    curve = _exposures(kept, len(shots), exposure, fps)
     lines: list[NDArray[np.uint8]] = []
     write_film(target, kept, len(shots), _pictures(kept, curve, title, lines), fps, kept.facts(0), wavelengths_nm)
     if keogram is not None:
@@ -136,6 +136,7 @@ def shots_of(
         count = _count(length_s / speed * fps)
         steps = np.round(np.arange(count) / fps * speed * 1e3).astype("timedelta64[ms]")
         times = path.time[0] + steps
+        sky.check_between(times)
         return [Shot(time, each) for time, each in zip(times, path.camera(camera, times), strict=True)]
     times = sky.times
     if every_s is not None:
@@ -150,6 +151,7 @@ def shots_of(
     chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
     if not chosen:
         raise UserError("film: no frames between these times")
+    sky.check_between(chosen)
     return [Shot(time, camera) for time in chosen]
 
 
@@ -232,7 +234,7 @@ def _frame(
 
     camera = _above_ground(lights[0][1], shot.camera)
     eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
-    images = [(share, eye.view()) for share, eye in eyes]
+    images = [(share, eye.view(irradiance=radiance)) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
@@ -270,7 +272,7 @@ def _ahead(eye: Viewpoint) -> dict[str, Any]:
     camera = eye.camera
     if camera.view != "perspective":
         return {}
-    sight = eye.sight(camera.azimuth_deg, camera.altitude_deg)
+    sight = eye.ahead()
     if not np.isfinite(sight.distance_m[0]):
         return {}
     return {"ahead": sight.names[sight.kind[0]], "ahead_m": float(sight.distance_m[0])}
@@ -297,11 +299,11 @@ def _facts(image: xr.Dataset, exposure: float) -> dict[str, Any]:
     return known
 
 
-def _exposures(kept: KeptFrames, count: int, exposure: float | str) -> NDArray[np.float64]:
+def _exposures(kept: KeptFrames, count: int, exposure: float | str, fps: float) -> NDArray[np.float64]:
     if not isinstance(exposure, str):
         return np.full(count, float(exposure))
     wanted = np.array([kept.facts(n)["exposure"] for n in range(count)])
-    return exposure_curve(wanted) if exposure == "auto" else wanted
+    return exposure_curve(wanted, fps) if exposure == "auto" else wanted
 
 
 def _pictures(

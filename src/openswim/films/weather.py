@@ -11,25 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.films.between import Motion, between
+from openswim.films.between import Motion, between, check_still
 from openswim.kept_light import fingerprint
-from openswim.scene import Scene
+from openswim.scene import Grid, Scene
 from openswim.system.inputs import size_and_change
 
 
 class Weather:
     """Model times (ascending, datetime64[ms]) whose scenes ``open_at`` reads; two of them are held at a time.
 
-    identity: text that is another one where the weather is.
+    identity: text that is another one where the weather is. grids_at: the grids of a time, and where they come from,
+    where they can be had without reading its scene.
     """
 
     def __init__(
-        self, times: Sequence[np.datetime64], open_at: Callable[[np.datetime64], Scene], identity: Sequence[str]
-    ) -> None:
+        self, times: Sequence[np.datetime64], open_at: Callable[[np.datetime64], Scene], identity: Sequence[str],
+        grids_at: Callable[[np.datetime64], Sequence[tuple[str, Grid]]] = lambda _: (),
+    ) -> None:  # fmt: skip
         self.times: NDArray[np.datetime64] = np.unique(np.asarray(times, "datetime64[ms]"))
         if not self.times.size:
             raise UserError("no model times: a film needs scenes with valid times")
-        self._open, self.identity = open_at, list(identity)
+        self._open, self.identity, self._grids = open_at, list(identity), grids_at
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
         self._speeds: dict[tuple[np.datetime64, np.datetime64], NDArray[np.float64]] = {}
@@ -43,14 +45,15 @@ class Weather:
         by_time = {scene.time: scene for scene in scenes if scene.time is not None}
         if len(by_time) < len(scenes):
             raise UserError("scenes of a film need valid times, each another one")
-        return cls(list(by_time), lambda time: by_time[time], identity)
+        return cls(list(by_time), lambda time: by_time[time], identity, lambda time: _grids_of(by_time[time]))
 
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
         """Of a model's files; ``options`` go to `openswim.open_scene`. Winds are read where there are several times."""
-        from openswim.readers import files_of, open_scene, states_of
+        from openswim.readers import files_of, grids_of, open_scene, states_of
 
-        states = states_of(path, options.get("allow_references", False))
+        references = options.get("allow_references", False)
+        states = states_of(path, references)
         identity = [f"{file.absolute()} {size_and_change(file)}" for file in files_of(path)]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
         files = {time: own for time, own in states if time is not None}
@@ -59,12 +62,27 @@ class Weather:
             return cls.of_scenes([scene])
         if len(files) > 1:  # clouds travel from one time to the next
             options = {"winds": True} | options
-        return cls(list(files), lambda time: open_scene(files[time], time=time, **options), identity)
+        return cls(
+            list(files), lambda time: open_scene(files[time], time=time, **options), identity,
+            lambda time: grids_of(files[time], time, references),
+        )  # fmt: skip
 
     @property
     def first(self) -> Scene:
         """The scene of the first time."""
         return self._scene(self.times[0])
+
+    def check_between(self, times: Sequence[np.datetime64]) -> None:
+        """Raise UserError where some of the times lie between those of the model and its grid moves, before any scene
+        is read."""
+        asked = np.asarray(times)
+        between_them = asked[(asked > self.times[0]) & (asked < self.times[-1]) & ~np.isin(asked, self.times)]
+        if not between_them.size:
+            return
+        first = self.times[self.times < between_them.min()][-1]
+        last = self.times[self.times > between_them.max()][0]
+        for (source, one), (_, other) in zip(self._grids(first), self._grids(last), strict=False):
+            check_still(one, other, source, first, last)
 
     def at(self, time: np.datetime64, drifting: bool = False) -> Scene:
         """The scene of a time; before the first model time the first, after the last the last. ``drifting``: invented
@@ -108,6 +126,10 @@ class Weather:
                 self._held.pop(next(iter(self._held)))
             self._held[time] = self._open(time)
         return self._held[time]
+
+
+def _grids_of(scene: Scene) -> list[tuple[str, Grid]]:
+    return [(level.source, level.grid) for level in scene.levels if level.grid is not None]
 
 
 def _with_drift(scene: Scene, drift_m: tuple[float, float]) -> Scene:

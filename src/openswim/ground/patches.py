@@ -28,6 +28,9 @@ _NO_DARKER = 0.75  # woods reflect at most so much of the mean
 # Bare country is told by green over red; its rocks and shrubs reflect so much of the mean
 _BARE_RATIO, _GREEN_RATIO = 0.85, 1.05
 _ROCKS, _ROCKY, _EVEN = 0.87, 0.4, 0.6  # and so much of the variation is missing
+# Where a map is so fine that its colour is that of one material, what is grey (ratio of the brightest to the darkest of
+# blue, green and red) is asphalt, concrete or paint, on which so much of all this is missing
+_ONE_MATERIAL_M, _GREY_RATIO, _PAVED = (4.0, 16.0), (1.3, 1.6), 0.85
 
 
 def wood_noise(
@@ -44,10 +47,10 @@ def patched(
     """Albedo (n, nwl) of land known over ``known_m`` (n,), as it may be over ``footprint_m`` (n,).
 
     Woods and fields where it is green, sand and rock where it is not, in patches of some 16 m to 4 km; below 60 m all
-    is mottled; crowns of trees; tufts and stones down to a centimetre. Invented; the mean over many places is kept at
-    every wavelength, up to the bound of .98.
+    is mottled; crowns of trees; tufts and stones down to a centimetre; little of it on what maps of a few metres show
+    as grey: it is paved. Invented; the mean over many places is kept at every wavelength, up to the bound of .98.
     """
-    red, green = at_wavelengths(wavelengths_nm, albedo, np.array([645.0, 555.0])).T
+    red, green, _ = colours = at_wavelengths(wavelengths_nm, albedo, np.array([645.0, 555.0, 469.0])).T
     bare = np.clip((_GREEN_RATIO - green / np.maximum(red, 1e-6)) / (_GREEN_RATIO - _BARE_RATIO), 0.0, 1.0)
     share = np.interp(albedo.mean(axis=1), _LEVEL, _SHARE)
     share += bare * (_ROCKY - share)
@@ -64,4 +67,7 @@ def patched(
     dark = dark * varied(fractal_lumps, _CROWNS, 2, 1.0)
     mixed = light + forest[:, None] * (dark - light)
     mixed *= varied(lambda *at: fractal_noise(*at)[0], _MOTTLE, 1, _EVEN) * varied(fractal_lumps, _TUFTS, 2, _EVEN)
+    grey = np.interp(colours.max(axis=0) / np.maximum(colours.min(axis=0), 1e-6), _GREY_RATIO, (1.0, 0.0))
+    paved = grey * np.interp(np.log(known_m), np.log(_ONE_MATERIAL_M), (1.0, 0.0))
+    mixed = albedo + (1.0 - _PAVED * paved[:, None]) * (mixed - albedo)
     return np.clip(mixed, 0.0, 0.98)

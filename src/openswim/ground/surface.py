@@ -104,12 +104,12 @@ class SceneSurface:
 
     @property
     def mountains(self) -> bool:
-        wanted = self.scene.ground is None or self.scene.ground.mountains
-        return wanted and self.earth_known and "surface_altitude" in self.scene.data
+        return self.earth_known and "surface_altitude" in self.scene.data
 
     @property
     def earth_known(self) -> bool:
-        return earth.has_relief()
+        wanted = self.scene.ground is None or self.scene.ground.mountains
+        return wanted and earth.has_relief()
 
     def earth_m(self, lat: F64, lon: F64) -> F64:
         return earth.relief_m(lat, lon)

@@ -18,13 +18,8 @@ def sunlike(wavelengths_nm: ArrayLike, at_nm: float) -> F64:
     return np.asarray(solar_irradiance(np.asarray(wavelengths_nm, float)) / solar_irradiance(at_nm))
 
 
-def luminance_of_magnitude(mag_per_arcsec2: ArrayLike) -> F64:
-    """cd/m2 of a surface brightness V, magnitudes per square second of arc: 22 is 1.7e-4."""
-    return 1.08e5 * 10 ** (-0.4 * np.asarray(mag_per_arcsec2, float))
-
-
 def magnitude_of_luminance(cd_per_m2: ArrayLike) -> F64:
-    """V per square second of arc; the inverse of `luminance_of_magnitude`."""
+    """Surface brightness V, magnitudes per square second of arc: 1.7e-4 is 22."""
     return np.asarray(-2.5 * np.log10(np.asarray(cd_per_m2, float) / 1.08e5))
 
 

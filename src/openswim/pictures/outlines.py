@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.scene.frame import Frame
 from openswim.scene.rays import Rays
+from openswim.transport.view.eye import Eye
 from openswim.transport.view.seen import View
 
 F64 = NDArray[np.float64]
-
-
-class Seer(Protocol):
-    """An eye, in one light or in several."""
-
-    def view(self, rays: Rays) -> View: ...
-
 
 _LEAP = 1.2  # ratio of the distances in neighbouring pixels that makes an outline,
 _SEEN = 1.05  # if their radiances are in such a ratio
@@ -28,7 +20,7 @@ _HIDDEN = 1e-3  # transmittance
 _PARTS = ((0.125, 0.375), (0.375, -0.125), (-0.125, -0.375), (-0.375, 0.125))  # of a pixel: each in a row, a column
 
 
-def softened(eye: Seer, rays: Rays, frame: Frame) -> NDArray[np.float32]:
+def softened(eye: Eye, rays: Rays, frame: Frame) -> NDArray[np.float32]:
     """Mean radiance (n, nw) of what four rays through each of some pixels see, whose middle ``rays`` see."""
     if not len(rays):
         return eye.view(rays).radiance
@@ -45,8 +37,9 @@ def softened(eye: Seer, rays: Rays, frame: Frame) -> NDArray[np.float32]:
 
 def outlines_of(view: View, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether pixels (n,) of those ``inside`` an image (ny, nx) lie on outlines."""
-    # what is hidden by a cloud, whose edges are soft, has no outline
-    distance = np.where(view.transmittance.max(axis=1) > _HIDDEN, view.distance_m, np.nan)
+    # ground that is hidden by a cloud, whose edges are soft, has no outline; ground in sight has one before cloud, too
+    seen = (view.transmittance.max(axis=1) > _HIDDEN) | (view.distance_m < 0)
+    distance = np.where(seen, view.distance_m, np.nan)
     return outlines(distance, view.radiance.astype(np.float32).mean(axis=1), inside)
 
 

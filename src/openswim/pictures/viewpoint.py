@@ -29,7 +29,7 @@ from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
 from openswim.heavens.sun_disc import Disc, beam_of, drawn
-from openswim.kept_light import save_light
+from openswim.kept_light import KeptLamp, save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
 from openswim.optics.limits import stated
@@ -93,9 +93,9 @@ class LitScene:
 
         Raises UserError for solver "reference" and for domains of very many columns, whose light is not kept.
         """
-        if self.lights:
-            raise UserError(f"{path}: light of moon, night sky or eclipse is not kept yet: save the light of a day")
-        save_light(self.scene, self.field, self.daylight, self.time, path)
+        towns = {} if self.lamps is None else {lamp.name: lamp.towns for lamp in self.lamps.every}
+        lights = [KeptLamp(each.name, each.field, each.strength, towns[each.name]) for each in self.lights]
+        save_light(self.scene, self.field, self.daylight, self.time, path, lights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +109,12 @@ class Viewpoint:
     rays: Rays
     once: Once = dataclasses.field(default_factory=Once, repr=False)
 
-    def view(self, layers: bool = False) -> xr.Dataset:
-        """The whole image: see `openswim.render`."""
-        return self.tile(slice(None), slice(None), layers)
+    def view(self, layers: bool = False, irradiance: bool = True) -> xr.Dataset:
+        """The whole image: see `openswim.render`. ``irradiance``: with that at the observer among its attributes, which
+        takes as long as some 60,000 rays."""
+        return self.tile(slice(None), slice(None), layers, irradiance)
 
-    def tile(self, rows: slice, columns: slice, layers: bool = False) -> xr.Dataset:
+    def tile(self, rows: slice, columns: slice, layers: bool = False, irradiance: bool = True) -> xr.Dataset:
         """Some rows and columns of the image, the same bit for bit as in the whole."""
         ny, nx = self.pixels.inside.shape
         (top, bottom, _), (left, right, _) = rows.indices(ny), columns.indices(nx)
@@ -141,7 +142,8 @@ class Viewpoint:
                     part = each.part(top, bottom, left, right)
                     relative[number[part.row, part.column]] += part.radiance.astype(np.float32)
         self._add_night(relative, view, pixels)
-        image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, self.attrs)
+        attrs = self._attrs(irradiance)
+        image = dataset(field.frame, field.wavelengths_nm, day.distance_au, pixels, relative, view, attrs)
         if isinstance(view, ReferenceView):
             add_errors(image, pixels, view, field.solver.seed)
         if layers:
@@ -153,6 +155,12 @@ class Viewpoint:
         """What stands in directions (n,) from the camera's place, and how far away it is."""
         rays = self._toward(azimuth_deg, altitude_deg)
         return self._eye.of_others(rays).sight(rays)
+
+    def ahead(self) -> Sight:
+        """The same in the middle pixel of the picture, with the land as the picture has it."""
+        ny, nx = self._number.shape
+        middle = int(self._number[ny // 2, nx // 2])
+        return self._eye.sight(self.rays[middle : middle + 1])
 
     def look(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> F64:
         """Solar-relative radiance (n, nw; Albers et al. 2020, Eq. 2) toward directions (n,) from the camera's place,
@@ -248,23 +256,28 @@ class Viewpoint:
     @property
     def attrs(self) -> dict[str, Any]:
         """What is to be known of the image: place, time, sun, solver, and the irradiance at an observer near by."""
-        return dict(self.once("attributes", self._attrs))
+        return self._attrs()
 
-    def _attrs(self) -> dict[str, Any]:
+    def _attrs(self, irradiance: bool = True) -> dict[str, Any]:
+        made = dict(self.once("attributes", self._made_attrs))
+        return made | (self.once("irradiance", self._near_irradiance) if irradiance and self._near else {})
+
+    def _made_attrs(self) -> dict[str, Any]:
         lit = self.lit
         notes = stated(lit.field.wavelengths_nm, lit.scene.atmosphere)
         notes += [] if lit.lamps is None else lit.lamps.stated()
         out = image_attributes(lit.scene, lit.field, self.camera, self.sun, lit.daylight.distance_au, lit.time, notes)
         out |= {} if self._heavens is None else self._heavens.attrs()
-        if self._near:
-            kept, place = lit.irradiances, np.asarray(self.rays.origin_m, float).tobytes()
-            if place not in kept:
-                kept[place] = self._irradiance()
-            out |= kept[place]
         if self._near and lit.scene.atmosphere is not None:
             levels = lit.scene.levels[: max(len(lit.field.media), 1)]
             out["aerosol_optical_depth_550nm"] = round(aerosol_above(levels, self.camera, self.ground_m), 5)
         return out
+
+    def _near_irradiance(self) -> dict[str, Any]:
+        kept, place = self.lit.irradiances, np.asarray(self.rays.origin_m, float).tobytes()
+        if place not in kept:
+            kept[place] = self._irradiance()
+        return kept[place]
 
     @property
     def _eye(self) -> Eye:

@@ -4,7 +4,7 @@ from openswim.readers.common.base import Reader, SceneInfo
 from openswim.readers.domain.beyond import seen_part
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.registry import readers
-from openswim.readers.scenes import describe, files_of, members_of, open_scene, states_of
+from openswim.readers.scenes import describe, files_of, grids_of, members_of, open_scene, states_of
 
-__all__ = ["Neighbourhood", "Reader", "SceneInfo", "describe", "files_of", "members_of", "open_scene", "readers",
-           "seen_part", "states_of"]  # fmt: skip
+__all__ = ["Neighbourhood", "Reader", "SceneInfo", "describe", "files_of", "grids_of", "members_of", "open_scene",
+           "readers", "seen_part", "states_of"]  # fmt: skip

@@ -22,7 +22,7 @@ from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.registry import by_reader
-from openswim.scene import Ground, Scene
+from openswim.scene import Grid, Ground, Scene
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
@@ -96,6 +96,16 @@ def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.date
         infos = [each for group in groups.items() for each in _described(*group)]
     times = np.unique([np.datetime64(time, "ms") for each in infos for time in each.times])
     return [(time, paths) for time in times] if times.size else [(None, paths)]
+
+
+def grids_of(path: Paths, time: Time = None, allow_references: bool = False) -> list[tuple[str, Grid]]:
+    """The grids of files at a time, with the files' names, from their headers; none of a reader that needs more than
+    those."""
+    with references_allowed(allow_references), np.errstate(all="ignore"):
+        groups = by_reader(files_of(path))
+        own = [(reader, each) for reader, paths in groups.items() if hasattr(reader, "grid") for each in paths]
+        grids = [(each.name, reader.grid(each, time)) for reader, each in own]
+    return [(name, grid) for name, grid in grids if grid is not None]
 
 
 def members_of(path: Paths, allow_references: bool = False) -> list[int]:

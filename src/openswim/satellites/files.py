@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -121,11 +122,13 @@ def _from_geotiff(path: Path) -> xr.Dataset:
     try:
         import rasterio
         from pyproj import CRS
-        from rasterio.errors import RasterioIOError
+        from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
     except ImportError as error:
         raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
     try:
-        file = rasterio.open(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused below
+            file = rasterio.open(path)
     except RasterioIOError as error:
         raise UserError(f"{path}: cannot be read as GeoTIFF ({error})") from error
     with file:

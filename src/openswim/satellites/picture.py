@@ -65,7 +65,14 @@ def reflectance(
     zenith, azimuth = grid.view(lat, lon)
     seen = np.isfinite(lat) & (zenith < _LOWEST_VIEW_DEG) & _within(scene, lat, lon)
     if not seen.any():
-        raise UserError("no pixel of the grid lies on the scene's domain: give a grid, or a part of one, that does")
+        there = np.isfinite(lat)
+        if not there.any():
+            raise UserError("no pixel of the grid lies on the Earth: give another grid")
+        (south, north), (west, east) = ((part[there].min(), part[there].max()) for part in (lat, lon))
+        raise UserError(
+            "no pixel of the grid lies on the scene's domain: its pixels are within latitude "
+            f"{south:.1f} to {north:.1f}, longitude {west:.1f} to {east:.1f}"
+        )
     parts = []
     for when in times:
         # the sun's light alone: reflectance is of that, also at night

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, date, datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 Time = str | np.datetime64 | date | None
+
+_UNITS_S = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
 def parse_time(time: Time) -> np.datetime64 | None:
@@ -33,3 +37,13 @@ def since_1970_s(time: np.datetime64) -> float:
 def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
     """To the millisecond: files keep times as floating-point numbers."""
     return (times.astype("datetime64[us]") + np.timedelta64(500, "us")).astype("datetime64[ms]")
+
+
+def interval_s(name: str, text: str) -> float:
+    """Seconds of "5min", "30s", "1h" or a bare number of minutes: a millisecond to some thirty years."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]*)\s*", text.lower())
+    unit = match.group(2) or "min" if match else ""
+    seconds = float(match.group(1)) * _UNITS_S[unit] if match and unit in _UNITS_S else 0.0
+    if not 1e-3 <= seconds <= 1e9:
+        raise UserError(f"{name} {shown(text)}: write a length of time, such as 5min, 30s or 1h")
+    return seconds

@@ -20,7 +20,6 @@ from openswim.transport.engine.pack import PACK
 from openswim.transport.field import Field
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, CLEAR_STEP, LitGrid
-from openswim.transport.march.volume import DEGREE
 from openswim.transport.medium.coefficients import aerosol_peaks
 from openswim.transport.medium.medium import air_of
 from openswim.transport.medium.surface import Surface
@@ -72,7 +71,7 @@ def _clear_light(
     lighting = Lighting.of_clear_sky(surface, frame)
     air = air_of(matter.air, lighting.ground_m)
     shells = build_shells(
-        air, sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo, DEGREE,
+        air, sun_range(sun, CLEAR_REACH_DEG), frame.radius_m, lighting.ground_m, lighting.mean_albedo,
         lighting.ground_m + 1e5, 1.5 * CLEAR_STEP,
     )  # fmt: skip
     eclipse = eclipse_of(shadow, sun, matter.wavelengths_nm, shells, air)

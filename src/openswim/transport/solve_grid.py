@@ -30,7 +30,7 @@ from openswim.transport.diffuse import multigrid as two_grids
 from openswim.transport.diffuse import spectral
 from openswim.transport.diffuse import sweeper as diffuse
 from openswim.transport.diffuse.absorbed_beam import beam_around
-from openswim.transport.diffuse.inflow import Clear, SweptAround, light_through_sides
+from openswim.transport.diffuse.inflow import Clear, GroundLight, SweptAround, light_through_sides
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.engine.decisions import Decisions
@@ -41,7 +41,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
-from openswim.transport.march.volume import DEGREE, Shells, Volume, blank_fields
+from openswim.transport.march.volume import Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
@@ -107,14 +107,13 @@ def light_of_grid(
     ends = wider is None and not matter.cut and not medium.periodic
     sweeps: list[list[int]] = []
     if fast and drawn.layered:
-        light = _with_layers(light, lighting, sun, count)
+        light = _with_layers(light, lighting)
     elif fast and drawn.stands_alone:
         light = _with_columns(light, volume, lighting, shells, sun, wider is None)
     elif fast:
         volume = volume._replace(per_extinction=True)
         light, sweeps = _with_moments(
-            options, plan.decisions(pack), light, lighting, shells, sun, wl, count, ends, _swept(wider),
-            eclipse,
+            options, plan.decisions(pack), light, lighting, shells, wl, ends, _swept(wider), eclipse
         )
     else:
         swim.light_grid(light, volume, lighting, shells, local_sun, sun)
@@ -150,15 +149,16 @@ def _with_columns(
     return replace(light, columns=columns)
 
 
-def _with_layers(light: GridLight, lighting: Lighting, sun: F64, count: int) -> GridLight:
+def _with_layers(light: GridLight, lighting: Lighting) -> GridLight:
     """The light of a scene without sides, at every wavelength."""
+    count = light.count
     extinction = light.medium.extinction[:, :, 0, 0].astype(float)
     every = []
     for w in range(count):
         c = light.coefficients[w]
         layers = solve_layers(
             light.medium.levels_m, c.scaled @ extinction, (c.scattering.T @ extinction).T,
-            light.beams[w][:, 0, 0].astype(float), sun, float(lighting.albedo[w, 0, 0]),
+            light.beams[w][:, 0, 0].astype(float), light.sun, float(lighting.albedo[w, 0, 0]),
             float(lighting.flux_for_sweeps(w)[0, 0]),
         )  # fmt: skip
         every.append(layers)
@@ -197,12 +197,12 @@ def clear_inflow(
 
 
 def _with_moments(
-    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, sun: F64, wl: F64,
-    count: int, ends: bool, wider: SweptAround | None, eclipse: Eclipse | None,
+    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, wl: F64, ends: bool,
+    wider: SweptAround | None, eclipse: Eclipse | None,
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
-    medium = light.medium
+    medium, sun, count = light.medium, light.sun, light.count
     nz, ny, nx = medium.shape
     setting = options.setting
     width_m, height_m = min(ny * medium.cell_m[1], nx * medium.cell_m[0]), float(np.ptp(medium.levels_m))
@@ -230,17 +230,17 @@ def _with_moments(
             c = light.coefficients[w]
             grid = at_another_wavelength(first, c, light.beams[w])
             grid = grid._replace(beam=beam_around(grid))
-            enters, direct = np.ascontiguousarray(inflow[..., w]), lighting.flux_for_sweeps(w)
-            albedo = lighting.albedo_for_sweeps(w)
+            enters = np.ascontiguousarray(inflow[..., w])
+            ground = GroundLight(lighting.albedo_for_sweeps(w), lighting.flux_for_sweeps(w))
             sides = None
             if not ends and not medium.periodic:
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(
-                    wider, medium, grid, clear, albedo, direct, ordinates, setting.tolerance, w, decide.within("sides")
+                    wider, medium, grid, clear, ground, ordinates, setting.tolerance, w, decide.within("sides")
                 )
             of_this = decide.within("wavelength")
-            sweeper = diffuse.Sweeper.of(grid, enters, albedo, direct, ordinates, pool, sides, of_this)
+            sweeper = diffuse.Sweeper.of(grid, enters, *ground, ordinates, pool, sides, of_this)
             properties = spectral.properties_of(sweeper)
             others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()), of_this)
             if plane_parallel:
@@ -279,7 +279,7 @@ def shells_around(medium: Medium, place: F32 | F64, lighting: Lighting, sun: F64
     reach = CLEAR_REACH_DEG + float(np.degrees(np.arccos(1 + place[..., 2].min() / radius_m)))
     top = float(medium.levels_m[-1]) if medium.air is None else medium.ground_m + 1e5
     suns = sun_range(sun, reach)
-    return build_shells(medium.air, suns, radius_m, medium.ground_m, lighting.mean_albedo, DEGREE, top), reach
+    return build_shells(medium.air, suns, radius_m, medium.ground_m, lighting.mean_albedo, top), reach
 
 
 def sun_range(sun: F64, reach_deg: float) -> tuple[float, float]:

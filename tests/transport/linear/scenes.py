@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
+from tests.transport.linear.plain import plain_core
 
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.rays import Rays
 from openswim.transport.linear.operator import LinearCore
 from openswim.transport.linear.optics import Scatterer
-from openswim.transport.linear.plain import plain_core
 
 CELL_M = 40.0
 

@@ -31,7 +31,7 @@ from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import BUILD, FLOAT
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
-from openswim.transport.march.volume import DEGREE, PEAK_COSINES, Shells, Volume, blank_fields, tidy
+from openswim.transport.march.volume import AIR_DEGREE, DEGREE, PEAK_COSINES, Shells, Volume, blank_fields, tidy
 from openswim.transport.march.walk import BATCH, COUNT, GOING, PLACE, STATE, WALK, start_walk, walk_on
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.scatterers import Scatterers
@@ -61,7 +61,7 @@ def shells(rng: np.random.Generator) -> Shells:
     heights = np.arange(0.0, levels[-1] + 100, 100.0)
     horizon = -np.sqrt(levels * (2 * RADIUS_M + levels)) / (RADIUS_M + levels)
     falling = np.linspace(1, 0.1, 4)[:, None]
-    phase = _uniform(rng, 0.1, 0.3, 2, DEGREE, PACK)
+    phase = _uniform(rng, 0.1, 0.3, 2, AIR_DEGREE, PACK) * FLOAT(0.8) ** np.arange(AIR_DEGREE, dtype=FLOAT)[:, None]
     phase[:, 0] = 1.0
     return tidy(Shells(
         RADIUS_M, 0.0, 3000.0, np.interp(heights, levels, np.arange(4.0)), np.full(len(heights), 700.0),

@@ -28,7 +28,7 @@ class Ray:
         self.molecules = weights @ shells.phase[0]
         self.aerosol = weights @ shells.phase[1] + (1 - self.share) * self.peaks[-1, 0]
         self.species = [
-            weights @ single + (1 - self.share) * peak[0]
+            weights[: len(single)] @ single + (1 - self.share) * peak[0]
             for single, peak in zip(volume.single, self.peaks, strict=False)
         ]
 

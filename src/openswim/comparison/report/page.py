@@ -60,11 +60,16 @@ def _summary(comparison: xr.Dataset) -> str:
     r = comparison["r"].sel(weighting="solid angle", sun_mask=attrs["sun_mask_deg"], score_channel="mean")
     stored, decoded, undone = (float(r.sel(light=light)) for light in ("as stored", "decoded", "response undone"))
     azimuth, altitude = attrs["sun_azimuth_deg"], attrs["sun_altitude_deg"]
+    mean = (
+        f"Mean r {stored:.3f} of counts as stored, {decoded:.3f} decoded ({attrs['encoding']}), {undone:.3f} with the "
+        "response undone." if np.isfinite(stored) else "There is no r."
+    )  # fmt: skip
+    weather = f"Weather of {attrs['model_time']}. " if "model_time" in attrs else ""
+    used = f"{100 * attrs['share_of_sky_used']:.0f} % of this sky"
     return (
-        f"{attrs['time']}, sun at azimuth {azimuth:.1f}, altitude {altitude:.1f} degrees. Mean r {stored:.3f} of "
-        f"counts as stored, {decoded:.3f} decoded ({attrs['encoding']}), {undone:.3f} with the response undone. "
+        f"{attrs['time']}, sun at azimuth {azimuth:.1f}, altitude {altitude:.1f} degrees. {weather}{mean} "
         f"Scores are of pixels above {attrs['lowest_deg']:g} degrees that are not saturated, "
-        f"{attrs['sun_mask_deg']:g} degrees or more from the sun."
+        f"{attrs['sun_mask_deg']:g} degrees or more from the sun: {used}."
     )
 
 
@@ -200,7 +205,7 @@ def _notes(comparison: xr.Dataset, camera: Camera) -> str:
         f"Aerosol optical depth {depth:.3g} at 550 nm, taken and not fitted. {attrs['aerosol_note']}",
         f"Response from: {attrs['response_from']}.",
         "Intervals hold 95 % by weighing tiles of the sky of 15 degrees anew 1000 times, neighbouring tiles alike.",
-        *attrs["reasons"].splitlines(),
+        *_reasons(attrs["reasons"]),
     ]
     if np.isfinite(typical):
         lines.insert(2, f"If this sky is clear, its camera's white balance is red_blue = {typical:.3f}.")
@@ -208,3 +213,12 @@ def _notes(comparison: xr.Dataset, camera: Camera) -> str:
         lines.insert(0, f"The camera's file names no obstacles: trees, masts and roofs above {attrs['lowest_deg']:g} "
                         "degrees count as sky.")  # fmt: skip
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
+
+
+def _reasons(text: str) -> list[str]:
+    """Lines "score: reason" as one line for each reason."""
+    scores: dict[str, list[str]] = {}
+    for line in text.splitlines():
+        score, reason = line.split(": ", 1)
+        scores.setdefault(reason, []).append(score.replace("_", " "))
+    return [f"No {', '.join(names)}: {reason}." for reason, names in scores.items()]

@@ -87,10 +87,10 @@ def _table(series: xr.Dataset) -> str:
     for i in range(series.sizes["time"]):
         part = series.isel(time=i)
         r = part["r"].sel(weighting="solid angle", sun_mask=mask, score_channel="mean")
-        cells = [f"{float(r.sel(light=light)):.3f}" for light in ("as stored", "response undone")]
+        values = [float(r.sel(light=light)) for light in ("as stored", "response undone")]
         for cover in ("observed_cover", "simulated_cover"):
-            value = float(part[cover].sel(rule="clear sky")) if cover in part else np.nan
-            cells.append("&ndash;" if np.isnan(value) else f"{value:.3f}")
+            values.append(float(part[cover].sel(rule="clear sky")) if cover in part else np.nan)
+        cells = ["&ndash;" if np.isnan(value) else f"{value:.3f}" for value in values]
         name = str(part["frame"].values)
         link = f'<a href="{escape(os.path.splitext(name)[0])}.html">{escape(name)}</a>'
         rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19].replace('T', ' ')}</td>"

@@ -43,7 +43,6 @@ class LunarEclipse:
     u4: np.datetime64 | None
     p4: np.datetime64
     umbral_magnitude: float
-    penumbral_magnitude: float
 
 
 def shadow(time: Time, seconds: ArrayLike = 0.0) -> Shadow:
@@ -85,13 +84,10 @@ def lunar_eclipse(near: Time) -> LunarEclipse | None:
         return None
     middle = least(lambda s: shadow(near, s).separation_deg, float(seconds[nearest]))
     at = shadow(near, middle)
-    magnitudes = [(edge + at.moon_deg - at.separation_deg) / (2 * at.moon_deg)
-                  for edge in (at.umbra_deg, at.penumbra_deg)]  # fmt: skip
+    magnitude = (at.umbra_deg + at.moon_deg - at.separation_deg) / (2 * at.moon_deg)
     u1, u4 = contacts(True, False)
     u2, u3 = contacts(True, True)
-    return LunarEclipse(
-        p1, u1, u2, stamp(middle), u3, u4, p4, float(magnitudes[0][0]), float(magnitudes[1][0])
-    )
+    return LunarEclipse(p1, u1, u2, stamp(middle), u3, u4, p4, float(magnitude[0]))
 
 
 def shadow_light(at: Shadow, from_axis_deg: ArrayLike, wavelengths_nm: ArrayLike) -> F64:

@@ -27,7 +27,7 @@ from openswim.transport.air.shells import (
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.march import Marched, ground_radiance_rows, march_rays
-from openswim.transport.march.volume import DEGREE, Shells, tidy
+from openswim.transport.march.volume import Shells, tidy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Dimmed:
         made = cls(shadow, sun, wavelengths_nm, here, *empty, np.zeros(PACK))
         if air is None:
             return made
-        rays, phase = gathering(lit.ground_m), phase_moments(air, DEGREE)[1]
+        rays, phase = gathering(lit.ground_m), phase_moments(air)[1]
         turn = np.arctan2(sun[1], sun[0])
         # on both sides of the sun: moments are of what is alike there
         sides = [_turned(rays.direction * [1, side, 1], turn) for side in (1, -1)]

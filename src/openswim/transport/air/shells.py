@@ -21,6 +21,7 @@ from openswim.transport.march.forward_peak import forward_share
 from openswim.transport.march.march import ground_radiance_rows, march_rays
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import (
+    AIR_DEGREE,
     DEGREE,
     FAR_M,
     PEAK_COSINES,
@@ -54,8 +55,7 @@ _SUNS_DEG = np.array(
 )  # fmt: skip
 _DUSK_DEG, _DUSK_DEX = 91.0, 0.47  # from this zenith angle of the sun on light falls by so much a degree
 _SUN_NODES = 160
-_DIFFUSE_DEGREE = 10  # moments of the diffuse field, which is narrow near the horizon
-_HARMONICS = _DIFFUSE_DEGREE * (_DIFFUSE_DEGREE + 1) // 2
+_HARMONICS = AIR_DEGREE * (AIR_DEGREE + 1) // 2
 _ORDINATES = (6, 8)  # cosines in each hemisphere, azimuths in half a circle
 _CONVERGED = 1e-3
 _MOST_ITERATIONS = 12
@@ -152,13 +152,12 @@ def build_shells(
     radius_m: float,
     ground_m: float,
     ground_albedo: ArrayLike,
-    degree: int,
     top_m: float,
     scale: float = 1.0,
 ) -> Shells:
     """Shells with their diffuse field, at PACK wavelengths, for suns between two zenith angles (degrees).
 
-    ``background``: optical profile on `shell_levels`, or None for vacuum. ``degree``: the truncation order M.
+    ``background``: optical profile on `shell_levels`, or None for vacuum.
     """
     nw = PACK
     albedo = np.broadcast_to(np.asarray(ground_albedo, float), (nw,)).astype(FLOAT)
@@ -177,7 +176,7 @@ def build_shells(
         levels = np.array([0.0, max(top_m - ground_m, 1.0)])
         return tidy(Shells(
             radius_m, ground_m, top_m, fractional_index(levels, np.arange(0, levels[1] + 100, 100.0)),
-            np.full(1, FAR_M), np.zeros((2, 4 * nw), FLOAT), np.zeros((2, degree, nw), FLOAT),
+            np.full(1, FAR_M), np.zeros((2, 4 * nw), FLOAT), np.zeros((2, AIR_DEGREE, nw), FLOAT),
             np.zeros((2, 2, 2 * nw), FLOAT), _horizon(levels, radius_m, ground_m), sun_table,
             np.zeros((0, len(suns), _HARMONICS, nw), FLOAT),
             np.zeros((2, len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
@@ -185,7 +184,7 @@ def build_shells(
     levels = shell_levels()
     aerosol = background.aerosol_per_m.T
     scattered = background.aerosol_scattering_per_m.T
-    f, phase = phase_moments(background, degree)
+    f, phase = phase_moments(background)
     rayleigh = background.rayleigh_per_m.T
     forward = scattered * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
@@ -196,7 +195,7 @@ def build_shells(
     reach_table = np.minimum(np.interp(level_table, np.arange(len(levels)), reach(extinction)), 0.5 * FAR_M)
     shells = Shells(
         radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows.astype(FLOAT),
-        phase[:, :degree].astype(FLOAT),
+        phase.astype(FLOAT),
         slant.astype(FLOAT), _horizon(levels, radius_m, ground_m), sun_table,
         np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), FLOAT),
         np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
@@ -205,14 +204,14 @@ def build_shells(
     return tidy(_solve(tidy(shells), phase, sun_mu, scale, glow))
 
 
-def phase_moments(background: Background, degree: int) -> tuple[Array, Array]:
+def phase_moments(background: Background) -> tuple[Array, Array]:
     """Share (nw,) of aerosol's scattering that delta scaling takes off, and the Legendre moments (2, moment, nw) of
     molecules and, scaled, of aerosol."""
-    chi = np.array([p.moments(max(degree + 1, _DIFFUSE_DEGREE)) for p in background.aerosol_phase])
-    chi_r = np.zeros(_DIFFUSE_DEGREE)
+    chi = np.array([p.moments(AIR_DEGREE + 1) for p in background.aerosol_phase])
+    chi_r = np.zeros(AIR_DEGREE)
     chi_r[:3] = background.rayleigh_phase.moments(3)
-    f = forward_share(chi, degree)
-    return f, np.stack([np.repeat(chi_r[:, None], PACK, 1), (chi[:, :_DIFFUSE_DEGREE] - f[:, None]).T])
+    f = forward_share(chi, AIR_DEGREE)
+    return f, np.stack([np.repeat(chi_r[:, None], PACK, 1), (chi[:, :AIR_DEGREE] - f[:, None]).T])
 
 
 def _sun_table(suns_deg: Array) -> Array:
@@ -241,7 +240,7 @@ def _toward_nodes() -> Array:
     basis = np.empty((SOURCE_ZENITHS * SOURCE_AZIMUTHS, _HARMONICS))
     nodes = ((mu, x) for mu in np.linspace(-1, 1, SOURCE_ZENITHS) for x in np.linspace(-1, 1, SOURCE_AZIMUTHS))
     for row, (mu, x) in zip(basis, nodes, strict=True):
-        harmonics_symmetric(mu, x, _DIFFUSE_DEGREE, row)
+        harmonics_symmetric(mu, x, AIR_DEGREE, row)
     return basis
 
 
@@ -252,7 +251,7 @@ def source_of(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDA
     k = np.minimum(index.astype(int), len(moments) - 2)
     share = (index - k)[:, None, None, None]
     field = moments[k] * (1 - share) + moments[k + 1] * share
-    order = np.repeat(np.arange(_DIFFUSE_DEGREE), np.arange(_DIFFUSE_DEGREE) + 1)
+    order = np.repeat(np.arange(AIR_DEGREE), np.arange(AIR_DEGREE) + 1)
     molecules, aerosol = shells.rows[:, None, PACK : 2 * PACK], shells.rows[:, None, 2 * PACK : 3 * PACK]
     scattered = field * (molecules * phase[0] + aerosol * phase[1])[:, None, order]
     toward = np.tensordot(scattered, _toward_nodes(), axes=([2], [1]))
@@ -319,7 +318,7 @@ def gathering(ground_m: float) -> Gathering:
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
     basis = np.empty((len(mu), _HARMONICS))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
-        harmonics_symmetric(m, np.cos(phi), _DIFFUSE_DEGREE, row)
+        harmonics_symmetric(m, np.cos(phi), AIR_DEGREE, row)
     levels = ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
     origin = np.zeros((len(levels) * len(mu), 3))
     origin[:, 2] = np.repeat(levels, len(mu))
@@ -348,7 +347,7 @@ def _solve(
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
-            radiance = clear_radiance(origin, direction, sun, shells, 2.0 * scale).reshape(levels, -1, PACK)
+            radiance = clear_radiance(origin, direction, sun, shells, 1.8 * scale).reshape(levels, -1, PACK)
             moments[:, star] = gather.weighted @ radiance
             flux[star] += gather.down @ radiance[0]
         mean = moments[:, :, 0]

@@ -7,6 +7,7 @@ al. 1988 for delta scaling and modes). Between levels the source is linear in op
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,16 @@ F64 = NDArray[np.float64]
 
 _STREAMS = LAYERS_DEGREE // 2  # in each hemisphere: Gauss' rule there is exact for products with the first moment
 _FAINT = 1e-7  # of the sun's light, that a mode must have to count
+
+
+class _Streams(NamedTuple):
+    """Cosines mu (N,) of the streams of a hemisphere; the harmonics (modes, M, 2N) toward where light comes from, down
+    before up, and what makes moments of radiance, receive (modes, 2N, M)."""
+
+    mu: F64
+    weight: F64
+    harmonics: F64
+    receive: F64
 
 
 @dataclass(frozen=True)
@@ -44,15 +55,18 @@ class Layers:
 
 def associated_legendre(mu: F64, modes: int) -> F64:
     """sqrt((l-m)!/(l+m)!) P_lm(mu), (modes, M, n); zero where l < m."""
-    out = np.zeros((modes, LAYERS_DEGREE, len(mu)))
+    out, order = np.zeros((modes, LAYERS_DEGREE, len(mu))), np.arange(modes)[:, None]
+    before, this = np.zeros((2, modes, len(mu)))
     first = np.ones(len(mu))
-    for m in range(modes):
-        before, this = np.zeros(len(mu)), first
-        for ell in range(m, LAYERS_DEGREE):
-            out[m, ell] = this
-            following = (2 * ell + 1) * mu * this - np.sqrt(ell**2 - m**2) * before
-            before, this = this, following / np.sqrt((ell + 1) ** 2 - m**2)
-        first = first * np.sqrt((2 * m + 1) / (2 * m + 2)) * np.sqrt(np.maximum(1 - mu**2, 0))
+    for ell in range(LAYERS_DEGREE):  # all m <= l side by side
+        if ell < modes:
+            this[ell] = first
+            first = first * np.sqrt((2 * ell + 1) / (2 * ell + 2)) * np.sqrt(np.maximum(1 - mu**2, 0))
+        m = order[: ell + 1]
+        known = slice(0, len(m))
+        out[known, ell] = this[known]
+        following = (2 * ell + 1) * mu * this[known] - np.sqrt(ell**2 - m**2) * before[known]
+        before[known], this[known] = this[known], following / np.sqrt((ell + 1) ** 2 - m**2)
     return out
 
 
@@ -72,13 +86,13 @@ def solve_layers(
     strength = np.abs(lit).max(axis=1) * (beam.max() > 0)
     modes = max(1, int(np.flatnonzero(strength > _FAINT)[-1:].sum()) + 1)
     lit = lit[:modes]
-    harmonics = associated_legendre(np.concatenate([mu, -mu]), modes)  # toward the light's origin: down, then up
-    receive = 0.5 * np.swapaxes(harmonics, 1, 2) * weight[:, None]  # radiance to moments, (modes, 2N, M)
+    harmonics = associated_legendre(np.concatenate([mu, -mu]), modes)
+    streams = _Streams(mu, weight[: len(mu)], harmonics, 0.5 * np.swapaxes(harmonics, 1, 2) * weight[:, None])
     depth = 0.5 * (extinction[1:] + extinction[:-1]) * np.diff(levels_m)
     per_depth = _per_depth(extinction, weighted)
-    radiance = _radiance(depth, per_depth, beam, mu, weight, harmonics, receive, lit, albedo, direct)
-    light = np.einsum("mkj,mjl->mkl", radiance, receive) + lit[:, None] * beam[None, :, None]
-    half = 0.5 * mu * weight[: len(mu)]
+    radiance = _radiance(depth, per_depth, beam, streams, lit, albedo, direct)
+    light = np.einsum("mkj,mjl->mkl", radiance, streams.receive) + lit[:, None] * beam[None, :, None]
+    half = 0.5 * mu * streams.weight
     return Layers(
         light, weighted, sun, float(half @ radiance[0, 0, : len(mu)]), float(half @ radiance[0, nz - 1, len(mu) :])
     )
@@ -100,10 +114,10 @@ def _per_depth(extinction: F64, scattering: F64) -> tuple[F64, F64]:
 
 
 def _radiance(
-    depth: F64, per_depth: tuple[F64, F64], beam: F64, mu: F64, weight: F64, harmonics: F64, receive: F64, lit: F64,
-    albedo: float, direct: float,
-) -> F64:  # fmt: skip
+    depth: F64, per_depth: tuple[F64, F64], beam: F64, streams: _Streams, lit: F64, albedo: float, direct: float
+) -> F64:
     """Diffuse radiance (modes, nz, 2N), light that comes down first: elimination from the top, then back."""
+    mu, _, harmonics, receive = streams
     n, nz, modes = len(mu), len(depth) + 1, len(lit)
     # at each level down = above @ up + above_const, and up = through @ up of the next lower level + through_const
     above, above_const = np.zeros((nz, modes, n, n)), np.zeros((nz, modes, n))
@@ -134,7 +148,7 @@ def _radiance(
         solved = np.linalg.solve(matrix, given)
         above[k], above_const[k] = solved[:, :n, :n], solved[:, :n, n]
         through[k + 1], through_const[k + 1] = solved[:, n:, :n], solved[:, n:, n]
-    flux = 0.5 * mu * weight[:n]
+    flux = 0.5 * mu * streams.weight
     up = np.zeros((modes, n))
     returned = np.eye(n) - 4 * albedo * (flux @ above[0, 0])
     up[0] = np.linalg.solve(returned, np.full(n, 4 * albedo * (direct + flux @ above_const[0, 0])))

@@ -79,6 +79,13 @@ class Clear(NamedTuple):
     direct_flux: float
 
 
+class GroundLight(NamedTuple):
+    """Albedo of columns and the beam's flux on their ground, (ny, nx) or (n,)."""
+
+    albedo: F32
+    direct_flux: F32
+
+
 class SweptAround(NamedTuple):
     """A wider grid that has been swept: its light's moments at every wavelength."""
 
@@ -88,41 +95,36 @@ class SweptAround(NamedTuple):
 
 
 def light_through_sides(
-    wider: SweptAround | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32,
+    wider: SweptAround | None, medium: Medium, grid: OpticalGrid, clear: Clear, ground: GroundLight,
     ordinates: Ordinates, tolerance: float, w: int, decide: Decisions,
 ) -> F32 | None:  # fmt: skip
     """Radiance (ordinates, nz, 4, nodes) that enters at the nodes of the west, east, south and north sides of the
-    ``w``-th wavelength's grid; None where it is the clear sky's.
-
-    ``ground_albedo`` and the beam's ``direct_flux`` (ny, nx) are the grid's.
-    """
+    ``w``-th wavelength's grid; None where it is the clear sky's. ``ground`` is the grid's."""
     if min(grid.ground_node.shape) < 2:
         return None
     if wider is not None:
         return _light_of_wider(wider, medium, grid, clear, ordinates, tolerance, w, decide)
     if decide("cloud at the sides", lambda: _has_cloud_at_sides(grid)):
-        return _light_of_own_columns(grid, clear, ground_albedo, direct_flux, ordinates, tolerance, decide)
+        return _light_of_own_columns(grid, clear, ground, ordinates, tolerance, decide)
     return None
 
 
 def _light_of_own_columns(
-    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float,
-    decide: Decisions,
-) -> F32:  # fmt: skip
+    grid: OpticalGrid, clear: Clear, ground: GroundLight, ordinates: Ordinates, tolerance: float, decide: Decisions
+) -> F32:
     """`light_through_sides` where clouds go on beyond them as they are there."""
     columns = Columns(*grid.ground_node.shape)
     j, i = columns.j, columns.i
-    moments = _moments_of_columns(
-        grid, clear, ground_albedo[j, i], direct_flux[j, i], j, i, _APART_M, ordinates, tolerance, decide
-    )
+    under = GroundLight(ground.albedo[j, i], ground.direct_flux[j, i])
+    moments = _moments_of_columns(grid, clear, under, j, i, _APART_M, ordinates, tolerance, decide)
     harmonic = harmonic_matrix(ordinates.direction, grid.air_scattering.shape[1])
     more = np.einsum("nm,kmc->nkc", harmonic, moments[..., :-1] - moments[..., -1:], optimize=True)
     return columns.light(clear.inflow, more)
 
 
 def _moments_of_columns(
-    grid: OpticalGrid, clear: Clear, ground_albedo: F32, direct_flux: F32, j: I64, i: I64, width_m: float,
-    ordinates: Ordinates, tolerance: float, decide: Decisions,
+    grid: OpticalGrid, clear: Clear, ground: GroundLight, j: I64, i: I64, width_m: float, ordinates: Ordinates,
+    tolerance: float, decide: Decisions,
 ) -> F64:  # fmt: skip
     """Moments (nz, M*M, n + 1) in columns (n,) of a grid, each so wide, and last in one of clear air."""
 
@@ -142,8 +144,8 @@ def _moments_of_columns(
         cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), False),
     ).decided(decide)  # fmt: skip
     sweeper = Sweeper.of(
-        strip, clear.inflow, row(ground_albedo, clear.ground_albedo), row(direct_flux, clear.direct_flux), ordinates,
-        Pool(), decide=decide,
+        strip, clear.inflow, row(ground.albedo, clear.ground_albedo), row(ground.direct_flux, clear.direct_flux),
+        ordinates, Pool(), decide=decide,
     )  # fmt: skip
     values, _, _ = sweeper.solve(sweeper.nothing(), 0.05 * tolerance, _MOST_SWEEPS, _MEMORY)
     of_nodes(values, sweeper.ratio)
@@ -177,11 +179,10 @@ def _light_of_wider(
     there = harmonic_matrix(turned.reshape(-1, 3), degree).reshape(*turned.shape[:2], -1)
     found = np.einsum("cnm,kcm->nkc", there, moments, optimize=True)
     # clear air that the light has come through from the sides of the wider grid
-    none = np.zeros(0, int)
+    none, nothing = np.zeros(0, int), np.zeros(0, FLOAT)
     half_m = 0.5 * min(n * cell for n, cell in zip((across, rows), around.cell_m, strict=True))
     of_air = _moments_of_columns(
-        grid, clear, np.zeros(0, FLOAT), np.zeros(0, FLOAT), none, none, half_m, ordinates, tolerance,
-        decide,
+        grid, clear, GroundLight(nothing, nothing), none, none, half_m, ordinates, tolerance, decide
     )
     known = harmonic_matrix(ordinates.direction, degree) @ of_air[..., 0].T
     return columns.light(clear.inflow, np.where(within, found - known[..., None], 0.0))

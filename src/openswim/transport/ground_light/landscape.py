@@ -33,9 +33,11 @@ _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
 _RIM = 0.2  # of the reach, over which all fades to the level ground beyond
 _FLAT_M = 100.0  # lower ground is level
+_LEVEL_M = 10.0  # a domain whose heights differ by more would end as a wall
 _KNOTS = 8  # nodes between places that maps and projections are asked for
 _KNOT_M = 4000.0  # and how far those are apart, at most
 _BAND = 250_000  # nodes worked out at a time
+_ASKED = 50_000  # rays, spread over a picture, of which what is seen of the land is asked
 _WIDEST_EDGE_M = 3000.0  # over which elevation models fade into the coarser
 
 
@@ -64,7 +66,7 @@ class Landscape:
             return None
         widths = np.asarray(rays.width_rad, float)
         width = max(float(widths.min()), 1 / _NODES[1]) if widths.max() > 0 else 1 / _NODES[0]
-        box = _seen_box(rays.directions() @ frame.enu(lat, lon).T)
+        box = _seen_box(rays[:: max(1, len(rays) // _ASKED)].directions() @ frame.enu(lat, lon).T)
         return self._relief(lat, lon, height_m, width, box)
 
     def _relief(self, lat: float, lon: float, height_m: float, width_rad: float, box: F64) -> Relief:
@@ -215,11 +217,11 @@ class Lattice:
 
 
 def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = None) -> Landscape | None:
-    """The landscape of a grid on the round Earth; None where its own terrain says it all. ``wider``: that around."""
+    """The landscape of a grid on the round Earth; None where all is level. ``wider``: that around."""
     if not medium.frame.curved:
         return None
     found = Landscape(surface, medium, wider)
-    if surface.mapped:
+    if surface.mapped or wider is not None or np.ptp(medium.terrain_m) > _LEVEL_M:
         return found
     if not surface.mountains:
         return None
@@ -230,8 +232,7 @@ def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = Non
 
 def _seen_box(local: F64) -> F64:
     """Bounding box (least x, y, greatest x, y) of the eye and what rays (n, 3) see a unit away, downward or level."""
-    some = local[:: max(1, len(local) // 50_000)]
-    level = some[some[:, 2] < math.sin(math.radians(_WEDGE_DEG)), :2]
+    level = local[local[:, 2] < math.sin(math.radians(_WEDGE_DEG)), :2]
     level = level / np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9)
     ends = np.concatenate([np.zeros((1, 2)), level])
     return np.round(np.concatenate([ends.min(axis=0), ends.max(axis=0)]), 2)

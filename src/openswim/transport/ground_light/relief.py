@@ -73,19 +73,16 @@ class Relief:
     def _packed(self) -> Fields:
         return packed(self.fields)
 
+    @cached_property
+    def _highest_m(self) -> float:
+        return max(self.ground_m, *(float(f.height_m.max()) for f in self.fields))
+
     def meet(self, origin: F64, direction: F64) -> F64:
         """Distance (n,) [m] along rays (n, 3) to the ground, FAR_M where they miss it."""
-        o, d = self._local(np.asarray(origin, float)), np.asarray(direction, float) @ self.axes.T
-        o, d = (np.array(np.broadcast_to(v, (max(len(o), len(d)), 3)), order="C") for v in (o, d))
-        distance = _sphere_distance(o, d, self.radius_m, self.ground_m)
-        met = np.flatnonzero(distance < FAR_M)
-        x, y = self._on_plane(o[met] + distance[met, None] * d[met])
-        distance[met[_within(self.fields[-1], x, y)]] = FAR_M  # the sphere is the ground only where no field is
-        start = np.zeros(len(o))
-        high = np.linalg.norm(o + np.array([0.0, 0.0, self.radius_m]), axis=-1) - self.radius_m > _HIGHEST_M
-        start[high] = _sphere_distance(o[high], d[high], self.radius_m, _HIGHEST_M)
-        highest = max(self.ground_m, *(float(f.height_m.max()) for f in self.fields))
-        in_threads(_meet_share, o, d, start, self.radius_m, self.ground_m, highest, self._packed, distance)
+        shape = (max(len(origin), len(direction)), 3)
+        o, d = (np.ascontiguousarray(np.broadcast_to(np.asarray(v, float), shape)) for v in (origin, direction))
+        distance = np.empty(len(o))
+        in_threads(_meet_share, o, d, self.axes, self.radius_m, self.ground_m, self._highest_m, self._packed, distance)
         return distance
 
     def lit(self, place: F64, sun: F64) -> F64:
@@ -108,16 +105,10 @@ class Relief:
 
     def height(self, place: F64) -> F64:
         """Height (n,) above sea level of the ground over or under places (n, 3)."""
-        x, y = self._on_plane(self._local(place))
-        out = np.full(len(place), self.ground_m)
-        for f in reversed(self.fields):
-            inside = np.flatnonzero(_within(f, x, y))
-            u, v = (x[inside] - f.origin_m[0]) / f.step_m, (y[inside] - f.origin_m[1]) / f.step_m
-            ny, nx = f.height_m.shape
-            i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
-            a, b, h = u - i, v - j, f.height_m.astype(float)
-            low, high = h[j, i] * (1 - a) + h[j, i + 1] * a, h[j + 1, i] * (1 - a) + h[j + 1, i + 1] * a
-            out[inside] = low * (1 - b) + high * b
+        out = np.empty(len(place))
+        in_threads(
+            _height_share, np.ascontiguousarray(place), self.axes, self.radius_m, self.ground_m, self._packed, out
+        )
         return out
 
     def normals(self, place: F64, up: F64, footprint_m: F64) -> F64:
@@ -175,7 +166,15 @@ def _raise(cells: F32, own: HeightField, finer: HeightField, finer_top: F32) -> 
         for axis, count in ((1, ny), (0, nx))
     )
     rows, columns = (np.clip(k, 0, most - 1).astype(int) for k, most in zip((j, i), cells.shape, strict=True))
-    np.maximum.at(cells, (rows[:, None], columns[None, :]), finer_top)
+    _raise_to(cells, rows, columns, finer_top)
+
+
+@njit(cache=True, error_model="numpy")
+def _raise_to(cells, rows, columns, least):
+    """Raise cells (ny, nx) to values (m, n) that lie in these of their rows (m,) and columns (n,)."""
+    for j in range(rows.size):
+        for i in range(columns.size):
+            cells[rows[j], columns[i]] = max(cells[rows[j], columns[i]], least[j, i])
 
 
 def _pyramid(cells: F32) -> list[F32]:
@@ -199,15 +198,23 @@ def _within(f: HeightField, x: F64, y: F64) -> NDArray[np.bool_]:
     return (u >= 0) & (u <= nx - 1) & (v >= 0) & (v <= ny - 1)
 
 
-def _sphere_distance(origin: F64, direction: F64, radius_m: float, ground_m: float) -> F64:
-    """Distance (n,) to the sphere that carries the relief; rays from under it miss it."""
-    rise = (origin * direction).sum(-1) + radius_m * direction[:, 2]
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _turned(x, y, z, axes):
+    """A vector in the axes of the tangent plane."""
+    return (
+        axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z, axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,
+        axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _sphere_distance(ox, oy, oz, dx, dy, dz, radius_m, ground_m):
+    """Distance along a ray to the sphere ``ground_m`` above that of the sea; FAR_M from under it."""
+    rise = ox * dx + oy * dy + oz * dz + radius_m * dz
     # |p|^2 - (R + g)^2 without cancellation
-    excess = (origin**2).sum(-1) + 2 * radius_m * (origin[:, 2] - ground_m) - ground_m**2
-    disc = rise**2 - excess
-    meets = (rise < 0) & (disc > 0) & (excess >= 0)
-    root = -rise + np.sqrt(np.maximum(disc, 0.0))
-    return np.where(meets, excess / np.where(meets, root, 1.0), FAR_M)
+    excess = ox * ox + oy * oy + oz * oz + 2.0 * radius_m * (oz - ground_m) - ground_m * ground_m
+    disc = rise * rise - excess
+    return excess / (math.sqrt(disc) - rise) if rise < 0.0 and disc > 0.0 and excess >= 0.0 else FAR_M
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -221,15 +228,18 @@ def _covering(px, py, box):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _bilinear(h, n, nx, a, b):
+    """Height in the cell whose first node is the n-th, at shares of its sides."""
+    return (h[n] * (1 - a) + h[n + 1] * a) * (1 - b) + (h[n + nx] * (1 - a) + h[n + nx + 1] * a) * b
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _clearance(x, y, z, f, i, j, radius_m, fields):
     """Height of a point over cell (j, i) of a field, which goes on beyond its sides."""
     q = radius_m / (radius_m + z)
     a, b = (x * q - fields.box[f, 0]) / fields.box[f, 2] - i, (y * q - fields.box[f, 1]) / fields.box[f, 2] - j
     nx = int(fields.box[f, 3])
-    n = fields.first[f] + j * nx + i
-    h = fields.heights
-    ground = (h[n] * (1 - a) + h[n + 1] * a) * (1 - b) + (h[n + nx] * (1 - a) + h[n + nx + 1] * a) * b
-    return height_m(x, y, z, radius_m) - ground
+    return height_m(x, y, z, radius_m) - _bilinear(fields.heights, fields.first[f] + j * nx + i, nx, a, b)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
@@ -336,10 +346,35 @@ def _meet_one(ox, oy, oz, dx, dy, dz, t, radius_m, base_m, highest_m, fields, fa
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def _meet_share(k, threads, origin, direction, start, radius_m, base_m, highest_m, fields, distance):
-    """Shorten thread k's of the distances (n,) of rays (n, 3) to where they meet the fields."""
+def _meet_share(k, threads, origin, direction, axes, radius_m, base_m, highest_m, fields, distance):
+    """Thread k's of the distances (n,) of rays (n, 3) to the ground, FAR_M where they miss it."""
+    outermost = fields.box[fields.box.shape[0] - 1 :]
     for n in range(k, direction.shape[0], threads):
-        distance[n] = _meet_one(
-            origin[n, 0], origin[n, 1], origin[n, 2], direction[n, 0], direction[n, 1], direction[n, 2], start[n],
-            radius_m, base_m, highest_m, fields, distance[n],
-        )  # fmt: skip
+        ox, oy, oz = _turned(origin[n, 0], origin[n, 1], origin[n, 2] + radius_m, axes)
+        oz -= radius_m
+        dx, dy, dz = _turned(direction[n, 0], direction[n, 1], direction[n, 2], axes)
+        far = _sphere_distance(ox, oy, oz, dx, dy, dz, radius_m, base_m)
+        if far < FAR_M:  # the sphere is the ground only where no field is
+            q = radius_m / max(radius_m + oz + far * dz, 1e-3 * radius_m)
+            if _covering((ox + far * dx) * q, (oy + far * dy) * q, outermost) == 0:
+                far = FAR_M
+        start = 0.0
+        if height_m(ox, oy, oz, radius_m) > _HIGHEST_M:
+            start = _sphere_distance(ox, oy, oz, dx, dy, dz, radius_m, _HIGHEST_M)
+        distance[n] = _meet_one(ox, oy, oz, dx, dy, dz, start, radius_m, base_m, highest_m, fields, far)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _height_share(k, threads, place, axes, radius_m, base_m, fields, height):
+    """Thread k's of the heights (n,) of the ground over or under places (n, 3)."""
+    for n in range(k, place.shape[0], threads):
+        x, y, depth = _turned(place[n, 0], place[n, 1], place[n, 2] + radius_m, axes)
+        q = radius_m / max(depth, 1e-3 * radius_m)
+        x, y = x * q, y * q
+        f = _covering(x, y, fields.box)
+        height[n] = base_m
+        if f >= 0:
+            u, v = (x - fields.box[f, 0]) / fields.box[f, 2], (y - fields.box[f, 1]) / fields.box[f, 2]
+            nx = int(fields.box[f, 3])
+            i, j = min(int(u), nx - 2), min(int(v), int(fields.box[f, 4]) - 2)
+            height[n] = _bilinear(fields.heights, fields.first[f] + j * nx + i, nx, u - i, v - j)

@@ -14,7 +14,7 @@ from openswim.transport.air.shells import rows_between, shell_levels
 from openswim.transport.engine.pack import PACK
 from openswim.transport.linear.optics import Scatterer
 from openswim.transport.march.forward_peak import forward_share
-from openswim.transport.march.volume import DEGREE, Shells
+from openswim.transport.march.volume import AIR_DEGREE, Shells
 from openswim.transport.medium.coefficients import on_levels
 from openswim.transport.medium.medium import Medium
 
@@ -43,7 +43,7 @@ def air_at(medium: Medium, air: Background, shells: Shells, mu_sun: F64, w: int)
     rows = np.stack([shells.extinction[:, w], shells.rows[:, PACK + w], shells.rows[:, 2 * PACK + w]], axis=-1)
     scaled, molecules, scattered = on_levels(medium, shells, rows).T
     albedo = float(np.nan_to_num(air.aerosol_albedo[w], nan=1.0)) or 1.0
-    f = float(forward_share(np.asarray(air.aerosol_phase[w].moments(DEGREE + 1), float), DEGREE))
+    f = float(forward_share(np.asarray(air.aerosol_phase[w].moments(AIR_DEGREE + 1), float), AIR_DEGREE))
     aerosol = scattered / albedo
     gas = scaled - molecules - aerosol * (1 - albedo * f)
     tables = (shells.sun_depth[..., w], shells.sun_forward[..., w])
@@ -75,5 +75,5 @@ def air_kinds(airs: Sequence[OfAir]) -> list[Scatterer]:
     albedo = np.array([one.albedo for one in airs])
     return [
         Scatterer(MOLECULES, np.ones(len(airs)), [one.phase[0] for one in airs]),
-        Scatterer(AEROSOL, albedo, [one.phase[1] for one in airs]),
+        Scatterer(AEROSOL, albedo, [one.phase[1] for one in airs], AIR_DEGREE),
     ]

@@ -1,6 +1,6 @@
 """The linear core: what eyes and pyranometers see of extinction at nodes, with tangent linear and adjoint.
 
-    core = LinearCore(world, scatterers, views, points)         # frozen; see `plain.plain_core`, `of_matter.core_of`
+    core = LinearCore(world, scatterers, views, points)         # frozen; see `of_matter.core_of`
     images, state = core.forward(extinction, albedo)            # Images, State
     change = core.tangent(state, d_extinction, d_albedo)        # Images: J v
     extinction_bar, albedo_bar = core.adjoint(state, residual)  # J^T r, residual: Images

@@ -21,6 +21,7 @@ class Scatterer:
     name: str
     single_scattering_albedo: ArrayLike
     phase: Sequence[PhaseFunction]
+    degree: int | None = None  # of its truncation, if another than that of the diffuse light
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +41,11 @@ def optics_of(scatterers: Sequence[Scatterer], term: int, degree: int) -> Optics
     scaled, forward, low, tables = [], [], [], []
     for one in scatterers:
         omega = float(np.atleast_1d(one.single_scattering_albedo)[term])
-        chi = np.asarray(one.phase[term].moments(degree + 1), float)
-        f = float(forward_share(chi, degree))
+        own = one.degree or degree
+        chi = np.asarray(one.phase[term].moments(own + 1), float)
+        f = float(forward_share(chi, own))
         scaled.append(1 - omega * f)
         forward.append(omega * f)
         low.append(omega * (chi[:degree] - f))
-        tables.append(omega * peak_table(one.phase[term], degree).astype(float))
+        tables.append(omega * peak_table(one.phase[term], own, degree).astype(float))
     return Optics(np.array(scaled), np.array(forward), np.array(low), np.stack(tables))

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.ground.sky_view import Terrain
+from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.options import Options
+from openswim.transport.air.dimmed import Dimmed, Eclipse
 from openswim.transport.beam.lit_volume import Channels
 from openswim.transport.columns.columns import Columns
 from openswim.transport.columns.discrete_ordinates import Layers
@@ -27,7 +29,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import GridLight, LitGrid
-from openswim.transport.march.volume import DEGREE, Shells, Volume
+from openswim.transport.march.volume import AIR_DEGREE, DEGREE, Shells, Volume
 from openswim.transport.medium.coefficients import Coefficients
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, air_of
@@ -35,15 +37,16 @@ from openswim.transport.medium.surface import Surface
 
 _KINDS: tuple[type, ...] = (
     LitGrid, GridLight, Channels, Shells, Volume, Lighting, Medium, Coefficients, Moments, Coarser, Columns, Layers,
-    Core,
+    Core, Eclipse, Dimmed, MoonShadow,
 )  # fmt: skip
 # what is handed in again, or follows from what is
 _GIVEN: dict[type, set[str]] = {
-    LitGrid: {"options", "surface", "air", "frame", "landscape", "wider", "once", "decide", "eclipse"},
+    LitGrid: {"options", "surface", "air", "frame", "landscape", "wider", "once", "decide"},
     GridLight: {"medium"},
     Medium: {"frame", "species", "grid", "air", "drift_m"},
     Lighting: {"terrain"},
     Columns: {"medium", "coefficients"},
+    MoonShadow: {"tables"},
 }
 
 
@@ -55,8 +58,8 @@ class Description:
     arrays: dict[str, NDArray]
 
 
-def described(packs: Sequence[LitGrid]) -> Description:
-    """The light of all packs of wavelengths; arrays that are one are named once."""
+def described(packs: Sequence[LitGrid], of: str) -> Description:
+    """The light ``of`` a lamp, all packs of wavelengths; arrays that are one are named once."""
     arrays: dict[str, NDArray] = {}
     names: dict[int, str] = {}
 
@@ -82,7 +85,7 @@ def described(packs: Sequence[LitGrid]) -> Description:
         return value
 
     levels = [
-        [one(level, f"pack{p}/level{n}") for n, level in enumerate(pack.levels)] for p, pack in enumerate(packs)
+        [one(level, f"{of}/pack{p}/level{n}") for n, level in enumerate(pack.levels)] for p, pack in enumerate(packs)
     ]
     return Description(levels, arrays)
 
@@ -188,17 +191,11 @@ def _check_medium(m: Medium) -> None:
 def _check(lit: LitGrid) -> None:
     """That arrays have the shapes, and point to where, kernels take for granted."""
     shells, volume, light, m = lit.shells, lit.volume, lit.light, lit.medium
-    _require(type(shells) is Shells and type(volume) is Volume, "shells and a volume")
+    _require(type(volume) is Volume, "a volume")
     _require(0 < lit.count <= PACK and lit.wavelengths_nm.shape == (PACK,) and lit.sun.shape == (3,), "wavelengths")
-    nl = len(shells.rows)
-    _require(
-        shells.rows.shape == (nl, 4 * PACK) and shells.phase.shape == (2, DEGREE, PACK) and len(shells.horizon) == nl
-        and shells.slant.shape[0] == nl and shells.slant.shape[2:] == (2 * PACK,) and shells.source.shape[0] == nl
-        and shells.ground_flux.shape[1:] == (PACK,) and _indices(shells.level_table, nl),
-        "shells of one shape",
-    )  # fmt: skip
-    suns = len(shells.ground_flux)
-    _require(_indices(shells.moment_sun_table, suns) and shells.source.shape[1] == suns, "suns of one shape")
+    _check_shells(shells)
+    if lit.eclipse is not None:
+        _check_eclipse(lit.eclipse, shells)
     ns = volume.species
     _require(lit.table.shape[0] == ns + 1 and lit.table.shape[3:] == (PACK,), "forward peaks of all species")
     if m is None:
@@ -245,6 +242,36 @@ def _check(lit: LitGrid) -> None:
         if coarser.factor:
             rows = -(-ny // coarser.factor)
             _require(coarser.place.shape[:2] == (nz, rows) and 0 < coarser.columns <= nx, "a coarser grid's shape")
+
+
+def _check_shells(shells: Shells) -> None:
+    _require(type(shells) is Shells, "shells")
+    nl = len(shells.rows)
+    _require(
+        shells.rows.shape == (nl, 4 * PACK) and shells.phase.shape == (2, AIR_DEGREE, PACK)
+        and len(shells.horizon) == nl and shells.slant.shape[0] == nl
+        and shells.slant.shape[2:] == (2 * PACK,) and shells.source.shape[0] == nl
+        and shells.ground_flux.shape[1:] == (PACK,) and _indices(shells.level_table, nl),
+        "shells of one shape",
+    )  # fmt: skip
+    suns = len(shells.ground_flux)
+    _require(_indices(shells.moment_sun_table, suns) and shells.source.shape[1] == suns, "suns of one shape")
+
+
+def _check_eclipse(eclipse: Eclipse, shells: Shells) -> None:
+    """That the moon's shadow is on these shells."""
+    _require(type(eclipse) is Eclipse and type(eclipse.dimmed) is Dimmed, "an eclipse")
+    _check_shells(eclipse.lit)
+    dimmed, shadow = eclipse.dimmed, eclipse.dimmed.shadow
+    _require(type(shadow) is MoonShadow and shadow.to_sun_m.shape == shadow.to_moon_m.shape == (3,), "a shadow")
+    _require(
+        eclipse.lit.source.shape == shells.source.shape
+        and dimmed.source.shape == shells.source.shape[:1] + shells.source.shape[2:]
+        and dimmed.moments.shape == shells.moments.shape[:1] + shells.moments.shape[2:]
+        and dimmed.here.shape == dimmed.flux.shape == dimmed.wavelengths_nm.shape == (PACK,)
+        and dimmed.sun.shape == (3,) and bool((dimmed.here > 0).all()),
+        "light of the shells in an eclipse",
+    )  # fmt: skip
 
 
 def _indices(table: NDArray, count: int) -> bool:

@@ -67,8 +67,9 @@ def _basis() -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
-    """R (angle, depth): at `angles`, 32 depths at phi/(1 + phi) = j/31.
+def peak_table(phase: PhaseFunction, degree: int, smooth: int | None = None) -> NDArray[np.float32]:
+    """R (angle, depth): at `angles`, 32 depths at phi/(1 + phi) = j/31. ``smooth``: of how many moments of the
+    truncated part the ray knows, if of fewer than ``degree``; the others are in the table, whatever the depth.
 
     Column 0 (phi = 0) is the exact phase function less its truncated part: the TMS correction (Nakajima & Tanaka
     1988). Without a forward peak it is what all the beam is scattered by.
@@ -77,8 +78,8 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     f = forward_share(moments, degree)
     x, legendre = _basis()
     weight = 2 * np.arange(_MOST_MOMENTS) + 1.0
-    low = weight[:degree] * (moments[:degree] - f)
-    table = np.repeat((phase.value(x) - low @ legendre[:degree])[:, None], _DEPTHS, axis=1)
+    low, known = weight[:degree] * (moments[:degree] - f), degree if smooth is None else smooth
+    table = np.repeat((phase.value(x) - low[:known] @ legendre[:known])[:, None], _DEPTHS, axis=1)
     if f < _NO_PEAK:
         return table.astype(FLOAT)
     left = moments.copy()
@@ -91,7 +92,8 @@ def peak_table(phase: PhaseFunction, degree: int) -> NDArray[np.float32]:
     growth = np.exp(np.maximum(met, 0) - phi) * -np.expm1(-size) / size
     # less exp(-phi), the share that met nothing else: converges twice as fast as the peak itself
     growth = (growth - np.exp(-phi)) * _TAPER
-    table[:, 1:] = table[:, :1] * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
+    rest = (low[known:] @ legendre[known:degree])[:, None]
+    table[:, 1:] = rest + (table[:, :1] - rest) * np.exp(-phi[:, 0]) + legendre.T @ (weight * left * growth).T
     return table.astype(FLOAT)
 
 

@@ -41,7 +41,7 @@ from openswim.transport.march.state import (
     keep,
     lane_of,
 )
-from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume, tidy
+from openswim.transport.march.volume import AIR_DEGREE, FAR_M, Shells, Volume, tidy
 from openswim.transport.march.walk import (
     BATCH,
     COUNT,
@@ -262,7 +262,7 @@ def march_rays(
     rays there that have not met the grid's ground or the shells' before. ``cone`` (n, 2): what rays are wide at their
     origins (m), and what they widen per metre; clouds have ``detail`` where rays that widen are narrow enough.
     ``level_ice``: plates among the species."""
-    if shells.phase.shape[1] != DEGREE:
+    if shells.phase.shape[1] != AIR_DEGREE:
         raise ValueError("the shells were built for another truncation order")
     rays = eye_rays(origin, direction, ends, cone)
     n = len(rays.order)

@@ -29,7 +29,7 @@ from openswim.transport.engine.scalar import harmonics, shadow_fraction, smooths
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.forward_peak import peak_row
 from openswim.transport.march.state import AEROSOL, MOLECULES, SPECIES, Sample
-from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
+from openswim.transport.march.volume import AIR_DEGREE, DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
@@ -55,8 +55,9 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     """Fill in `Ray.constants` and `Ray.peak` of straight rays by the cosine of their angle to the sun. Returns
     `Ray.share`.
 
-    Molecules and aerosol: sum_l (2l+1) chi_l P_l(cos Theta) of the ``phase`` (2, M, PACK), and of each species the same
-    of `Volume.single`, to which the part (1 - share) R(Theta, 0) of the peaks is added; ``peak`` is R(Theta, phi).
+    Molecules and aerosol: sum_l (2l+1) chi_l P_l(cos Theta) of the ``phase`` (2, AIR_DEGREE, PACK), and of each species
+    the same of `Volume.single`, to which the part (1 - share) R(Theta, 0) of the peaks is added; ``peak`` is
+    R(Theta, phi).
     """
     inner, outer = volume.peak_inner, volume.peak_outer
     share = FLOAT(smoothstep((cos_angle - outer) / (inner - outer)))
@@ -65,10 +66,10 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     for kind in range(2):
         p0, p1 = 1.0, cos_angle
         total = spread(_ZERO)
-        for ell in range(DEGREE):
+        for ell in range(AIR_DEGREE):
             legendre = FLOAT((2 * ell + 1) * p0)
-            total += legendre * read(phase, (kind * DEGREE + ell) * PACK)
-            if kind == 0:
+            total += legendre * read(phase, (kind * AIR_DEGREE + ell) * PACK)
+            if kind == 0 and ell < DEGREE:
                 for s in range(volume.species):
                     once = legendre * read(volume.single, (s * DEGREE + ell) * PACK)
                     write(constants, SPECIES + s * PACK, read(constants, SPECIES + s * PACK) + once)

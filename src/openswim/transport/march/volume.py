@@ -20,6 +20,7 @@ _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 SUN_RADIUS_RAD = 0.00465
 DEGREE = 5  # truncation order M of the smooth field
+AIR_DEGREE = 10  # that of the air's aerosol, and moments of the shells' diffuse field, which is narrow near the horizon
 PEAK_COSINES = (0.75**0.5, 0.0)  # forward peaks: read out within 30 degrees of the sun, not beyond 90 (fast.md F18)
 FAR_M = 1e30  # a distance that no ray meets
 STEP_DEPTH = 0.25  # optical depth of air that a step may pass
@@ -36,7 +37,7 @@ class Shells(NamedTuple):
     level_table: F64  # fractional level per 100 m above the ground
     reach_table: F64  # longest step that the air's depth allows, per 100 m above the ground, m
     rows: F32  # (nl, 4 PACK) 1/m: delta-scaled extinction; scattering of molecules; of aerosol; what scaling takes off
-    phase: F32  # (2, M, PACK) Legendre moments of molecules, and of aerosol delta-scaled: chi_l - f
+    phase: F32  # (2, AIR_DEGREE, PACK) Legendre moments of molecules, and of aerosol delta-scaled: chi_l - f
     slant: F32  # (nl, n_mu, 2 PACK) delta-scaled, forward depth to the sun; axis sqrt of cosine above the horizon
     horizon: F64  # (nl,) cosine of the zenith angle of the horizon
     moment_sun_table: F64  # fractional index into the suns of `moments` and `source`, by cosine from -1 to 1
@@ -57,9 +58,9 @@ class Shells(NamedTuple):
 
     @property
     def scattering(self) -> F32:
-        """Legendre moments (nl, M, PACK) of the delta-scaled scattering coefficient, 1/m."""
+        """Legendre moments (nl, M, PACK) of the delta-scaled scattering coefficient, 1/m; `phase` has more."""
         molecules, aerosol = self.rows[:, None, PACK : 2 * PACK], self.rows[:, None, 2 * PACK : 3 * PACK]
-        return molecules * self.phase[0] + aerosol * self.phase[1]
+        return molecules * self.phase[0, :DEGREE] + aerosol * self.phase[1, :DEGREE]
 
     @property
     def sun_depth(self) -> F32:

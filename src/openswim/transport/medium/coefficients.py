@@ -11,7 +11,7 @@ from openswim.transport.air.shells import rows_between, shell_levels
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.forward_peak import forward_share, peak_tables
-from openswim.transport.march.volume import DEGREE, Shells
+from openswim.transport.march.volume import AIR_DEGREE, DEGREE, Shells
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 
@@ -35,7 +35,7 @@ def forward_tables(medium: Medium, fast: bool) -> F32:
 
 def aerosol_peaks(air: Background | None) -> F32:
     """That of the background aerosol alone; without air there is none."""
-    return np.zeros((1, 2, 2, PACK), FLOAT) if air is None else peak_tables([air.aerosol_phase], DEGREE)
+    return np.zeros((1, 2, 2, PACK), FLOAT) if air is None else peak_tables([air.aerosol_phase], AIR_DEGREE)
 
 
 def _scattering(medium: Medium) -> F32:

@@ -81,7 +81,7 @@ class Surface(Protocol):
 
     @property
     def earth_known(self) -> bool:
-        """Whether the height of all the Earth is known."""
+        """Whether the height of all the Earth is known, and wanted."""
         ...
 
     def earth_m(self, lat: F64, lon: F64) -> F64:

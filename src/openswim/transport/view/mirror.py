@@ -30,7 +30,6 @@ _ROWS, _COLUMNS = 50, 90  # of the mirrored picture, at most
 _LEAST_STEP_RAD = np.radians(0.4)  # waves smear over several degrees
 _BESIDE_RAD = np.radians(1.0)  # so that this far from its end a mirrored picture is what it is there
 _FACETS = 16
-_LIKE_WIND = 0.5  # m/s, by which winds of a picture's parts may differ
 _LIFT_M = 0.5  # above the ground, that mirrored rays begin
 WET = 0.05  # share of water in a pixel from which on what it mirrors is looked at
 _ASKED = 60_000  # rays of a picture by which water in it is found, at most

@@ -26,7 +26,7 @@ from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted
 from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce
 from openswim.transport.march.march import march_rays
-from openswim.transport.march.volume import DEGREE, FAR_M, Shells, Volume
+from openswim.transport.march.volume import FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested
@@ -324,7 +324,7 @@ def sunlit_wide_shells(lit: LitGrid) -> Shells:
 
     def make() -> Shells:
         return build_shells(
-            air_of(air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, s.ground_albedo, DEGREE, s.top_m, scale=1.5
+            air_of(air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, s.ground_albedo, s.top_m, scale=1.5
         )
 
     return lit.once("wide shells", make)

@@ -1,24 +1,21 @@
 """Noise that belongs to places of the Earth, for what maps do not know: the same there in every picture.
 
-`transport.noise` is its like for clouds, compiled and without a period; this one reads a small tile, as fast without.
+`transport.noise` is its like for clouds, without a period; this one reads a small tile.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.ground.noise.kernels import FINER, LUMPS, LUMPY, NODES, RIDGED, SMOOTH, STEP, add_octaves, read
 from openswim.scene.grid import EARTH_RADIUS_M
 
 FloatArray = NDArray[np.float64]
 
-_LUMPS, _FINER = 32, 3  # of the random numbers that noise is smooth between; its nodes between two of them
-_STEP = 0.2  # of a lump, to either side, over which its slope is taken
 _EDGE = 0.2  # softness of the edges of shares
 
 
@@ -33,7 +30,7 @@ def fractal_noise(
     ``shortest_m`` (n,) is not seen: it would only flicker. What has nothing to do with each other is of different
     ``series``.
     """
-    return _fractal(lat, lon, lambda place, *_: _smooth(_tile(), place), longest_m, shortest_m, octaves, power, series)
+    return _fractal(lat, lon, SMOOTH, longest_m, shortest_m, octaves, power, series)
 
 
 def fractal_lumps(
@@ -41,7 +38,7 @@ def fractal_lumps(
     series: int,
 ) -> FloatArray:  # fmt: skip
     """As `fractal_noise`, of what is seen of lumps between narrow gaps: -1.3 in the gaps, mean 0, variance 1."""
-    return _fractal(lat, lon, _lumpy, longest_m, shortest_m, octaves, power, series)[0]
+    return _fractal(lat, lon, LUMPY, longest_m, shortest_m, octaves, power, series)[0]
 
 
 def fractal_slope(
@@ -50,39 +47,31 @@ def fractal_slope(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """As `fractal_noise`, of slopes: rise of sharp ridges between round valleys, ``along`` unit vectors (n, 3) in
     Earth-centred axes."""
-
-    def ridged(place: FloatArray, axes: FloatArray, some: NDArray[np.int64]) -> FloatArray:
-        return _ridged(place, axes @ along.T[:, some])
-
-    return _fractal(lat, lon, ridged, longest_m, shortest_m, octaves, power)
+    return _fractal(lat, lon, RIDGED, longest_m, shortest_m, octaves, power, along=along)
 
 
 def _fractal(
-    lat: FloatArray, lon: FloatArray, pattern: Callable[..., NDArray[Any]], longest_m: ArrayLike, shortest_m: ArrayLike,
-    octaves: int, power: float, series: int = 0,
+    lat: FloatArray, lon: FloatArray, kind: int, longest_m: ArrayLike, shortest_m: ArrayLike, octaves: int,
+    power: float, series: int = 0, along: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    longest, shortest = (np.broadcast_to(np.asarray(v, float), lat.shape) for v in (longest_m, shortest_m))
+    longest, shortest = (np.array(np.broadcast_to(np.asarray(v, float), lat.shape)) for v in (longest_m, shortest_m))
+    value, unseen = np.zeros(lat.size), np.ones(lat.size)
+    if lat.size == 0:
+        return value, unseen
     # three coordinates of the sphere: no seam at the date line, none at the poles
     la, lo = np.radians(lat), np.radians(lon)
-    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)]) * EARTH_RADIUS_M
-    total, value, seen_variance = np.zeros((3, lat.size))
+    place = np.stack([np.cos(la) * np.cos(lo), np.cos(la) * np.sin(lo), np.sin(la)], axis=-1) * EARTH_RADIUS_M
     top = np.log2(np.maximum(longest, 1e-3))
-    if lat.size == 0:
-        return value, 1.0 - seen_variance
-    for octave in range(math.ceil(top.max()), math.floor(top.min()) - octaves, -1):
-        scale = 2.0**octave
-        within = np.clip(top + 1.0 - octave, 0.0, 1.0) * np.clip(octave - top + octaves, 0.0, 1.0)
-        variance = within**2 * scale**power
-        seen = np.clip(2.0 - 2.0 * shortest / scale, 0.0, 1.0)
-        total += variance
-        some = np.flatnonzero(within * seen)
-        if some.size:
-            weight = np.sqrt(variance[some]) * seen[some]
-            axes = _turned(octave, series)
-            value[some] += weight * pattern(axes @ place[:, some] / scale, axes, some)
-            seen_variance[some] += weight**2
-    total = np.maximum(total, 1e-30)
-    return value / np.sqrt(total), 1.0 - seen_variance / total
+    least = math.floor(top.min()) - octaves
+    every = range(least, math.ceil(top.max()) + 1)
+    axes = np.array([_turned(octave, series) for octave in every])
+    scale = 2.0 ** np.array(every, float)
+    ways = np.zeros((1, 3)) if along is None else np.ascontiguousarray(along)
+    steep = _slope_deviation() if kind == RIDGED else 1.0
+    add_octaves(
+        place, ways, top, shortest, axes, scale, scale**power, least, octaves, kind, steep, _tile(), value, unseen
+    )
+    return value, unseen
 
 
 def resolved_share(share: FloatArray, favour: FloatArray, unseen: FloatArray) -> FloatArray:
@@ -111,39 +100,28 @@ def _turned(octave: int, series: int) -> FloatArray:
 @cache
 def _tile() -> NDArray[np.float32]:
     """Quadratic B-splines over random numbers, periodic, of mean 0 and variance 1 between nodes, too."""
-    values = np.random.default_rng(5).standard_normal((_LUMPS,) * 3)
-    at = np.arange(_LUMPS * _FINER) / _FINER
+    values = np.random.default_rng(5).standard_normal((LUMPS,) * 3)
+    at = np.arange(NODES) / FINER
     first = np.floor(at - 0.5).astype(int)
     t = at - first - 0.5
     weights = (0.5 * (1.0 - t) ** 2, 0.5 + t * (1.0 - t), 0.5 * t * t)
     for axis in range(3):
         shape = tuple(-1 if a == axis else 1 for a in range(3))
-        values = sum(w.reshape(shape) * values.take((first + k) % _LUMPS, axis) for k, w in enumerate(weights))
-    sample = _smooth(np.asarray(values, np.float32), np.random.default_rng(6).uniform(0, _LUMPS, (3, 100_000)))
+        values = sum(w.reshape(shape) * values.take((first + k) % LUMPS, axis) for k, w in enumerate(weights))
+    sample = _smooth(np.asarray(values, np.float32), np.random.default_rng(6).uniform(0, LUMPS, (3, 100_000)))
     return np.asarray((values - sample.mean()) / sample.std(), np.float32)
 
 
-def _smooth(tile: NDArray[np.float32], place: FloatArray) -> NDArray[np.float32]:
+def _smooth(tile: NDArray[np.float32], place: FloatArray) -> FloatArray:
     """The noise (n,) at points (3, n), one lump to the unit."""
-    from scipy.ndimage import map_coordinates
-
-    return np.asarray(map_coordinates(tile, place * _FINER, order=1, mode="grid-wrap", prefilter=False), np.float32)
-
-
-def _lumpy(place: FloatArray, *_: Any) -> FloatArray:
-    mean = math.sqrt(2 / math.pi)
-    return np.asarray((np.abs(_smooth(_tile(), place)) - mean) / math.sqrt(1 - mean**2), float)
-
-
-def _ridged(place: FloatArray, along: FloatArray) -> FloatArray:
-    """Slope (n,) of -|noise| along directions (3, n), of variance 1."""
-    ahead, behind = (_smooth(_tile(), place + side * _STEP * along) for side in (1, -1))
-    return np.asarray((np.abs(behind) - np.abs(ahead)) / _slope_deviation(), float)
+    out = np.empty(place.shape[1])
+    read(tile, place, out)
+    return out
 
 
 @cache
 def _slope_deviation() -> float:
     rng = np.random.default_rng(7)
-    place, along = rng.uniform(0, _LUMPS, (3, 100_000)), rng.standard_normal((3, 100_000))
-    step = _STEP * along / np.linalg.norm(along, axis=0)
+    place, along = rng.uniform(0, LUMPS, (3, 100_000)), rng.standard_normal((3, 100_000))
+    step = STEP * along / np.linalg.norm(along, axis=0)
     return float((np.abs(_smooth(_tile(), place + step)) - np.abs(_smooth(_tile(), place - step))).std())

@@ -20,14 +20,14 @@ F64 = NDArray[np.float64]
 
 def plain_world(
     levels_m: ArrayLike, cell_m: tuple[float, float], columns: tuple[int, int], sun: ArrayLike, terms: int = 1,
-    sky: float = 0.0, below: float = 0.0, ordinates: int = 50, degree: int = 5,
+    sky: float = 0.0, below: float = 0.0,
 ) -> World:  # fmt: skip
     """A flat grid of columns (ny, nx) whose first node lies at x = y = 0; sun (x, y, z): toward it.
 
     sky: L' that enters from above, at the top and the sides, below: at the sides from below.
     """
     levels, (ny, nx) = np.asarray(levels_m, float), columns
-    rule = lebedev(ordinates)
+    rule = lebedev(50)
     y, x = np.meshgrid(cell_m[1] * np.arange(ny), cell_m[0] * np.arange(nx), indexing="ij")
     place = np.stack([x, y, 0 * x], axis=-1).astype(float)
     axes = np.broadcast_to(np.eye(3), (ny, nx, 3, 3)).copy()
@@ -35,7 +35,7 @@ def plain_world(
     enters = np.where(rule.direction[order, 2] >= -1e-9, sky, below)
     inflow = np.repeat(np.repeat(enters[None, :, None], len(levels), axis=2), terms, axis=0)
     return World(
-        levels, cell_m, axes, place, np.asarray(sun, float), np.zeros((ny, nx), np.int64), rule, degree,
+        levels, cell_m, axes, place, np.asarray(sun, float), np.zeros((ny, nx), np.int64), rule, 5,
         np.ascontiguousarray(inflow), np.zeros((terms, len(levels))),
     )  # fmt: skip
 
@@ -50,10 +50,10 @@ def locate_in(world: World) -> Callable[[F64], tuple[F64, F64, F64]]:
     return locate
 
 
-def plain_view(world: World, rays: Rays, back: float = 0.0, step: float = 1.0) -> View:
+def plain_view(world: World, rays: Rays, back: float) -> View:
     """Rays in a flat world, before ``back`` where they do not end on its ground."""
     ways = ways_of(world, rays, locate_in(world), lambda row, _: np.full_like(row, world.levels_m[0]),
-                   world.levels_m[-1], step)  # fmt: skip
+                   world.levels_m[-1], 1.0)  # fmt: skip
     shape = (len(world.inflow), len(rays))
     return view_of(world, rays, ways, np.zeros(shape), np.ones(shape), np.full(shape, back))
 
@@ -61,10 +61,10 @@ def plain_view(world: World, rays: Rays, back: float = 0.0, step: float = 1.0) -
 def plain_core(
     levels_m: ArrayLike, cell_m: tuple[float, float], columns: tuple[int, int], sun: ArrayLike,
     scatterers: Sequence[Scatterer], views: Sequence[Rays] = (), points: ArrayLike | None = None, *, sky: float = 0.0,
-    below: float = 0.0, ordinates: int = 50, degree: int = 5, step: float = 1.0, **settings: Any,
+    below: float = 0.0, **settings: Any,
 ) -> LinearCore:  # fmt: skip
     """`LinearCore` over flat ground; views: rays in metres, see `plain_world`; points (n, 2): row and column."""
     terms = len(np.atleast_1d(scatterers[0].single_scattering_albedo))
-    world = plain_world(levels_m, cell_m, columns, sun, terms, sky, below, ordinates, degree)
-    eyes = [plain_view(world, rays, sky, step) for rays in views]
+    world = plain_world(levels_m, cell_m, columns, sun, terms, sky, below)
+    eyes = [plain_view(world, rays, sky) for rays in views]
     return LinearCore(world, scatterers, eyes, None if points is None else np.asarray(points, float), **settings)
