@@ -380,3 +380,15 @@ def test_vapour_of_a_hundredth_is_told(analysis):
     """Per cent of the mixing ratio: the driest deserts have a tenth of saturation in the mean."""
     notes = open_scene(_change(analysis, "q", lambda q: q / 100)).notes
     assert any("of saturation in the mean" in note for note in notes)
+
+
+def test_units_of_two_kinds_are_told(analysis, tmp_path):
+    import xarray as xr
+
+    with xr.open_dataset(analysis, decode_cf=False) as opened:
+        data = opened.load()
+    data.crwc.attrs["units"] = "g m-3"
+    data.to_netcdf(tmp_path / "b.nc")
+    told = "crwc is per volume of air and clwc per mass"
+    assert any(told in note for note in open_scene(tmp_path / "b.nc").notes)
+    assert not any("per volume" in note for note in open_scene(analysis).notes)
