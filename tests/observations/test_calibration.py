@@ -306,6 +306,11 @@ def test_the_camera_of_hungriger_wolf(shared):
     assert np.median(np.linalg.norm(fitted - by_hand[found.matched.frame], axis=-1)) < 3.7
     assert any(line.startswith("the lens") for line in found.cannot_tell)
     assert any(line.startswith("the tilt") for line in found.cannot_tell)
+    # trees and sky beside them, as a person sees them in the frames of 1920 x 1920 pixels: row, column
+    trees = (300, 1560), (560, 1560), (1160, 1840), (1400, 1800), (1740, 1560), (180, 400), (500, 100), (80, 800)
+    sky = (320, 500), (460, 1420), (700, 1600), (1160, 1680), (1560, 1480), (170, 1100), (1000, 140), (1500, 300)
+    assert all(found.camera.mask.hidden[at] for at in trees)
+    assert not any(found.camera.mask.hidden[at] for at in sky)
     for name in ("Image_20160527_144000_UTCp1_3.jpg", "Image_20160527_144000_UTCp1_4.jpg"):
         with pytest.raises(UserError, match="no sun in this frame"):
             calibrate(wolf / name, 53.99777, 9.56673)

@@ -9,6 +9,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import us_standard_pressure_temperature
+from openswim.scene.plausible import check_plausible
 
 HEIGHT = np.linspace(10.0, 30_000.0, 31)
 LEVELS = ("z", "y", "x")
@@ -182,3 +183,12 @@ def test_winds_of_two_units_single_values_and_strips_are_told():
     strip = {name: field[:3] for name, field in winds.items()}
     told = Scene.from_arrays(None, axis, axis[:3], HEIGHT, fields=strip).notes
     assert any("a strip of 6 x 3 columns" in note for note in told)
+
+
+@pytest.mark.parametrize(("per_m", "told"), [(1e-9, True), (1e-6, False)])
+def test_aerosol_that_is_next_to_nothing_is_told(per_m, told):
+    """Three species of .00009, and of .09."""
+    axis, every = np.arange(4) * 1e3, np.full((31, 4, 4), per_m, np.float32)
+    data = xr.Dataset({f"extinction_{kind}": (LEVELS, every) for kind in ("dust", "smoke", "sea_salt")})
+    notes = check_plausible(data, Grid(axis, axis, HEIGHT))
+    assert any("next to nothing" in note for note in notes) == told

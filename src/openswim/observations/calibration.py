@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from openswim.observations.frames import FrameInfo, read_frame
 from openswim.observations.lens_fit import residuals
 from openswim.observations.limits import star_limits, track_limits
 from openswim.observations.matching import TOLERANCES_PX, pairs
+from openswim.observations.standing import Standing
 from openswim.observations.star_fit import LensResult, Matched, Sky, StarFit, fit_stars, sky_of
 from openswim.observations.track_fit import LEAST_SPOTS, Sighting, TrackFit, fit_track, sighting
 from openswim.scene.times import Time
@@ -73,7 +74,8 @@ def calibrate(
 
     `height_m`: of the place above sea level, for refraction; `time`: UTC, of a single frame; `settings`: how names
     tell the time, and the zone; `by`: stars, sun or moon (by default what was up); `mask`: picture, black where the sky
-    is hidden.  Raises UserError where the frames do not give a camera.
+    is hidden; without one, what is dark before the sky of a clear day is found (`standing`).  Raises UserError where
+    the frames do not give a camera.
     """
     lat, lon, height_m = number("latitude", lat), number("longitude", lon), number("height", height_m)
     settings = settings or FrameSettings()
@@ -82,7 +84,8 @@ def calibrate(
     given = [Path(path) for path in paths("frames", frames)]
     require(bool(given), "calibrate: give at least one frame")
     require(time is None or len(given) == 1, "calibrate: --time is the time of one frame; several tell theirs by name")
-    seen = _looked_at(given, lat, lon, height_m, time, settings, by, _hidden(mask))
+    standing = Standing()
+    seen = _looked_at(given, lat, lon, height_m, time, settings, by, _hidden(mask), standing)
     skies = [each for each in seen if isinstance(each, Sky)]
     sightings = [each for each in seen if isinstance(each, Sighting)]
     fit: StarFit | TrackFit
@@ -96,6 +99,9 @@ def calibrate(
         fit = fit_stars(skies)
         cannot = star_limits(fit, lat)
     camera = _camera(fit, lat, lon, mask)
+    if mask is None and body == "sun" and (hidden := standing.hidden(camera)) is not None:
+        camera = replace(camera, mask=Mask(hidden, "the frames"))
+        cannot = (*cannot, "bright roofs and wires before the sky: only what is dark in all frames went into the mask")
     content = CameraFile(camera, name, settings, _table(body, fit, cannot, len(given)))
     return Calibration(content, body, fit, cannot)
 
@@ -125,9 +131,10 @@ def check(
 
 def _looked_at(
     given: Sequence[Path], lat: float, lon: float, height_m: float, time: Time, settings: FrameSettings, by: str | None,
-    hidden: NDArray[np.bool_] | None,
-) -> list[Sky | Sighting]:
-    """What each frame shows; no more than one frame's counts are held at a time."""
+    hidden: NDArray[np.bool_] | None, standing: Standing,
+) -> list[Sky | Sighting]:  # fmt: skip
+    """What each frame shows, and in those with the sun, what stands before the sky; no more than one frame's counts are
+    held at a time."""
     out: list[Sky | Sighting] = []
     shape: tuple[int, int] | None = None
     for path in given:
@@ -142,7 +149,12 @@ def _looked_at(
             if len(given) == 1:
                 raise UserError(f"{path}: the sun is {altitude:.1f} degrees high: neither sun nor stars show")
             continue
-        out.append(sky_of(frame, lat, lon, height_m, hidden) if way == "stars" else sighting(frame, hidden))
+        if way == "stars":
+            out.append(sky_of(frame, lat, lon, height_m, hidden))
+            continue
+        out.append(found := sighting(frame, hidden))
+        if way == "sun" and found.spot is not None:
+            standing.add(frame)
     if len(out) == 1 and isinstance(out[0], Sighting):
         body, span = ("moon", "night") if by == "moon" else ("sun", "day")
         told = f"no {body} in this frame" if out[0].spot is None else f"one {body} tells no camera"

@@ -29,6 +29,7 @@ _WIDE = 4.0  # times as wide as tall
 _MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
 _SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
+_LEAST_HAZE, _HAZES_OF_ALL = 5e-4, 3  # the cleanest air, of the Antarctic, has 10 times as much; of so many species
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
 _HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in (
     "black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate",
@@ -114,6 +115,8 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> li
                 f"scene: aerosol has an optical depth of {depth:.3g} at 550 nm in the mean of the domain; the thickest "
                 "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
             )
+        if 0 < depth < _LEAST_HAZE and len(hazes) >= _HAZES_OF_ALL:
+            notes.append(f"aerosol has an optical depth of {depth:.2g}, next to nothing: is it in the unit it says?")
     total = sum(paths.values())
     if total > _MOST_PATH_KG_M2:
         name = max(paths, key=lambda each: paths[each])
