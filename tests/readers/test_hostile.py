@@ -325,7 +325,7 @@ def test_references_that_lead_nowhere(tmp_path):
 
 def test_three_hundred_spoilt_files_give_a_scene_or_one_line(tmp_path):
     """The fixed cases of fuzzing.py, read one after another by a process with 6 GB of address space: no traceback, no
-    crash, nothing that takes long; what is quietly another scene is as rare as was measured (17 of 300, of which 10
+    crash, nothing that takes long; what is quietly another scene is as rare as was measured (15 of 300, of which 10
     are bytes of payload)."""
     run = [sys.executable, "-m", "tests.readers.fuzzing", str(tmp_path), "33", "0", "300"]
     done = subprocess.run(run, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=600)
@@ -336,7 +336,7 @@ def test_three_hundred_spoilt_files_give_a_scene_or_one_line(tmp_path):
     assert [case for case in cases if case["verdict"] not in ("refused", "told", "same", "silent")] == []
     assert [case for case in cases if case["cpu_s"] > 5] == []
     counts = Counter(case["verdict"] for case in cases)
-    assert counts["silent"] <= 20, [case for case in cases if case["verdict"] == "silent"]
+    assert counts["silent"] <= 18, [case for case in cases if case["verdict"] == "silent"]
     assert counts["refused"] > 130  # of 154: the cases spoil files indeed
 
 
