@@ -374,3 +374,21 @@ def test_more_half_levels_than_levels_are_refused_before_they_are_read(tmp_path)
 @pytest.mark.parametrize("change", [lambda p: np.where(p == p[0, 0], -5.0, p), lambda p: p[:, ::-1]])
 def test_pressures_between_layers_that_do_not_rise_are_refused(tmp_path, change):
     _refused(_change(ecrad(tmp_path / "a.nc").paths[0], "pressure_hl", change), "a.nc: pressure_hl does not rise")
+
+
+def test_vapour_of_a_hundredth_is_told(analysis):
+    """Per cent of the mixing ratio: the driest deserts have a tenth of saturation in the mean."""
+    notes = open_scene(_change(analysis, "q", lambda q: q / 100)).notes
+    assert any("of saturation in the mean" in note for note in notes)
+
+
+def test_units_of_two_kinds_are_told(analysis, tmp_path):
+    import xarray as xr
+
+    with xr.open_dataset(analysis, decode_cf=False) as opened:
+        data = opened.load()
+    data.crwc.attrs["units"] = "g m-3"
+    data.to_netcdf(tmp_path / "b.nc")
+    told = "crwc is per volume of air and clwc per mass"
+    assert any(told in note for note in open_scene(tmp_path / "b.nc").notes)
+    assert not any("per volume" in note for note in open_scene(analysis).notes)
