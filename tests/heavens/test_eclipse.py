@@ -7,10 +7,8 @@ import pytest
 
 import openswim
 from openswim.cameras import Camera, Rays
-from openswim.errors import UserError
 from openswim.heavens.corona import FARTHEST, brightness, drawn_corona
 from openswim.heavens.sun_disc import Bite, Disc, beam_of, drawn
-from openswim.kept_light import save_light
 from openswim.lighting import daylight
 from openswim.lights.eclipses import MoonShadow, light_left, solar_eclipse
 from openswim.lights.eclipses import shadow as shadows
@@ -175,15 +173,6 @@ def test_both_solvers_in_a_partial_eclipse():
     np.testing.assert_allclose(ratio, 1.0, atol=0.04)
     image = openswim.render(scene, Camera.allsky(lat, lon, size=3), Solver("reference", paths=2), time=time)
     assert "without" not in image.attrs.get("assumptions", "")
-
-
-def test_light_in_an_eclipse_is_not_kept(tmp_path):
-    scene = Scene.clear(31.0, -99.0)
-    with pytest.raises(UserError, match="eclipse"):
-        openswim.light(scene, time="2024-04-08T18:05").save(tmp_path / "a")
-    field = Solver().solve(scene, np.array([0.0, 0.0, 1.0]), WAVELENGTHS, shadow=MadeUp(0.3))
-    with pytest.raises(UserError, match="eclipse"):
-        save_light(scene, field, daylight(scene, "2024-04-08T18:05", None), None, tmp_path / "b")
 
 
 def test_by_day_no_table_of_the_shadow_is_made(monkeypatch):

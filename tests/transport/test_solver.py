@@ -175,12 +175,14 @@ def empty_and_none(request) -> tuple[Field, Field]:
 
 @pytest.mark.parametrize("near_the_sun", [False, True], ids=["open sky", "aureole"])
 def test_an_empty_grid_changes_nothing(empty_and_none, near_the_sun: bool) -> None:
-    """Linear interpolation between nodes 100 m high and 500 m wide: 1 % everywhere."""
+    """Linear interpolation between nodes 100 m high and 500 m wide, and 50 ordinates: 1.1 % everywhere (in haze 1.08,
+    with 110 ordinates .83), half of that in the mean."""
     d = sky_directions([0.0, 30.0, 50.0, 60.0, 70.0, 80.0, 88.0], np.arange(5.0, 360.0, 15.0))
     d = d[(d @ EMPTY_SUN > np.cos(np.radians(25.0))) == near_the_sun]
     a, b = (field.view(Rays(np.array([0.0, 0.0, 2.0]), d)) for field in empty_and_none)
     np.testing.assert_allclose(a.transmittance, b.transmittance, rtol=0.01)
-    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.01)
+    np.testing.assert_allclose(a.radiance, b.radiance, rtol=0.011)
+    assert np.abs(np.mean(a.radiance / b.radiance - 1, axis=0)).max() < 0.0055
 
 
 def test_an_empty_grid_takes_no_light_from_the_ground(empty_and_none) -> None:
