@@ -8,6 +8,7 @@ cirrus. About 230 MB in a minute and a half; never committed.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 from typing import Any
@@ -188,4 +189,8 @@ def write(path: Path, sample: Path | None = None) -> None:
 
 if __name__ == "__main__":
     assert pyproj  # before ecCodes: see openswim.readers.grib.file
-    write(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("out", type=Path, metavar="OUT.grib2")
+    parser.add_argument("sample", type=Path, nargs="?", metavar="SAMPLE.grib2", help="a message of the real grid")
+    chosen = parser.parse_args()
+    write(chosen.out, chosen.sample)

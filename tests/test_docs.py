@@ -70,21 +70,26 @@ def _names_in(body: list[ast.stmt]) -> set[str]:
 
 
 @cache
-def _modules() -> dict[str, set[str]]:
-    """Dotted name of each module: what is in it."""
+def _trees() -> dict[str, ast.Module]:
+    """By the dotted name of each module."""
     return {
-        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): _names_in(
-            ast.parse(path.read_text("utf-8")).body
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
+            path.read_text("utf-8")
         )
         for path in SOURCE.rglob("*.py")
     }
 
 
 @cache
+def _modules() -> dict[str, set[str]]:
+    """Dotted name of each module: what is in it."""
+    return {name: _names_in(tree.body) for name, tree in _trees().items()}
+
+
+@cache
 def _classes() -> dict[str, set[str]]:
     """What each class of the package has, by the class's name; what it inherits included."""
-    trees = [ast.parse(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")]
-    found = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    found = [node for tree in _trees().values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
     own: dict[str, set[str]] = {}
     for node in found:
         own.setdefault(node.name, set()).update(_names_in(node.body))

@@ -57,16 +57,18 @@ def test_sixteen_bits(tmp_path):
 
 
 def test_sixteen_bits_in_three_channels(tmp_path):
-    """Pillow would make eight of a PNG without a word, and does not know the TIFF."""
+    """Pillow would make eight of a PNG and an interleaved TIFF without a word, and does not know a planar one."""
     rasterio = pytest.importorskip("rasterio")
     deep = np.stack([DEEP, DEEP + 7, DEEP + 700], axis=-1)
     (tmp_path / "a.png").write_bytes(png(deep.reshape(6, -1).reshape(6, 5, 3), 16, 2))
     np.testing.assert_array_equal(read_picture(tmp_path / "a.png").counts, deep)
-    with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(
-        tmp_path / "a.tif", "w", driver="GTiff", width=5, height=6, count=3, dtype="uint16"
-    ) as file:
-        file.write(np.moveaxis(deep, -1, 0))
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").counts, deep)
+    for interleave in ("pixel", "band"):
+        with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(
+            tmp_path / "a.tif", "w", driver="GTiff", width=5, height=6, count=3, dtype="uint16",
+            interleave=interleave, photometric="RGB",
+        ) as file:  # fmt: skip
+            file.write(np.moveaxis(deep, -1, 0))
+        np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").counts, deep)
 
 
 def test_fits_of_every_kind(tmp_path):

@@ -51,7 +51,7 @@ def test_a_perspective_holds_the_beam(fov_deg: float) -> None:
     np.testing.assert_allclose(flux(camera, (130.0 + aside, 40.0)), 0.5, rtol=2e-3)
 
 
-@pytest.mark.parametrize("columns", [36, 300, 2000])
+@pytest.mark.parametrize("columns", [36, 2000])
 @pytest.mark.parametrize("height", [-0.9, -0.3, 0.0, 0.62])
 def test_of_a_sun_at_the_pictures_edge_it_holds_what_lies_within(columns: int, height: float) -> None:
     camera = Camera.panorama(**HERE, size=columns, altitude_range_deg=(10.0, 40.0))
@@ -59,7 +59,7 @@ def test_of_a_sun_at_the_pictures_edge_it_holds_what_lies_within(columns: int, h
     np.testing.assert_allclose(found, 0.5 * above(height), atol=0.5 * 0.005)
 
 
-@pytest.mark.parametrize("columns", [36, 300, 2000])
+@pytest.mark.parametrize("columns", [36, 2000])
 @pytest.mark.parametrize("height", [-0.9, -0.3, 0.0, 0.62])
 def test_of_a_rising_sun_there_is_what_has_risen(columns: int, height: float) -> None:
     """The same in the picture and in the beam on the observer."""

@@ -232,3 +232,13 @@ def test_random_damage_is_an_error_or_a_scene(tmp_path, seed):
     except UserError:
         return
     assert all(np.isfinite(field).all() for field in scene.data.values())
+
+
+@pytest.mark.parametrize("percent", [-1.0, 300.0])
+def test_snow_that_covers_less_than_nothing_or_more_than_all_is_told(tmp_path, percent):
+    product = gf.hrrr(levels=6)
+    for message in product.messages:
+        if message.parameter == (0, 1, 42):
+            message.values = lambda lat, lon: percent * (1 + 0.01 * lat)
+    notes = open_scene(gf.write(tmp_path / "file.grib", product)).notes
+    assert any(note.startswith("snow_cover runs from ") for note in notes)

@@ -359,6 +359,36 @@ def test_air_that_lost_its_vapour_is_told(analysis):
     assert any("is zero at" in note and "warm air" in note for note in open_scene(_change(analysis, "q", lost)).notes)
 
 
+def test_more_half_levels_than_levels_are_refused_before_they_are_read(tmp_path):
+    import xarray as xr
+
+    with xr.open_dataset(ecrad(tmp_path / "a.nc").paths[0], decode_cf=False) as opened:
+        data = opened.load()
+    longer = data.pressure_hl.isel(half_level=np.zeros(200_000, int))
+    data.drop_vars(["pressure_hl"]).assign(pressure_hl=(("column", "others"), longer.values)).to_netcdf(
+        tmp_path / "b.nc", encoding={"pressure_hl": {"zlib": True}}
+    )
+    _refused(tmp_path / "b.nc", "pressure_hl is not between and around")
+
+
 @pytest.mark.parametrize("change", [lambda p: np.where(p == p[0, 0], -5.0, p), lambda p: p[:, ::-1]])
 def test_pressures_between_layers_that_do_not_rise_are_refused(tmp_path, change):
     _refused(_change(ecrad(tmp_path / "a.nc").paths[0], "pressure_hl", change), "a.nc: pressure_hl does not rise")
+
+
+def test_vapour_of_a_hundredth_is_told(analysis):
+    """Per cent of the mixing ratio: the driest deserts have a tenth of saturation in the mean."""
+    notes = open_scene(_change(analysis, "q", lambda q: q / 100)).notes
+    assert any("of saturation in the mean" in note for note in notes)
+
+
+def test_units_of_two_kinds_are_told(analysis, tmp_path):
+    import xarray as xr
+
+    with xr.open_dataset(analysis, decode_cf=False) as opened:
+        data = opened.load()
+    data.crwc.attrs["units"] = "g m-3"
+    data.to_netcdf(tmp_path / "b.nc")
+    told = "crwc is per volume of air and clwc per mass"
+    assert any(told in note for note in open_scene(tmp_path / "b.nc").notes)
+    assert not any("per volume" in note for note in open_scene(analysis).notes)

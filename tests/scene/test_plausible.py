@@ -9,6 +9,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import us_standard_pressure_temperature
+from openswim.scene.plausible import below_the_sea, check_plausible
 
 HEIGHT = np.linspace(10.0, 30_000.0, 31)
 LEVELS = ("z", "y", "x")
@@ -162,8 +163,8 @@ def test_noise_in_pressure_is_told_and_a_cyclone_is_not():
 
 @pytest.mark.parametrize(
     ("time", "odd"),
-    [("1970-01-01T00:00:00.500", True), ("1970-01-01", True), ("2024-06-21T12:00:00.25", True), ("0001-01-01", True),
-     ("2024-06-21T12:00", False), ("1836-01-01", False)],
+    [("1970-01-01T00:00:00.500", True), ("1970-01-01", True), ("1969-12-31T21:13:21", True),
+     ("2024-06-21T12:00:00.25", True), ("0001-01-01", True), ("2024-06-21T12:00", False), ("1836-01-01", False)],
 )  # fmt: skip
 def test_times_of_no_weather_are_told(time, odd):
     one = Scene.clear(0.0, 0.0, time=np.datetime64(time))
@@ -182,3 +183,21 @@ def test_winds_of_two_units_single_values_and_strips_are_told():
     strip = {name: field[:3] for name, field in winds.items()}
     told = Scene.from_arrays(None, axis, axis[:3], HEIGHT, fields=strip).notes
     assert any("a strip of 6 x 3 columns" in note for note in told)
+
+
+@pytest.mark.parametrize(("per_m", "told"), [(1e-9, True), (1e-6, False)])
+def test_aerosol_that_is_next_to_nothing_is_told(per_m, told):
+    """Three species of .00009, and of .09."""
+    axis, every = np.arange(4) * 1e3, np.full((31, 4, 4), per_m, np.float32)
+    data = xr.Dataset({f"extinction_{kind}": (LEVELS, every) for kind in ("dust", "smoke", "sea_salt")})
+    notes = check_plausible(data, Grid(axis, axis, HEIGHT))
+    assert any("next to nothing" in note for note in notes) == told
+
+
+@pytest.mark.parametrize(
+    ("ground_m", "told"), [((-150.0, -40.0), True), ((-28.0, -1.0), False), ((-400.0, 300.0), False)]
+)
+def test_ground_below_the_sea_everywhere_is_told(ground_m, told):
+    """The shore of the Caspian Sea lies at -28 m."""
+    ground = np.linspace(*ground_m, 16, dtype=np.float32).reshape(4, 4)
+    assert bool(below_the_sea(ground)) == told

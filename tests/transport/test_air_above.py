@@ -35,7 +35,6 @@ def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None
         field = solver.solve(scene, SUN, [615.0, 450.0])
         seen.append(np.concatenate([field.view(Rays(p, w)).radiance for p, w in zip(PLACES, WAYS, strict=True)]))
     fast, reference = seen
-    # it was a third too dark above white clouds, and a sixth of their blue was missing from space
     np.testing.assert_allclose(fast, reference, rtol=limit)
 
 

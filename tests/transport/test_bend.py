@@ -54,7 +54,7 @@ def scattered_once(extinction: np.ndarray, start: np.ndarray, along: np.ndarray,
 def test_single_scattering_on_the_shaded_side(body: str, zenith: float) -> None:
     """The beam grazes faces, fades into them and ends behind them within a cell of optical depth 1.2 or 2.4.
 
-    4 to 7 % off; straight lines between the nodes' square roots were 13 to 49.
+    4 to 7 % off; straight lines between the nodes' square roots are 13 to 49.
     """
     extinction, sun = bodies()[body], sun_at_zenith_angle(zenith)
     scene = grid_scene(extinction.astype(np.float32), extinction.shape, (CELL_M,) * 3, single_scattering_albedo=OMEGA)

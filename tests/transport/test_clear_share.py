@@ -78,7 +78,7 @@ def flux_down(field: ReferenceField, place: np.ndarray, up: np.ndarray) -> tuple
 
 @pytest.mark.parametrize("altitude_deg", [25.0, 60.0])
 def test_ground_under_an_overcast_by_monte_carlo(altitude_deg: float) -> None:
-    """In the middle of an open domain, away from the lit sides: it was 3 to 7 % too bright, most in red."""
+    """In the middle of an open domain, away from the lit sides."""
     scene, sun, part = overcast(32, 5.0), toward(70.0, altitude_deg), slice(10, 22)
     reference = Solver("reference", paths=2500).solve(scene, sun, WAVELENGTHS_NM)
     medium = reference.medium
@@ -98,7 +98,7 @@ def test_ground_under_an_endless_overcast_by_monte_carlo(altitude_deg: float) ->
 
 
 def test_ground_under_broken_clouds_by_monte_carlo() -> None:
-    """Of the mean diffuse light 5 % were too much in red; now .6 % too little there, 1.5 % in blue (noise .5)."""
+    """The mean diffuse light: .6 % too little in red, 1.5 % in blue (noise .5)."""
     _compare(broken(), toward(70.0, 25.0), 160, 0.0135)
 
 

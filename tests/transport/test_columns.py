@@ -103,8 +103,8 @@ def test_clouds_from_the_ground_by_monte_carlo() -> None:
 
 @pytest.mark.parametrize("altitude_deg", [60.0, 20.0])
 def test_a_deck_that_ends_with_the_domain_is_no_brighter_there(altitude_deg: float) -> None:
-    """Its last cells toward the sun take what the beam brings, through the top and half a cell (they were lit through
-    and through, 15 to 30 times too bright)."""
+    """Its last cells toward the sun take what the beam brings through the top and half a cell; lit through and through
+    they would be 15 to 30 times as bright."""
     shape = (16, 20, 20)
     cloud = box(shape, (slice(4, 12), slice(None), slice(None)), 0.02)
     scene = grid_scene(cloud, shape, (5000.0, 5000.0, 300.0), True, air=True)

@@ -120,7 +120,7 @@ def lumpy(periodic: bool) -> Scene:
 
 @pytest.mark.slow
 def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
-    """Fluxes within .3 % of those that many more sweeps find (without diffusion they were 4 to 6 % too small)."""
+    """Fluxes within .3 % of those that many more sweeps find (4 to 6 % too small without diffusion)."""
     quick, exact = (
         Solver(tolerance=t).solve(lumpy(False), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
     )
@@ -130,7 +130,7 @@ def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
 
 @pytest.mark.slow
 def test_a_thick_cloud_without_sides_keeps_its_light() -> None:
-    """Over black ground all that enters leaves (3 % did not)."""
+    """Over black ground all that enters leaves."""
     sun = toward(250.0, 40.0)
     fluxes = Solver().solve(lumpy(True), sun, [546.0]).fluxes()
     total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
@@ -138,8 +138,8 @@ def test_a_thick_cloud_without_sides_keeps_its_light() -> None:
 
 
 def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
-    """An even, white deck of depth 100 in cells of a kilometre, over black ground: what enters its middle leaves there
-    (half of it did not: diffusion knew nothing of how light enters thick cells by the sides, and was done without)."""
+    """An even, white deck of depth 100 in cells of a kilometre, over black ground: what enters its middle leaves
+    there. Half of it would not, did diffusion know nothing of how light enters thick cells by the sides."""
     shape = (16, 12, 12)
     scene = grid_scene(np.full(shape, 100 / 375), shape, (1500.0, 1500.0, 25.0), True, phase=HenyeyGreenstein(0.6))
     sun = toward(30.0, 74.0)
@@ -151,8 +151,8 @@ def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
 
 
 def test_lone_thick_cells_are_solved() -> None:
-    """Cells of depth 20, all different, in wide columns of a period keep their light (a quarter was lost without
-    diffusion; with it, corrections from the coarser grid that are taken as they are diverge)."""
+    """Cells of depth 20, all different, in wide columns of a period keep their light: without diffusion a quarter
+    is lost, and with it corrections from the coarser grid diverge that are taken as they are."""
     rng = np.random.default_rng(1)
     shape = (8, 24, 24)
     cells = (rng.random(shape) < 0.7) * rng.random(shape)
@@ -165,8 +165,7 @@ def test_lone_thick_cells_are_solved() -> None:
 
 
 def test_lone_cells_of_any_depth_give_no_light_of_their_own() -> None:
-    """Nodes of depth up to 1000 across, all different, on the round Earth: no more light than there is (diffusion once
-    made 1e5 times as much)."""
+    """Nodes of depth up to 1000 across, all different, on the round Earth: no more light than there is."""
     rng = np.random.default_rng(3)
     shape = (7, 5, 6)
     cover, altitude = rng.uniform(0.05, 1), rng.uniform(0, 90)

@@ -17,6 +17,7 @@ RAW = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2", ".pef", "
 MOST_PIXELS = 400_000_000
 MOST_BYTES = 4_000_000_000
 _SAMPLED = ("I;16", "I;16B", "I;16L", "I", "F", "L", "RGB")
+_BITS_PER_SAMPLE = 258  # tag of TIFF
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,9 @@ def _read_pillow(path: Path) -> Picture:
         raise UserError(f"{path}: is no picture that can be read: JPEG, PNG, JPEG 2000, TIFF, FITS or raw") from None
     with opened as image:
         _check_size(path, image.width, image.height)
+        bits = getattr(image, "tag_v2", {}).get(_BITS_PER_SAMPLE, 8) if opened.format == "TIFF" else 8
+        if image.mode in ("RGB", "RGBA", "RGBX") and np.max(bits) > 8:
+            return _read_deep(path)  # Pillow makes 8 bits of interleaved ones without a word
         exif = _exif(image)
         if image.mode not in _SAMPLED:
             one = image.mode in ("1", "LA", "La")

@@ -68,10 +68,7 @@ def run(request: CompareRequest) -> None:
     listed = [Path(path) for path in files_of(frames)]
     content = camera_content(request)
     settings = settings_of(request.settings())
-    if content.camera.nothing_hides:
-        where = f"trees, masts and roofs above {settings.lowest_deg:g} degrees count as sky, and spoil scores and masks"
-        remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
-        click.echo(f"note: {request.camera_file} names no obstacles: {where}; {remedy}", err=True)
+    tell_without_obstacles(request.camera_file, content, settings.lowest_deg)
     if request.quality is not None and request.solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     solver = Solver(request.solver, quality=request.quality or "standard")
@@ -105,6 +102,14 @@ def told(comparison: "xr.Dataset") -> None:
     if "model_time" in comparison.attrs:
         seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
         tell_when_far(seen, model, "frame")
+
+
+def tell_without_obstacles(path: Path, content: "CameraFile", lowest_deg: float) -> None:
+    """Note it where a camera's file names nothing that hides the sky."""
+    if content.camera.nothing_hides:
+        where = f"trees, masts and roofs above {lowest_deg:g} degrees count as sky, and spoil scores and masks"
+        remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
+        click.echo(f"note: {path} names no obstacles: {where}; {remedy}", err=True)
 
 
 def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:

@@ -32,7 +32,10 @@ class CorrectCloudsRequest:
 
 def run(request: CorrectCloudsRequest) -> None:
     """Correct and write; the scores before and after are printed, and written beside the scene."""
+    from openswim.cameras.files import read_camera
+    from openswim.cli.compare import tell_without_obstacles
     from openswim.comparison.cloud_correction import correct_clouds
+    from openswim.comparison.settings import settings_of
     from openswim.ground.earth import preload
     from openswim.readers import files_of
     from openswim.scene.cf import save_netcdf
@@ -47,6 +50,8 @@ def run(request: CorrectCloudsRequest) -> None:
         check_target(target, [*frames, *request.camera_files, *request.clear_frames, request.model])
     names = ("size", "sun_mask_deg", "lowest_deg", "encoding")
     settings: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
+    for path in request.camera_files:
+        tell_without_obstacles(path, read_camera(path), settings_of(settings).lowest_deg)
     preload()
     scene, history = correct_clouds(
         str(request.model), frames, request.camera_files, time=request.time, clear_frames=request.clear_frames,

@@ -87,7 +87,7 @@ def aerosol() -> None:
     """Aerosol types, and phase functions from size and refractive index."""
 
 
-@aerosol.command("types")
+@aerosol.command("types", short_help="List the aerosol types that may be named.")
 @debug
 def aerosol_types() -> None:
     """List the aerosol types that can be named wherever an aerosol is described."""
@@ -96,7 +96,7 @@ def aerosol_types() -> None:
     list_types()
 
 
-@aerosol.command("fit")
+@aerosol.command("fit", short_help="Fit Eq. 28 of Albers et al. (2020) to Mie theory.")
 @click.option(
     "--mode", "modes", multiple=True, metavar="RADIUS,STD[,AMOUNT]",
     help="A lognormal mode: median radius in um, geometric standard deviation (above 1), relative amount (1). "

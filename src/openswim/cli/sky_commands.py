@@ -134,6 +134,13 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
     """Render what an observer in FILE would see.
 
     Several files of one model, or a pattern in quotes, are one series of times or the parts of one state.
+
+    \b
+    Examples:
+      openswim render wrfout_d01 --lat 24.5 --lon -90 -o sky.png
+      openswim render wrfout_d01 --lat 24.5 --lon -90 --view perspective --azimuth 280 --fov 60 -o west.png
+      openswim render wrfout_d01 --lat 24.5 --lon -90 --view panorama --size 1440x720 -o round.png -o round.nc
+      openswim render wrfout_d01 --lat 24.5 --lon -90 --view satellite --sun 2005-08-28T22:30 -o above.png
     """
     from openswim.cli.render import RenderRequest, run
 

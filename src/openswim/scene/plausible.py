@@ -23,12 +23,14 @@ from openswim.scene.variables import HYDROMETEORS
 
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
+_SUNK_M = 50.0
 _WIDE = 4.0  # times as wide as tall
 # Of water in the mean of a domain: hurricanes have 5; rain and hail in the core of a storm, all that a narrow one
 # holds, some tens
 _MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
 _SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
+_LEAST_HAZE, _HAZES_OF_ALL = 5e-4, 3  # the cleanest air, of the Antarctic, has 10 times as much; of so many species
 _MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
 _HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in (
     "black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate",
@@ -61,7 +63,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
     notes += _water(data, heights, min(grid.size_m())) + odd_values(data, (grid.shape[1], grid.shape[2])) + _cover(data)
     notes += damaged_fields(data, max(grid.spacing_m()))
-    return notes + high_bottom(grid.height_m[0], terrain)
+    return notes + below_the_sea(terrain) + high_bottom(grid.height_m[0], terrain)
 
 
 def _places(grid: Grid) -> list[str]:
@@ -83,6 +85,13 @@ def high_bottom(lowest_m: NDArray[Any], terrain_m: NDArray[Any] | None) -> list[
     gap_m = float(np.median(lowest_m if terrain_m is None else lowest_m - terrain_m))
     told = f"the lowest level is {gap_m:.0f} m above {where}: nothing is known of what is between"
     return [told] if gap_m > _BURIED_M else []
+
+
+def below_the_sea(terrain_m: NDArray[Any] | None) -> list[str]:
+    """A note on ground (ny, nx) that lies below sea level everywhere, as around the Dead Sea and hardly elsewhere."""
+    if terrain_m is None or terrain_m.max() >= 0 or terrain_m.min() > -_SUNK_M:
+        return []
+    return [f"the ground lies {-terrain_m.max():.0f} to {-terrain_m.min():.0f} m below sea level: is its sign right?"]
 
 
 def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> list[str]:
@@ -114,6 +123,8 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> li
                 f"scene: aerosol has an optical depth of {depth:.3g} at 550 nm in the mean of the domain; the thickest "
                 "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
             )
+        if 0 < depth < _LEAST_HAZE and len(hazes) >= _HAZES_OF_ALL:
+            notes.append(f"aerosol has an optical depth of {depth:.2g}, next to nothing: is it in the unit it says?")
     total = sum(paths.values())
     if total > _MOST_PATH_KG_M2:
         name = max(paths, key=lambda each: paths[each])

@@ -17,7 +17,7 @@ from openswim.options import Options
 from openswim.progress import job
 from openswim.transport.air.dimmed import Eclipse, eclipse_of
 from openswim.transport.air.shells import build_shells, clear_radiance
-from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.beam.wider_shadow import DepthsAround, shade_from
 from openswim.transport.columns.columns import (
     clear_beam,
@@ -98,8 +98,9 @@ def light_of_grid(
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
+    sunlight = Sunlight(coefficients, local_sun, sun)
     beams = beams_and_shadows(
-        medium, lighting, sunlit, volume, depths, coefficients, local_sun, sun, count, landscape is not None, dimmed
+        medium, lighting, sunlit, volume, depths, sunlight, count, landscape is not None, dimmed
     )
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:

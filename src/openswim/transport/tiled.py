@@ -22,7 +22,7 @@ from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import no_volume
-from openswim.transport.beam.lit_volume import beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, channels_of, sunlit_volume, without_fields
 from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
@@ -92,9 +92,8 @@ class LitDomain:
         backscatter = None if fast else swim.backscatter_weights(medium)
         volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), Decisions(), backscatter)
         sunlit, dimmed = (shells, None) if lit.eclipse is None else (lit.eclipse.lit, lit.eclipse.dimmed)
-        beams = beams_and_shadows(
-            medium, lighting, sunlit, volume, depths, coefficients, local_sun, sun, count, dimmed=dimmed
-        )
+        sunlight = Sunlight(coefficients, local_sun, sun)
+        beams = beams_and_shadows(medium, lighting, sunlit, volume, depths, sunlight, count, dimmed=dimmed)
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started
         if fast:

@@ -116,6 +116,7 @@ def _converted(axis: xr.DataArray, units: str, dims: tuple[str, ...]) -> NDArray
     found = str(axis.attrs.get("units", units))
     factor = conversion(found, units)
     if factor is None:
-        raise UserError(f"the coordinate {axis.name} is in {canonical(found)!r}; it must be in {units!r}")
+        places = "; longitude and latitude are degrees_east, degrees_north" if axis.name in ("x", "y") else ""
+        raise UserError(f"the coordinate {axis.name} is in {canonical(found)!r}; it must be in {units!r}{places}")
     values = np.asarray(axis.transpose(*dims).values)
     return values if factor == (1.0, 0.0) else factor[0] * values + factor[1]

@@ -19,7 +19,7 @@ SPECIFIC = Variable("kg kg-1", "", 0.0, 0.06, clip=True, hint="is it in g/kg? 10
 RELATIVE = Variable("1", "", 0.0, 3.0, clip=True, hint="is it in percent? 100 times too large")
 _KNOWN_K, _KNOWN_PA = 233.0, 2e4  # warmer and lower, where air is never far from saturation
 _WARM_K, _NO_VAPOUR, _DRY_SHARE = 250.0, 1e-7, 1e-3  # even sinking air over deserts has 1e-5 kg/kg
-_MOIST, _DRY = 2.5, 0.002  # of saturation, in the mean
+_MOIST, _DRY = 2.5, 0.015  # of saturation, in the mean: deserts and polar plateaus have 0.1 and more
 
 
 def checked_humidity(name: str, values: F32, temperature_k: F32, pressure_pa: NDArray[Any], notes: list[str]) -> F32:

@@ -24,6 +24,7 @@ COVER = "cloud cover"
 _LIQUID, _ICE = f"liquid_{CONTENT}", f"ice_{CONTENT}"
 _HRRR_RAP = (83, 105)  # NCEP's generating processes: their cloud water is water alone
 SPLIT = "one cloud condensate in the file: split by temperature, all liquid above 0 degC, all ice below -20 degC"
+_PACKED = 0.005  # beyond a fraction's range, where bits are few
 _SNOW_DEPTH_COVERS = 0.1  # m, ECMWF's HTESSEL
 
 
@@ -139,7 +140,7 @@ def ground(columns: Columns, terrain: F32 | None) -> dict[str, F32]:
     for name, target in (("land", "land_area_fraction"), ("sea_ice", "sea_ice_area_fraction")):
         values = columns.on_ground(name, instant=False)
         if values is not None:
-            found[target] = np.clip(columns.tell_gaps(target, values), 0.0, 1.0)
+            found[target] = _fraction(columns, target, columns.tell_gaps(target, values))
     snow = _snow(columns)
     if snow is not None:
         found["snow_area_fraction"] = snow
@@ -171,8 +172,18 @@ def _snow(columns: Columns) -> F32 | None:
             values = values * 100  # a fraction, though the parameter is in percent
         if name != "snow_cover":
             columns.notes.append(f"snow covers the ground fully from {full:g} {'m' if full < 1 else 'kg m-2'} on")
-        return np.asarray(np.clip(columns.tell_gaps(name, values) / full, 0.0, 1.0), np.float32)
+        values = columns.tell_gaps(name, values)
+        return _fraction(columns, name, values if full == 1.0 else np.minimum(values / np.float32(full), 1.0))
     return None
+
+
+def _fraction(columns: Columns, name: str, values: F32) -> F32:
+    """What covers the ground, from 0 to 1; a note where it is said to be less or more than packing makes it."""
+    if values.min() < -_PACKED or values.max() > 1 + _PACKED:
+        columns.notes.append(
+            f"{name} runs from {values.min():.3g} to {values.max():.3g}: none below 0, all above 1; a damaged field?"
+        )
+    return np.asarray(np.clip(values, 0.0, 1.0), np.float32)
 
 
 def _wind(columns: Columns) -> dict[str, F32]:

@@ -183,6 +183,7 @@ def _read(
 def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | None) -> dict[str, F32]:
     """Contents [kg m-3], numbers [m-3] and effective radii [m]."""
     fields: dict[str, F32] = {}
+    kinds: dict[bool, str] = {}  # a variable by mass of air, and one by its volume
     q = 0.0 if levels.specific_humidity is None else levels.specific_humidity
     dry = (levels.density_kg_m3 * (1.0 - q)).astype(np.float32)
     for species, groups in CONTENTS.items():
@@ -190,9 +191,12 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
             found = columns.find(quantity, PER_VOLUME)
             if found is None:
                 continue
+            kinds.setdefault(_is_per_volume(found), str(found.name))
             content = _content(columns, species, found, levels.density_kg_m3, dry)
             name = f"{species}_content"
             fields[name] = fields[name] + content if name in fields else content
+    if len(kinds) > 1:
+        columns.notes.append(f"{kinds[True]} is per volume of air and {kinds[False]} per mass: are both units right?")
     for species, quantity in NUMBERS.items():
         found = columns.find(quantity, ("m-3",))
         if found is not None and f"{species}_content" in fields and fields[f"{species}_content"].any():
@@ -217,9 +221,13 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
     return fields
 
 
+def _is_per_volume(found: xr.DataArray) -> bool:
+    return canonical(str(found.attrs.get("units", ""))) in ("kg m-3", "g m-3", "mg m-3", "ug m-3")
+
+
 def _content(columns: Columns, species: str, found: xr.DataArray, density: F32, dry: F32) -> F32:
     """One variable as mass per volume of air; what is missing below the terrain is none."""
-    per_volume = canonical(str(found.attrs.get("units", ""))) in ("kg m-3", "g m-3", "mg m-3", "ug m-3")
+    per_volume = _is_per_volume(found)
     spec = Variable("kg m-3" if per_volume else "kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg?")
     values = columns.cloud(species, found, spec.units)
     values = checked_values(str(found.name), values, spec, columns.notes)

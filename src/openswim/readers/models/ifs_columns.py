@@ -58,6 +58,10 @@ class IFSColumnsReader(GriddedReader):
             return np.repeat(values.T[..., None], lons.size, axis=-1) if values.ndim == 2 else np.repeat(
                 values[:, None], lons.size, axis=-1)  # fmt: skip
 
+        above = max((size for dim, size in data["q_liquid"].sizes.items() if dim != "column"), default=0)
+        for name in ("pressure_hl", "temperature_hl"):
+            if data[name].size != (above + 1) * lat.size:
+                raise UserError(f"{path}: {name} is not between and around the {above} levels of q_liquid: damaged")
         check_size(path, "pressure_hl", (*data["pressure_hl"].shape, lons.size))
         half = np.asarray(data["pressure_hl"].transpose("column", ...).values, np.float64)
         if not (half[:, :1] >= 0).all() or not (np.diff(half, axis=1) > 0).all():

@@ -16,7 +16,7 @@ _WHOLE_K = 3.0  # temperatures that spread less may be whole numbers by chance
 _ICE_K = 273.15
 _ROUNDING_K = 1e-4  # of temperatures in single precision
 _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
-_CLOCKS_START = np.datetime64("1970-01-01", "ms")
+_CLOCKS_START, _CLOCKS_FILLED = np.datetime64("1970-01-01", "ms"), np.timedelta64(3, "h")  # -9999 s is a fill value
 
 
 def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
@@ -62,7 +62,7 @@ def odd_time(time: np.datetime64 | None) -> list[str]:
     if time is None or np.isnat(time):
         return []
     fraction = bool(time != time.astype("datetime64[s]"))
-    beginning = abs(time - _CLOCKS_START) < np.timedelta64(1, "h")  # where clocks that hold nothing stand
+    beginning = abs(time - _CLOCKS_START) < _CLOCKS_FILLED  # where clocks that hold nothing stand
     if fraction or beginning or not _FORECASTS_SINCE < time < _UNTIL:
         return [f"the time {time} is odd for weather: is it what the file means? (--sun lights by another)"]
     return []

@@ -114,6 +114,15 @@ class SunDepth(NamedTuple):
         return np.einsum("mn,mji->nji", self.factors[:, PACK + self.told], inside(self.depth[:, k]))
 
 
+class Sunlight(NamedTuple):
+    """The sun over a grid: what dims it at every wavelength, and the direction to it (3,), in the columns' axes
+    local_sun (ny, nx, 3)."""
+
+    coefficients: list[Coefficients]
+    local_sun: F64
+    sun: F64
+
+
 class Beams(NamedTuple):
     """The sun's beam (nz, ny, nx) at every wavelength, and on the columns (ny, nx) where the terrain ends its way:
     height below which there is shadow, and distance of the ridge that casts it, m."""
@@ -215,12 +224,12 @@ def _sides(medium: Medium) -> F64:
 
 
 def beams_and_shadows(
-    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth,
-    coefficients: list[Coefficients], local_sun: F64, sun: F64, count: int, relief: bool = False,
-    dimmed: Dimmed | None = None,
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth, sunlight: Sunlight,
+    count: int, relief: bool = False, dimmed: Dimmed | None = None,
 ) -> Beams:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
     its own, without them too. dimmed: the moon's shadow, of which the shells know nothing."""
+    coefficients, local_sun, sun = sunlight
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
     if not medium.periodic:
