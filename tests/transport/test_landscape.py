@@ -249,6 +249,26 @@ def test_no_landscape_where_the_grid_says_it_all(monkeypatch) -> None:
     assert landscape_of(surface_of(scene, WAVELENGTH_NM), medium) is None
 
 
+def test_an_uneven_domain_ends_without_a_wall(monkeypatch) -> None:
+    """Hills, and no mountains beyond: heights go on over the edge, and come to the median of its rim 20 km out."""
+    monkeypatch.setattr(earth, "sea_at_nearest", lambda lat, lon: np.zeros(np.shape(lat), bool))
+    x = 3000.0 * (np.arange(31) - 15)
+    hills = (400.0 + 200.0 * np.sin(x[:, None] / 9e3) * np.cos(x / 7e3)).astype(np.float32)
+    land = landscape(replace(scene_with(None, ""), data=scene_with(None, "").data.assign(
+        surface_altitude=(("y", "x"), hills)), ground=Ground(mountains=False)))  # fmt: skip
+    frame = land.medium.frame
+    rim = np.concatenate([hills[0], hills[-1], hills[:, 0], hills[:, -1]])
+    for toward_x, toward_y in ((1, 0.2), (-1, 0.5), (0.3, 1), (-0.4, -1)):
+        edge = 45e3 * np.array([toward_x, toward_y])
+        heights = []
+        for away in (-200.0, 200.0, 25e3):
+            place = edge * (1 + away / 45e3)
+            lat, lon, _ = frame.latlon(np.array([[*place, 0.0]]))
+            heights.append(land.ground_m(float(lat[0]), float(lon[0])))
+        assert heights[1] == pytest.approx(heights[0], abs=15.0)
+        assert heights[2] == pytest.approx(np.median(rim), abs=1.0)
+
+
 @pytest.mark.skipif(not earth.has_relief(), reason="needs pvlib's height map: pip install 'openswim[relief]'")
 def test_mountains_of_the_default_earth() -> None:
     """Known heights, which 9-km means blunt: Tibet, the Alps, Denver, the Netherlands; the sea."""
