@@ -1,5 +1,8 @@
 """The package as a whole: cheap to import, its names in place, its dependencies explained."""
 
+import ast
+import importlib
+import importlib.util
 import re
 import subprocess
 import sys
@@ -73,3 +76,14 @@ def test_readme_has_exactly_the_two_commands_first() -> None:
 def test_every_picture_and_page_the_readme_names_exists() -> None:
     for target in re.findall(r"\]\(([^)#:]+)\)", (ROOT / "README.md").read_text()):
         assert (ROOT / target).exists(), target
+
+
+def test_tools_import_names_that_there_are() -> None:
+    """Scripts that make the pictures of the docs are run by hand alone, long after what they use may have moved."""
+    for path in sorted((ROOT / "tools").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("openswim"):
+                module = importlib.import_module(str(node.module))
+                for name in node.names:
+                    known = hasattr(module, name.name) or importlib.util.find_spec(f"{node.module}.{name.name}")
+                    assert known, f"{path.name}: {node.module}.{name.name}"

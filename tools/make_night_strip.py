@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import openswim
 from openswim.colour import to_rgb
-from openswim.colour.photometry import camera_exposure
+from openswim.colour.exposure import camera_exposure
 from openswim.colour.rgb import auto_exposure
 from openswim.films.keogram import keogram
 from openswim.lights.eclipses import solar_eclipse
