@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from openswim.films import CameraPath
 
 
-
 @dataclass(frozen=True)
 class FilmRequest:
     """The options of `openswim film` beside those of a picture; None: not given."""

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
-from openswim.heavens.points import Drawn, Through, gathered
-from openswim.heavens.sun_disc import Disc, across, pixels_of
+from openswim.heavens.points import Drawn, gathered
+from openswim.heavens.sun_disc import Disc, Through, across, pixels_of
 from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.scene.rays import Rays
 from openswim.transport import Field
-from openswim.transport.view.eye import Eye, Through
+from openswim.transport.view.eye import Eye, Transmission
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight
 
@@ -55,5 +55,5 @@ class Eyes:
     def summed(self, rays: Rays) -> View:
         return self.of_others(rays).view(rays)
 
-    def through(self, rays: Rays) -> Through:
+    def through(self, rays: Rays) -> Transmission:
         return self.every[0].through(rays)

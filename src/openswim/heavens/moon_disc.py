@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
-from openswim.heavens.points import Drawn, Through, gathered
-from openswim.heavens.sun_disc import Disc, pixels_of
+from openswim.heavens.points import Drawn, gathered
+from openswim.heavens.sun_disc import Disc, Through, pixels_of
 from openswim.lights import moon_irradiance
 from openswim.lights.eclipses.lunar import shadow, shadow_light
 from openswim.lights.moon import Moon

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
+from openswim.heavens.sun_disc import Through
 from openswim.lights import PLANETS, planet_position, star_positions
 from openswim.lights.units import V0_W_M2_NM
 from openswim.optics.bent_rays import Refraction
@@ -26,9 +26,6 @@ _COLOURS = {"mercury": 0.97, "venus": 0.82, "mars": 1.36, "jupiter": 0.83, "satu
             "neptune": 0.41}  # fmt: skip
 _USUAL_COLOUR = 0.6
 _SECOND_RADIATION_NM_K = 1.438777e7
-
-# Transmittance (n, nw) of directions (n, 3) in the horizon frame, and whether they end on the ground (n,)
-Through = Callable[[F64, float], tuple[NDArray[np.floating], NDArray[np.bool_]]]
 
 
 @dataclass(frozen=True, eq=False)

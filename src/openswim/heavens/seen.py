@@ -16,8 +16,8 @@ from openswim.heavens.behind import sky_behind
 from openswim.heavens.corona import MOST_SUN, drawn_corona, flattening, pole_direction
 from openswim.heavens.lamps import Lamps
 from openswim.heavens.moon_disc import drawn_moon
-from openswim.heavens.points import FAINTEST, Drawn, Points, Through, drawn_points, points_over
-from openswim.heavens.sun_disc import Bite, Disc
+from openswim.heavens.points import FAINTEST, Drawn, Points, drawn_points, points_over
+from openswim.heavens.sun_disc import Bite, Disc, Through
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.eclipses import moonlight_left
 from openswim.lights.moon import Moon

@@ -17,7 +17,7 @@ from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.medium.medium import Medium
 from openswim.transport.plan import Plan
 from openswim.transport.tiled import LargeViewer, LitDomain
-from openswim.transport.view.eye import Through
+from openswim.transport.view.eye import Transmission
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import AT_NM, Sight, sight_of
 from openswim.transport.view.viewer import Viewer
@@ -59,7 +59,7 @@ class FieldEye:
     def summed(self, rays: Rays) -> View:
         return self.of_others(rays).view(rays)
 
-    def through(self, rays: Rays) -> Through:
+    def through(self, rays: Rays) -> Transmission:
         view = self.summed(rays)
         return view.transmittance, view.hit
 

@@ -30,7 +30,7 @@ from openswim.transport.montecarlo.kernels import flux_kernel, path_kernel, scou
 from openswim.transport.montecarlo.phase import Phases
 from openswim.transport.montecarlo.sums import Sums
 from openswim.transport.montecarlo.world import World, build_world
-from openswim.transport.view.eye import Through
+from openswim.transport.view.eye import Transmission
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight
 
@@ -150,7 +150,7 @@ class ReferenceField:
     def sight(self, rays: Rays) -> Sight:
         raise UserError(NO_LAYERS)
 
-    def through(self, rays: Rays) -> Through:
+    def through(self, rays: Rays) -> Transmission:
         return self._scouted(rays)[:2]
 
     def _scouted(self, rays: Rays) -> tuple[NDArray[np.float32], NDArray[np.bool_], F64, F64]:

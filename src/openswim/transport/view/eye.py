@@ -11,7 +11,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight
 
-Through = tuple[NDArray[np.floating], NDArray[np.bool_]]
+Transmission = tuple[NDArray[np.floating], NDArray[np.bool_]]
 
 
 class Eye(Protocol):
@@ -33,5 +33,5 @@ class Eye(Protocol):
     def summed(self, rays: Rays) -> View:
         """Radiance along other rays from the same place, of which the sum counts."""
 
-    def through(self, rays: Rays) -> Through:
+    def through(self, rays: Rays) -> Transmission:
         """Transmittance (n, nw) along other rays from the same place, and whether they end on the ground (n,)."""
