@@ -53,7 +53,8 @@ def test_flat_scenes_as_measured(shared: Path, file: str, seconds: float, gigaby
 )
 def test_paths_scatter_twice_the_mean_depth_times(shared: Path, file: str, paths: int, seconds: float) -> None:
     """100 x 100 pixels by Monte Carlo, as measured; columns of a mean depth of .83, and of 7.1."""
-    scene, view = openswim.open_scene(shared / "data" / "nwp" / f"les_{file}.txt"), Camera.allsky(x_m=0, y_m=0, size=100)
+    scene = openswim.open_scene(shared / "data" / "nwp" / f"les_{file}.txt")
+    view = Camera.allsky(x_m=0, y_m=0, size=100)
     assert seconds / 1.5 < estimate(scene, view, "reference", paths=paths).seconds < seconds * 1.5
 
 
