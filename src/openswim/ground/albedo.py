@@ -169,6 +169,8 @@ def _without_model(
     """The user's maps over the default Earth, and the share (n,) of each place that the maps show."""
     lat, lon, footprint = near.lat, near.lon, near.footprint_m
     water, lake = _shored(earth.water_fraction(lat, lon), near, earth.MASK_M), earth.lake_fraction(lat, lon)
+    wide = footprint > 2 * earth.MASK_M
+    water[wide] = 1.0 - earth.mean_land(lat[wide], lon[wide], footprint[wide])
     albedo = np.broadcast_to(spectra.generic_land(wavelengths), (lat.size, wavelengths.size)).copy()
     land = water < 1
     if land.any():
@@ -226,6 +228,8 @@ def _with_model(
         dry = bilinear(model.land, ix, iy)
         if model.sharp_shores:
             dry = _shored(dry, near, near.cell_m)
+    if model.like_earth is not None:
+        dry = dry + earth.sharpened(bilinear(model.like_earth, ix, iy)) * (1.0 - default.water - dry)
     ice = np.zeros(ix.size) if model.sea_ice is None else bilinear(model.sea_ice, ix, iy)
     albedo, cover = _snow_covered(model, near, default, wavelengths, mapped)
     frozen = (1 - dry) * ice
