@@ -224,12 +224,10 @@ def _with_model(
     """The model's fields over `default` (at the same places)."""
     ix, iy = near.ix, near.iy
     dry = 1.0 - default.water
-    if model.land is not None:
+    if model.land is not None and not model.like_earth:
         dry = bilinear(model.land, ix, iy)
         if model.sharp_shores:
             dry = _shored(dry, near, near.cell_m)
-    if model.like_earth is not None:
-        dry = dry + earth.sharpened(bilinear(model.like_earth, ix, iy)) * (1.0 - default.water - dry)
     ice = np.zeros(ix.size) if model.sea_ice is None else bilinear(model.sea_ice, ix, iy)
     albedo, cover = _snow_covered(model, near, default, wavelengths, mapped)
     frozen = (1 - dry) * ice

@@ -29,17 +29,16 @@ class ModelGround:
     """Fields (ny, nx) of a curved scene's ground at wavelengths; None for what it does not have.
 
     land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); wave_slope: mean square slope of
-    waves at nodes that have one above zero; sharp_shores: whether nodes are either land or water; like_earth: 1 at
-    nodes whose land is the default Earth's seen more coarsely, so that its shores are used there, None where none are;
-    snow_near: share of the neighbourhood under snow; standing_out: height above the neighbourhood in its standard
-    deviations; land_albedo: of nodes without snow, (k) at wavelengths if it `has_spectrum`, else the visible level;
-    snow_level: visible level of what is white.
+    waves at nodes that have one above zero; sharp_shores: whether nodes are either land or water; like_earth: whether
+    land is the default Earth's seen more coarsely, so that its shores are used; snow_near: share of the neighbourhood
+    under snow; standing_out: height above the neighbourhood in its standard deviations; land_albedo: of nodes without
+    snow, (k) at wavelengths if it `has_spectrum`, else the visible level; snow_level: visible level of what is white.
     """
 
     has_spectrum: bool = False
     land: FloatArray | None = None
     sharp_shores: bool = False
-    like_earth: FloatArray | None = None
+    like_earth: bool = False
     sea_ice: FloatArray | None = None
     wind_speed: Filled | None = None
     wave_slope: Filled | None = None
@@ -91,22 +90,20 @@ def _surface(data: xr.Dataset, name: str) -> FloatArray | None:
     return np.asarray(data[name].transpose("y", "x", ...).values, float) if name in data else None
 
 
-def _like_earth(scene: Scene, land: FloatArray | None) -> FloatArray | None:
-    """1 where nodes (ny, nx), coarser than the default Earth's mask, have as much land as that, to half a cell
-    (nodes of either kind round to that); None where it is another Earth, or knows its shores better."""
+def _like_earth(scene: Scene, land: FloatArray | None) -> bool:
+    """Whether nodes (ny, nx), coarser than the default Earth's mask, are land and sea where that plainly is."""
     grid = scene.grid
     assert grid is not None
     cell_m = min(grid.spacing_m())
     if land is None or cell_m <= earth.MASK_M:
-        return None
+        return False
     row, column = np.indices(land.shape)
     lon, lat = grid.lonlat(column.ravel(), row.ravel())
     mapped = earth.mean_land(lat, lon, cell_m).reshape(land.shape)
-    alike = np.abs(land - mapped) <= 0.5
     plain = np.abs(mapped - 0.5) > 0.4
-    if alike[plain].mean() < _SAME_EARTH if plain.any() else not alike.any():
-        return None
-    return alike.astype(float)
+    if not plain.any():
+        return bool(np.abs(land - mapped).mean() < 0.5)
+    return bool((np.abs(land - mapped)[plain] <= 0.5).mean() >= _SAME_EARTH)
 
 
 def _snow_fraction(data: xr.Dataset) -> FloatArray | None:
