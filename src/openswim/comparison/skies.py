@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 Model = Scene | LitScene | str | Path | Sequence[str | Path] | None
 LIGHT_MINUTES = 5.0  # light of a model serves frames so near in time
 DEFAULT_ALBEDO = 0.15
+_EPOCH, _LIGHT = np.datetime64("1970-01-01", "ms"), np.timedelta64(int(60_000 * LIGHT_MINUTES), "ms")
 
 
 @dataclass(eq=False)
@@ -101,15 +102,13 @@ class Skies:
     def _model_lit(self, camera: Camera, time: np.datetime64) -> LitScene:
         if isinstance(self.model, LitScene):
             return self.model
-        minute = int((time - np.datetime64("1970-01-01")) / np.timedelta64(1, "m") // LIGHT_MINUTES)
+        number = light_number(time)
         # of files the part around the camera is read; a Scene has the same light for all cameras
-        key = (minute if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
+        key = (number if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
         if self._lit is None or self._lit[0] != key:
-            when = time
-            if self.table:  # the middle of the minutes that this light serves
-                middle_ms = int((minute + 0.5) * LIGHT_MINUTES * 60_000)
-                when = np.datetime64("1970-01-01", "ms") + np.timedelta64(middle_ms, "ms")
-            scene = self.scene(camera, time)
+            # the middle of the minutes that this light serves: it is the same whichever frame asks for it first
+            when = _EPOCH + number * _LIGHT if self.table else time
+            scene = self.scene(camera, when)
             if self.aod is not None:
                 scene = with_aerosol(scene, None, self.aod)
             self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
@@ -138,6 +137,11 @@ class Skies:
             if self.albedo is None and "surface_albedo" in scene.data:
                 albedo = float(np.clip(scene.data.surface_albedo.mean(), 0, 1))
         return scene.atmosphere, albedo, ground_m
+
+
+def light_number(time: np.datetime64) -> int:
+    """Which of a series' lights a time belongs to, of which each serves the minutes around a full five."""
+    return int(np.floor((time - _EPOCH) / _LIGHT + 0.5))
 
 
 def _ground_m(scene: Scene, camera: Camera) -> float:
