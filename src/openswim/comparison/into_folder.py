@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -104,6 +103,8 @@ def compare_into(
 
 def _compared(comparing: Comparing, frames: Sequence[Path], jobs: int) -> Iterator[Compared]:
     shares = in_shares(frames, comparing.content)
+    if shares and comparing.skies.of_files:
+        comparing.skies.states()  # lest each process looks through all files
     if min(jobs, len(shares)) <= 1:
         for share in shares:
             for path in share:
@@ -169,10 +170,10 @@ def fingerprint(skies: Skies, content: CameraFile, settings: Settings, known: Kn
 
 def _model_mark(skies: Skies) -> Any:
     """The model's files, their sizes and times of change."""
-    if skies.model is None or not isinstance(skies.model, str | os.PathLike | list | tuple):
+    if not skies.of_files:
         return "clear" if skies.model is None else str(skies.model)
     try:
-        return [(str(path), *size_and_change(path)) for path in files_of(skies.model)]
+        return [(str(path), *size_and_change(path)) for path in files_of(skies.model)]  # type: ignore[arg-type]
     except OSError:  # it will be told when it is opened
         return str(skies.model)
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.comparison.clear_table import ClearTable
+from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
 from openswim.pictures.viewpoint import LitScene
-from openswim.readers import Neighbourhood, describe, open_scene
+from openswim.readers import Neighbourhood, open_scene, states_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.times import parse_time
 from openswim.solver import Solver
 
 F64 = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Skies:
     _lit: tuple[Any, LitScene] | None = field(default=None, repr=False)
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
-    _times: NDArray[Any] | None = field(default=None, repr=False)
+    _states: list[tuple[np.datetime64 | None, list[Path]]] | None = field(default=None, repr=False)
     _picture: tuple[LitScene, Camera, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
@@ -76,7 +76,7 @@ class Skies:
         if key not in self._tables:
             self._tables[key] = ClearTable(atmosphere, albedo, ground_m, eye_m, self.solver)
         distance_au = 1.0 if self.sun is not None else sun_position(time, 0.0, 0.0).distance_au
-        return self._tables[key].radiance(camera.pixels(), self.sun_at(camera, time), distance_au)
+        return self._tables[key].radiance(pixels_of(camera), self.sun_at(camera, time), distance_au)
 
     def aerosol_depth(self, camera: Camera, time: np.datetime64) -> float:
         """At 550 nm, of the background."""
@@ -93,11 +93,19 @@ class Skies:
         around = None
         if camera.lat is not None and camera.lon is not None:
             around = Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, True)
-        if self._times is None:
-            stated = [parse_time(each) for each in describe(self.model).times]
-            self._times = np.array([each for each in stated if each is not None], "datetime64[ms]")
-        chosen = None if not self._times.size else self._times[np.argmin(np.abs(self._times - time))]
-        return open_scene(self.model, time=chosen, around=around)
+        chosen, files = min(self.states(), key=lambda state: abs((state[0] or time) - time))
+        return open_scene(files, time=chosen, around=around)
+
+    @property
+    def of_files(self) -> bool:
+        """Whether the model is to be read."""
+        return not (self.model is None or isinstance(self.model, Scene | LitScene))
+
+    def states(self) -> list[tuple[np.datetime64 | None, list[Path]]]:
+        """The times of a model's files, each with those that hold it; looked for once."""
+        if self._states is None:
+            self._states = states_of(self.model)  # type: ignore[arg-type]
+        return self._states
 
     def _model_lit(self, camera: Camera, time: np.datetime64) -> LitScene:
         if isinstance(self.model, LitScene):
