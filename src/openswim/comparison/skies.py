@@ -93,8 +93,12 @@ class Skies:
         around = None
         if camera.lat is not None and camera.lon is not None:
             around = Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, True)
-        chosen, files = min(self.states(), key=lambda state: abs((state[0] or time) - time))
+        chosen, files = self.state_at(time)
         return open_scene(files, time=chosen, around=around)
+
+    def state_at(self, time: np.datetime64) -> tuple[np.datetime64 | None, list[Path]]:
+        """The model's time that is nearest to another, and the files that hold it."""
+        return min(self.states(), key=lambda state: abs((time if state[0] is None else state[0]) - time))
 
     @property
     def of_files(self) -> bool:
