@@ -29,7 +29,7 @@ from openswim.transport.linear.sweep import (
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
-_BATCH = 16  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
+_BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
 KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
 
 

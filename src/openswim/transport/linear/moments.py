@@ -16,8 +16,8 @@ F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 _BLOCK = 64  # nodes, whose rows stay in a core's nearest cache
-_SMALL = 256  # nodes: a product so small that the library for it takes one thread, and adds in one order
-_GROUP = 16 * _SMALL  # of nodes, that a thread takes at a time and that stays in a core's cache
+_SMALL = 128  # nodes: a product so small that the library for it takes one thread, and adds in one order
+_GROUP = 32 * _SMALL  # of nodes, that a thread takes at a time and that stays in a core's cache
 
 
 @njit(**_FLAGS, _nrt=False, forceinline=True)
@@ -117,19 +117,39 @@ def ways_to(t, threads, eye, out):
             out[n, p] = found[n]
 
 
+@njit(**_FLAGS, _nrt=False, forceinline=True)
+def _sum_some(p, i, some, ell, ways, seen, total):
+    """Into total[ell, i:] the sums over m at nodes from p on."""
+    nodes = ways.shape[1]
+    found = read(ways, ell * ell * nodes + p, some) * read(seen, ell * ell * nodes + p, some)
+    for n in range(ell * ell + 1, (ell + 1) * (ell + 1)):
+        found = found + read(ways, n * nodes + p, some) * read(seen, n * nodes + p, some)
+    write(total, ell * _BLOCK + i, found, None)
+
+
+@njit(**_FLAGS, _nrt=False, forceinline=True)
+def _share_some(p, i, some, ell, ways, total, seen_bar):
+    """Transpose of `_sum_some`."""
+    nodes, found = ways.shape[1], read(total, ell * _BLOCK + i, None)
+    for n in range(ell * ell, (ell + 1) * (ell + 1)):
+        at = n * nodes + p
+        write(seen_bar, at, read(seen_bar, at, some) + found * read(ways, at, some), some)
+
+
 @njit(**_FLAGS)
 def toward(t, threads, ways, low, seen, fields):
     """What each kind of matter scatters toward an eye of the light at nodes, per its extinction, into fields[:, kinds:
     2 kinds]: sum_l low[kind, l] sum_m ways[lm] seen[lm]; ways, seen (K, nodes)."""
     kinds, degree = low.shape
-    total = np.empty((degree, _BLOCK))
+    total = np.zeros((degree, _BLOCK), seen.dtype)
     for first in range(t * _BLOCK, fields.shape[0], threads * _BLOCK):
         count = min(_BLOCK, fields.shape[0] - first)
-        total[:] = 0.0
         for ell in range(degree):
-            for n in range(ell * ell, (ell + 1) * (ell + 1)):
-                for i in range(count):
-                    total[ell, i] += ways[n, first + i] * seen[n, first + i]
+            for i in range(0, count, LANES):
+                if count - i >= LANES:
+                    _sum_some(first + i, i, None, ell, ways, seen, total)
+                else:
+                    _sum_some(first + i, i, count - i, ell, ways, seen, total)
         for i in range(count):
             for kind in range(kinds):
                 found = 0.0
@@ -142,7 +162,7 @@ def toward(t, threads, ways, low, seen, fields):
 def toward_transposed(t, threads, ways, low, bar, seen_bar):
     """Transpose of `toward`: bar (nodes, channels) of the fields, added to seen_bar (K, nodes)."""
     kinds, degree = low.shape
-    total = np.empty((degree, _BLOCK))
+    total = np.zeros((degree, _BLOCK), seen_bar.dtype)
     for first in range(t * _BLOCK, bar.shape[0], threads * _BLOCK):
         count = min(_BLOCK, bar.shape[0] - first)
         for i in range(count):
@@ -152,6 +172,8 @@ def toward_transposed(t, threads, ways, low, bar, seen_bar):
                     found += low[kind, ell] * bar[first + i, kinds + kind]
                 total[ell, i] = found
         for ell in range(degree):
-            for n in range(ell * ell, (ell + 1) * (ell + 1)):
-                for i in range(count):
-                    seen_bar[n, first + i] += ways[n, first + i] * total[ell, i]
+            for i in range(0, count, LANES):
+                if count - i >= LANES:
+                    _share_some(first + i, i, None, ell, ways, total, seen_bar)
+                else:
+                    _share_some(first + i, i, count - i, ell, ways, total, seen_bar)
