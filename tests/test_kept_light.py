@@ -21,6 +21,12 @@ from openswim.scene.procedural import demo_scene
 WAVELENGTHS = (640.0, 615.0, 546.0, 500.0, 450.0)  # two packs
 
 
+@pytest.fixture(autouse=True)
+def undivided(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells stay as they are: light is the same bit for bit whether there are few nodes or many."""
+    monkeypatch.setattr("openswim.transport.medium.levels.MOST_RESOLVED_NODES", 1)
+
+
 def cloud(shape: tuple[int, int, int]) -> np.ndarray:
     out = np.zeros(shape, np.float32)
     out[shape[0] // 2, 3:-3, 3:-3] = 3e-3

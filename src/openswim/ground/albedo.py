@@ -171,6 +171,8 @@ def _without_model(
     """The user's maps over the default Earth, and the share (n,) of each place that the maps show."""
     lat, lon, footprint = near.lat, near.lon, near.footprint_m
     water, lake = _shored(earth.water_fraction(lat, lon), near, earth.MASK_M), earth.lake_fraction(lat, lon)
+    wide = footprint > 2 * earth.MASK_M
+    water[wide] = 1.0 - earth.mean_land(lat[wide], lon[wide], footprint[wide])
     albedo = np.broadcast_to(spectra.generic_land(wavelengths), (lat.size, wavelengths.size)).copy()
     land = water < 1
     if land.any():
@@ -225,7 +227,7 @@ def _with_model(
     """The model's fields over `default` (at the same places)."""
     ix, iy = near.ix, near.iy
     dry = 1.0 - default.water
-    if model.land is not None:
+    if model.land is not None and not model.like_earth:
         dry = bilinear(model.land, ix, iy)
         if model.sharp_shores:
             dry = _shored(dry, near, near.cell_m)
