@@ -139,6 +139,11 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         (["satellite", "x.nc", "--like", "y.tif"], "--band missing"),
         (["satellite", "x.nc", "--like", "y.tif", "--band", "C02", "-o", "a.png"], "use .nc or .tif"),
         (["satellite", "x.nc", "--like", "y.tif", "--band", "C02"], "y.tif"),
+        (["satellite", "x.nc", "--band", "C02"], "which pixels"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "full", "--like", "y.tif"], "which pixels"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "full"], "--output missing"),
+        (["satellite", "x.nc", "--band", "C02", "--like", "y.tif", "--every", "2"], "--every belongs to --grid"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "meso", "-o", "a.nc"], "has full and conus"),
     ],
 )
 def test_mistakes_are_one_line(
