@@ -49,7 +49,7 @@ def test_flat_scenes_as_measured(shared: Path, file: str, seconds: float, gigaby
 
 
 @pytest.mark.parametrize(
-    ("file", "paths", "seconds"), [("rico_122x106x39", 64, 10.0), ("stratocumulus_64x64x16", 512, 49.0)]
+    ("file", "paths", "seconds"), [("rico_122x106x39", 64, 4.6), ("stratocumulus_64x64x16", 512, 49.0)]
 )
 def test_paths_scatter_twice_the_mean_depth_times(shared: Path, file: str, paths: int, seconds: float) -> None:
     """100 x 100 pixels by Monte Carlo, as measured; columns of a mean depth of .83, and of 7.1."""
