@@ -162,8 +162,8 @@ def test_lone_thick_cells_are_solved() -> None:
 
 @pytest.mark.parametrize("seed", [2, 6, 11])
 def test_where_diffusion_misleads_sweeps_begin_anew_without_it(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes of depth up to 1000 across, all different, on the round Earth, and none divided: no more light than there is
-    (1e5 times as much and more, did sweeps go on from where diffusion led them)."""
+    """Nodes of depth up to 1000 across, all different, on the round Earth, and none divided: no more light than there
+    is (1e5 times as much and more, did sweeps go on from where diffusion led them)."""
     divided_less(monkeypatch, 1)
     rng = np.random.default_rng(seed)
     shape = (7, 5, 6)
