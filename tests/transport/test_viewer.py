@@ -71,7 +71,7 @@ def test_views_leave_the_light_as_it_was(lit: LitScene, camera: Camera) -> None:
 def test_there_is_water_and_cloud_in_the_picture(lit: LitScene, camera: Camera) -> None:
     """Or what is the same would say little."""
     viewer = lit.viewpoint(camera)._eye.packs[0]  # type: ignore[union-attr]
-    assert viewer.grid.mirrored is not None
+    assert viewer.grid.mirrored.picture is not None
     assert lit.field.medium.extinction.max() > 1e-3  # type: ignore[union-attr]
 
 
