@@ -81,13 +81,14 @@ class Solver(Options):
         points: ArrayLike | None = None,
         tolerance: float | None = None,
         lean: bool = False,
+        single: bool = False,
     ) -> SceneCore:
         """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
         (docs/linear.md).
 
         views: rays of an eye each, in the scene frame; points (n, 2): latitude and longitude of pyranometers, in flat
         scenes y and x, m. tolerance: of the diffuse light, by default .001 of it. lean: 26 ordinates and 16 moments of
-        the diffuse light, in place of 50 and 25 of them.
+        the diffuse light, in place of 50 and 25 of them. single: sweeps in single precision, twice as fast.
         """
         from openswim.transport.linear.of_matter import core_of
 
@@ -95,7 +96,8 @@ class Solver(Options):
         scene = settled(scene)
         matter = matter_of(scene, wavelengths)
         surface = surface_of(scene, matter.wavelengths_nm)
-        return core_of(self, matter, surface, np.asarray(sun_direction, float), views, points, tolerance, lean=lean)
+        sun, element = np.asarray(sun_direction, float), np.float32 if single else np.float64
+        return core_of(self, matter, surface, sun, views, points, tolerance, lean=lean, element=element)
 
     def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:
         from openswim.transport.linear.field import fast_around, linear_field

@@ -15,6 +15,11 @@ from openswim.assimilation.observing.rows import Rows
 F64 = NDArray[np.float64]
 
 
+def dot(a: F64, b: F64) -> float:
+    """Sum of products, in one order whatever the threads."""
+    return float(np.einsum("i,i->", a, b))
+
+
 @dataclass(eq=False)
 class Cost:
     """J of one analysis; keeps its last linearisation, from which the next one is begun.
@@ -52,7 +57,7 @@ class Cost:
         lin = self.linearized(v)
         departure = self.weight * (lin.value.values + self.shift - self.value)
         bars = lin.vjp(self.weight * departure)
-        return 0.5 * float(v @ v) + 0.5 * float(departure @ departure), v + self.space.adjoint(v, bars)
+        return 0.5 * dot(v, v) + 0.5 * dot(departure, departure), v + self.space.adjoint(v, bars)
 
     def hessian(self, v: F64, change: F64) -> F64:
         """(1 + S^T J^T R^-1 J S) about v times a change."""

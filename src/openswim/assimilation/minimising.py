@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.assimilation.cost import Cost
+from openswim.assimilation.cost import Cost, dot
 from openswim.assimilation.preconditioning import Cosines, cosines_of
 
 F64 = NDArray[np.float64]
@@ -18,12 +18,20 @@ EVERY = 50  # steps, after which what is observed of each pattern is told anew
 MEMORY = 60  # steps that L-BFGS remembers: with 15 of them 100 steps come as far as 75 of these
 _GOAL = 0.1  # of the gradient, to which conjugate gradients solve each Gauss-Newton step
 _SMALLEST_STEP = 0.05
+_FLAT = 1e-5  # greatest slope of a J at its least
+_ALIKE = 2e-9  # of J, by which it falls at least while there is more to come
+_FALLS, _FLATTENS = 1e-3, 0.9  # of the slope, see `_along`
+_TRIES = 20
 
 Told = Callable[[F64, float], None]  # v and J after each iteration; may raise to stop
 
 
 def lbfgs(cost: Cost, v: F64, iterations: int, told: Told) -> F64:
-    """By scipy's L-BFGS-B in scaled cosines, which are told anew every `EVERY` steps."""
+    """By L-BFGS in scaled cosines, which are told anew every `EVERY` steps.
+
+    It is written out since sums of long rows by a library take several threads, which wait busily for each other, and
+    other bits with other numbers of them.
+    """
     while iterations > 0:
         steps = iterations if iterations < 1.5 * EVERY else EVERY
         v, done = _cycle(cost, cosines_of(cost, v), steps, told)
@@ -34,20 +42,64 @@ def lbfgs(cost: Cost, v: F64, iterations: int, told: Told) -> F64:
 
 
 def _cycle(cost: Cost, cosines: Cosines, steps: int, told: Told) -> tuple[F64, int]:
-    from scipy.optimize import minimize
-
     def scaled(u: F64) -> tuple[float, F64]:
         value, gradient = cost(cosines.v(u))
         return value, cosines.gradient(gradient)
 
-    def after(intermediate_result: Any) -> None:  # scipy goes by this name
-        told(cosines.v(np.asarray(intermediate_result.x)), float(intermediate_result.fun))
+    u = np.zeros(cosines.origin.size)
+    value, gradient = scaled(u)
+    pairs: deque[tuple[F64, F64]] = deque(maxlen=min(MEMORY, steps))
+    done = 0
+    while done < steps and np.abs(gradient).max() > _FLAT:
+        way = -_unbent(pairs, gradient)
+        step = 1.0 if pairs else min(1.0, 1.0 / dot(gradient, gradient) ** 0.5)
+        found = _along(scaled, u, value, gradient, way, step)
+        if found is None:
+            if not pairs:
+                break
+            pairs.clear()  # perhaps what was learnt leads astray
+            continue
+        step, after, bar = found
+        if dot(bar - gradient, way) > 0:
+            pairs.append((step * way, bar - gradient))
+        fall, u, value, gradient, done = value - after, u + step * way, after, bar, done + 1
+        told(cosines.v(u), value)
+        if fall <= _ALIKE * max(abs(value), 1.0):
+            break
+    return cosines.v(u), done
 
-    options = {"maxiter": steps, "maxfun": steps + 30, "maxcor": min(MEMORY, steps)}
-    found = minimize(
-        scaled, np.zeros(cosines.origin.size), jac=True, method="L-BFGS-B", callback=after, options=options
-    )
-    return cosines.v(np.asarray(found.x)), int(found.nit)
+
+def _unbent(pairs: deque[tuple[F64, F64]], gradient: F64) -> F64:
+    """The inverse Hessian that steps and changes of the gradient tell, times a gradient (Nocedal 1980)."""
+    out, shares = gradient.copy(), []
+    for step, change in reversed(pairs):
+        shares.append(dot(step, out) / dot(step, change))
+        out -= shares[-1] * change
+    if pairs:
+        step, change = pairs[-1]
+        out *= dot(step, change) / dot(change, change)
+    for (step, change), share in zip(pairs, reversed(shares), strict=True):
+        out += (share - dot(change, out) / dot(step, change)) * step
+    return out
+
+
+def _along(
+    scaled: Callable[[F64], tuple[float, F64]], u: F64, value: float, gradient: F64, way: F64, step: float
+) -> tuple[float, float, F64] | None:
+    """A step along a way by which J falls and flattens enough (Wolfe), J there and its gradient; None: no such."""
+    slope, low, high = dot(gradient, way), 0.0, np.inf
+    for _ in range(_TRIES if slope < 0 else 0):
+        after, bar = scaled(u + step * way)
+        if not after <= value + _FALLS * step * slope:
+            high = step
+            best = -slope * step * step / (2 * (after - value - slope * step))  # of a parabola
+            step = min(max(best, low + 0.1 * (high - low)), low + 0.5 * (high - low))
+        elif dot(bar, way) < _FLATTENS * slope:
+            low = step
+            step = 2.0 * step if high == np.inf else 0.5 * (low + high)
+        else:
+            return step, after, bar
+    return None
 
 
 @dataclass

@@ -41,6 +41,8 @@ from openswim.transport.engine.interpolation import bilinear
 
 F64 = NDArray[np.float64]
 
+_SINGLE = 1e-4  # tolerance from which on single precision is enough
+
 _LEVELS_BESIDE = 2  # of cloud, at which cloud may come to be
 
 
@@ -73,7 +75,8 @@ def observe(
     where, heights_m : at which nodes (nz, ny, nx), or between which heights, cloud may change; by default two levels
         above and below the scene's own clouds. There it lies on a floor of ``floor_per_km`` at least.
     near_sun_deg, lowest_deg : pixels so near to the sun, or so low over a ground camera's horizon, are not used.
-    tolerance : of the light that is scattered often; core : the transport, in place of the one that is made here.
+    tolerance : of the light that is scattered often; below .0001 it is solved in double precision. core : the
+        transport, in place of the one that is made here.
     lean : 26 ordinates and 16 moments of light, in place of the 50 and 25 of `fast`, at half the cost; pictures from
         above are then some 7 % too bright (docs/linear.md).
     """
@@ -127,7 +130,8 @@ def _core(
         ground_m = ground_under(scene, terrain_m, camera)
         check_above_ground(camera, ground_m)
         views.append(camera.rays(scene_frame(scene), ground_m))
-    return Solver("fast").linear_core(scene, sun, wavelengths, views, points, tolerance, lean)
+    single = tolerance >= _SINGLE
+    return Solver("fast").linear_core(scene, sun, wavelengths, views, points, tolerance, lean, single)
 
 
 def ground_under(scene: Scene, terrain_m: NDArray[Any], camera: Camera) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
+_FALL = 0.3  # of changes from one step to the next, before that is known
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -23,10 +24,9 @@ def _dot(a, b):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
-def _advanced(image, given, x):
-    """image + given, in place, and in place of x how far that is from it."""
+def _away(image, x):
+    """In place of x how far the image is from it."""
     for n in range(x.shape[0]):
-        image[n] += given[n]
         x[n] = image[n] - x[n]
 
 
@@ -36,25 +36,37 @@ def _add(x, share, more):
         x[n] += share * more[n]
 
 
-def fixed_point(
-    apply: Callable[[F64], F64], given: F64, tolerance: float, most: int, memory: int = 3, start: F64 | None = None
-) -> tuple[F64, int]:
-    """x = apply(x) + given, until a step changes it by less than ``tolerance`` of what is given; x and the sweeps.
+def norm(x: F64) -> float:
+    return float(_dot(x.ravel(), x.ravel()) ** 0.5)
 
-    Of the last ``memory`` steps that combination is gone on with whose changes would cancel best (Walker & Ni 2011).
+
+def added(x: F64, more: F64) -> F64:
+    """x + more, in place."""
+    _add(x.reshape(-1), 1.0, more.reshape(-1))
+    return x
+
+
+def fixed_point(
+    apply: Callable[[F64, bool], F64], start: F64, wanted: float, most: int, memory: int = 3
+) -> tuple[F64, F64]:
+    """x = apply(x), until a step changes it by less than ``wanted``; the last image, and of what it is the image.
+
+    apply is linear and something more; it is told whether this may be the last time. Of the last ``memory`` steps that
+    combination is gone on with whose changes would cancel best (Walker & Ni 2011).
     """
-    x = given.copy() if start is None else start.copy()
+    x = start.copy()
     images: list[F64] = []
     residuals: list[F64] = []
     products = np.zeros((0, 0))  # of the residuals with each other
-    size = _dot(given.ravel(), given.ravel()) ** 0.5
+    left, fall = np.inf, _FALL
     for n in range(1, most + 1):
-        image = apply(x)
-        _advanced(image.reshape(-1), given.reshape(-1), x.reshape(-1))
+        image = apply(x, left * fall < 2 * wanted or n == most)
+        _away(image.reshape(-1), x.reshape(-1))
         residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
         own = np.array([_dot(one, residuals[-1]) for one in residuals])
-        if own[-1] ** 0.5 <= tolerance * size or n == most:
-            return image, n
+        fall, left = (own[-1] ** 0.5 / left if n > 1 else _FALL), own[-1] ** 0.5
+        if left <= wanted or n == most:
+            return image, image - x
         if memory == 0:
             x = image
             continue
@@ -66,7 +78,7 @@ def fixed_point(
             continue
         gram = products[:kept, :kept] - own[:-1, None] - own[None, :-1] + own[-1]
         c = np.linalg.solve(gram + _LEAST * np.trace(gram) * np.eye(kept), own[-1] - own[:-1])
-        x = (1 - c.sum()) * image
+        x = (1 - float(c.sum())) * image
         for share, earlier in zip(c, images[:-1], strict=True):
             _add(x.reshape(-1), share, earlier.reshape(-1))
     raise AssertionError("there is at least one sweep")

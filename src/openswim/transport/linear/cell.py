@@ -10,6 +10,8 @@ from typing import Any
 
 from numba import njit
 
+from openswim.transport.engine.lanes import chosen_above
+
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": True}
 SMALL = 0.02  # depth below which a slope is a series: it differs from the closed form by 1e-13 there
 DARK = 44.0  # depth
@@ -50,10 +52,9 @@ def through(tau):
 @njit(**_FLAGS)
 def through_slope(tau):
     """Slope of the mean of `through`; that of e^-tau is itself."""
-    if tau > SMALL:
-        t, mean = through(tau)
-        return (t - mean) / tau
-    return -1 / 2 + tau * (1 / 3 - tau * (1 / 8 - tau * (1 / 30 - tau * (1 / 144 - tau / 840))))
+    t, mean = through(tau)
+    series = -1 / 2 + tau * (1 / 3 - tau * (1 / 8 - tau * (1 / 30 - tau * (1 / 144 - tau * (1 / 840)))))
+    return chosen_above(tau, SMALL, (t - mean) / max(tau, SMALL), series)
 
 
 @njit(**_FLAGS)

@@ -19,9 +19,9 @@ from openswim.transport.linear.sweep import (
     Bars,
     Changes,
     Grid,
+    Lit,
     Sources,
     carry,
-    carry_gradient,
     carry_tangent,
     carry_transposed,
     weigh,
@@ -29,8 +29,8 @@ from openswim.transport.linear.sweep import (
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
-_BATCH = 16  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
-_KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
+_BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
+KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
 
 
 @dataclass(eq=False)
@@ -69,13 +69,14 @@ class Swept(NamedTuple):
 
 
 class Sweeps:
-    """Sweeps through one world."""
+    """Sweeps through one world, in single or double precision."""
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, element: type[np.floating] = np.float64) -> None:
+        self.world, self.element = world, element
         self._grid = Grid(
             np.array(world.shape, np.int64), world.levels_m, np.array(world.cell_m, float), world.ground_node
         )
+        self._harmonics, self._gathered = world.harmonics.astype(element), world.gathered.astype(element)
 
     @property
     def _size(self) -> int:
@@ -88,7 +89,7 @@ class Sweeps:
 
     def _fields(self, count: int) -> list[F64]:
         """Scratch of finite numbers: a step without a fourth corner reads its own node with weight 0."""
-        return [np.zeros((self._size, self.world.nodes)) for _ in range(count)]
+        return [np.zeros((self._size, self.world.nodes), self.element) for _ in range(count)]
 
     def _around(self, of_columns: F64) -> F64:
         """Values (K, columns) of columns at all nodes."""
@@ -97,17 +98,17 @@ class Sweeps:
     def keep_steps(self, f: Filled) -> None:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
-        if 32 * count * self.world.nodes <= _KEEP_BYTES:
-            f.steps = np.empty((count, 4, self.world.nodes))
+        if 4 * count * f.ext.nbytes <= KEEP_BYTES:
+            f.steps = np.empty((count, 4, self.world.nodes), self.element)
             in_threads(weigh, self._grid, self.world.direction, f.ext, f.steps)
 
     def _steps(self, f: Filled, some: slice) -> F64:
-        return np.empty((0, 4, self.world.nodes)) if f.steps is None else f.steps[some]
+        return np.empty((0, 4, self.world.nodes), self.element) if f.steps is None else f.steps[some]
 
     def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
         w = self.world
-        out = np.zeros((len(w.ell), w.nodes)) if moments is None else moments.copy()
+        out = np.zeros((len(w.ell), w.nodes), self.element) if moments is None else moments.copy()
         for k, ell in enumerate(w.ell):
             if lit is not None:
                 out[k].reshape(w.shape)[:] += w.sun_harmonics[k] * lit.reshape(w.shape)
@@ -128,14 +129,14 @@ class Sweeps:
                 ground = f.albedo * (flux + f.direct if lit else flux) / w.unit
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                in_threads(emit, w.harmonics[some], scattered, emission[:n])
+                in_threads(emit, self._harmonics[some], scattered, emission[:n])
                 light_from = Sources(emission[:n], inflow[some], ground)
                 in_threads(
                     carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], mean[:n]
                 )
-                in_threads(gather, w.gathered[some].T.copy(), mean[:n], out)
+                in_threads(gather, self._gathered[some].T.copy(), mean[:n], out)
                 if seen is not None:
-                    in_threads(gather, w.gathered[some].T.copy(), light[:n], seen)
+                    in_threads(gather, self._gathered[some].T.copy(), light[:n], seen)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
         return Swept(out, seen, flux, ground)
@@ -144,6 +145,7 @@ class Sweeps:
         """Change of a lit sweep with what is at the nodes; the moments before it stay."""
         w = self.world
         scattered = self._scattered(f, moments, f.lit)
+        d = d._replace(ext=d.ext.astype(self.element))
         d_scattered = np.zeros_like(scattered)
         for k, ell in enumerate(w.ell):
             sun = w.sun_harmonics[k].ravel()
@@ -159,16 +161,16 @@ class Sweeps:
                 d_ground = (d.albedo * (flux + f.direct) + f.albedo * (d_flux + d.direct)) / w.unit
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                in_threads(emit, w.harmonics[some], scattered, emission[:n])
-                in_threads(emit, w.harmonics[some], d_scattered, d_emission[:n])
+                in_threads(emit, self._harmonics[some], scattered, emission[:n])
+                in_threads(emit, self._harmonics[some], d_scattered, d_emission[:n])
                 light_from = Sources(emission[:n], f.inflow[some], ground)
                 changes = Changes(d.ext, d_emission[:n], d_ground)
                 in_threads(
                     carry_tangent, self._grid, w.direction[some], f.ext, light_from, changes, light[:n], d_light[:n],
                     d_mean[:n],
                 )  # fmt: skip
-                in_threads(gather, w.gathered[some].T.copy(), d_mean[:n], out)
-                in_threads(gather, w.gathered[some].T.copy(), d_light[:n], seen)
+                in_threads(gather, self._gathered[some].T.copy(), d_mean[:n], out)
+                in_threads(gather, self._gathered[some].T.copy(), d_light[:n], seen)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
                     d_flux += w.per_flux[some.start + b] * d_light[b, w.ground_nodes]
@@ -185,7 +187,7 @@ class Sweeps:
         w = self.world
         by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
-        source_bar = np.zeros((len(w.ell), w.nodes))
+        source_bar = np.zeros((len(w.ell), w.nodes), self.element)
         light_bar, mean_bar, emission_bar = self._fields(3)
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
@@ -201,26 +203,27 @@ class Sweeps:
                     if bars is None:
                         of_light[:n] = 0.0
                     else:
-                        in_threads(emit, w.gathered[some], bars, of_light[:n])
+                        in_threads(emit, self._gathered[some], bars, of_light[:n])
                 for b in range(n if not first else 0):
                     light_bar[b, w.ground_nodes] += w.per_flux[some.start + b] * by_flux
                 given = (self._grid, w.direction[some], f.ext)
                 bars_of = Bars(light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
                 if value is None:
-                    in_threads(carry_transposed, *given, self._steps(f, some), bars_of)
+                    in_threads(carry_transposed, *given, self._steps(f, some), bars_of, None)
                 else:
-                    in_threads(emit, w.harmonics[some], scattered, emission[:n])
+                    in_threads(emit, self._harmonics[some], scattered, emission[:n])
                     light_from = Sources(emission[:n], f.inflow[some], value.ground)
                     in_threads(carry, *given, self._steps(f, some), light_from, light[:n], mean[:n])
-                    in_threads(carry_gradient, *given, emission[:n], light[:n], bars_of, ext_bars[:n])
+                    lit = Lit(emission[:n], light[:n], ext_bars[:n])
+                    in_threads(carry_transposed, *given, self._steps(f, some), bars_of, lit)
                     for b in range(n):
                         ext_bar += ext_bars[b]
-                in_threads(gather, w.harmonics[some].T.copy(), emission_bar[:n], source_bar)
+                in_threads(gather, self._harmonics[some].T.copy(), emission_bar[:n], source_bar)
                 for b in range(n if first else 0):
                     by_ground += ground_bars[b]
         if value is None:
             return self._before(f, source_bar), None
-        scattering_bar, lit_bar = np.zeros_like(f.scattering), np.zeros(w.nodes)
+        scattering_bar, lit_bar = np.zeros(f.scattering.shape), np.zeros(w.nodes)
         for k, ell in enumerate(w.ell):
             sun = self._around(w.sun_harmonics[k].ravel())
             scattering_bar[ell] += source_bar[k] * (value.moments[k] + sun * f.lit)

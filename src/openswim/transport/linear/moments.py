@@ -9,40 +9,70 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.engine.scalar import harmonics
 
 F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
-_BLOCK = 256  # nodes: a product so small that the library for it takes one thread, and adds in one order
-_GROUP = 16 * _BLOCK  # of nodes, that a thread takes at a time and that stays in a core's cache
+_BLOCK = 64  # nodes, whose rows stay in a core's nearest cache
+_SMALL = 128  # nodes: a product so small that the library for it takes one thread, and adds in one order
+_GROUP = 32 * _SMALL  # of nodes, that a thread takes at a time and that stays in a core's cache
 
 
-def _add(shares: F64, rows: F64, out: F64, more: bool) -> None:
-    """out (n, nodes) = shares (n, m) @ rows (m, nodes); ``more``: added to it."""
-    nodes = out.shape[1]
-    whole = nodes // _BLOCK * _BLOCK
-    blocks, into = (a[:, :whole].reshape(len(a), -1, _BLOCK).transpose(1, 0, 2) for a in (rows, out))  # views
-    if more:
-        into += np.matmul(shares, blocks)
-        out[:, whole:] += shares @ rows[:, whole:]
-    else:
-        np.matmul(shares, blocks, out=into)
-        out[:, whole:] = shares @ rows[:, whole:]
+@njit(**_FLAGS, _nrt=False, forceinline=True)
+def _four(shares, first, last, near, at, out, p, one, two):
+    """Add to four rows of ``out``, from the first on, what comes to 2 LANES nodes from p on; beyond the last row that
+    is meant. near (m, block): the nodes' own, from its column ``at`` on; one, two: how many of either LANES are."""
+    nodes, block, second = out.shape[1], near.shape[1], p + LANES
+    r0, r1, r2, r3 = first, min(first + 1, last), min(first + 2, last), min(first + 3, last)
+    o0, o1, o2, o3 = r0 * nodes, r1 * nodes, r2 * nodes, r3 * nodes
+    a0, a1 = read(out, o0 + p, one), read(out, o1 + p, one)
+    a2, a3 = read(out, o2 + p, one), read(out, o3 + p, one)
+    b0, b1 = read(out, o0 + second, two), read(out, o1 + second, two)
+    b2, b3 = read(out, o2 + second, two), read(out, o3 + second, two)
+    for m in range(near.shape[0]):
+        a, b = read(near, m * block + at, None), read(near, m * block + at + LANES, None)
+        s0, s1, s2, s3 = shares[r0, m], shares[r1, m], shares[r2, m], shares[r3, m]
+        a0, a1, a2, a3 = a0 + s0 * a, a1 + s1 * a, a2 + s2 * a, a3 + s3 * a
+        b0, b1, b2, b3 = b0 + s0 * b, b1 + s1 * b, b2 + s2 * b, b3 + s3 * b
+    write(out, o0 + p, a0, one)
+    write(out, o1 + p, a1, one)
+    write(out, o2 + p, a2, one)
+    write(out, o3 + p, a3, one)
+    write(out, o0 + second, b0, two)
+    write(out, o1 + second, b1, two)
+    write(out, o2 + second, b2, two)
+    write(out, o3 + second, b3, two)
+
+
+@njit(**_FLAGS)
+def gather(t, threads, shares, rows, out):
+    """out (n, nodes) += shares (n, m) @ rows (m, nodes)."""
+    nodes, last = out.shape[1], shares.shape[0] - 1
+    near = np.zeros((rows.shape[0], _BLOCK), rows.dtype)
+    for first in range(t * _BLOCK, nodes, threads * _BLOCK):
+        count = min(_BLOCK, nodes - first)
+        for m in range(rows.shape[0]):
+            for i in range(count):
+                near[m, i] = rows[m, first + i]
+        for n in range(0, last + 1, 4):
+            for i in range(0, count, 2 * LANES):
+                left = count - i
+                if left >= 2 * LANES:
+                    _four(shares, n, last, near, i, out, first + i, None, None)
+                else:
+                    _four(shares, n, last, near, i, out, first + i, min(left, LANES), max(left - LANES, 0))
 
 
 def emit(t: int, threads: int, of_ordinates: F64, moments: F64, out: F64) -> None:
     """out (b, nodes) = of_ordinates (b, K) @ moments (K, nodes)."""
     for first in range(t * _GROUP, out.shape[1], threads * _GROUP):
-        some = slice(first, first + _GROUP)
-        _add(of_ordinates, moments[:, some], out[:, some], more=False)
-
-
-def gather(t: int, threads: int, of_harmonics: F64, light: F64, out: F64) -> None:
-    """out (K, nodes) += of_harmonics (K, b) @ light (b, nodes)."""
-    for first in range(t * _GROUP, out.shape[1], threads * _GROUP):
-        some = slice(first, first + _GROUP)
-        _add(of_harmonics, light[:, some], out[:, some], more=True)
+        rows, into = moments[:, first : first + _GROUP], out[:, first : first + _GROUP]
+        whole = into.shape[1] // _SMALL * _SMALL
+        blocks, made = (a[:, :whole].reshape(len(a), -1, _SMALL).transpose(1, 0, 2) for a in (rows, into))  # views
+        np.matmul(of_ordinates, blocks, out=made)
+        into[:, whole:] = of_ordinates @ rows[:, whole:]
 
 
 class Eye(NamedTuple):
@@ -77,35 +107,73 @@ def _way(p, eye):
 
 
 @njit(**_FLAGS)
-def toward(t, threads, eye, low, seen, fields):
-    """What each kind of matter scatters toward an eye of the light at nodes, per its extinction, into fields[:, kinds:
-    2 kinds]: sum_l low[kind, l] sum_m Y_lm(way) seen[lm]."""
-    kinds, degree = low.shape
-    found = np.empty(degree * degree)
-    for p in range(t, fields.shape[0], threads):
+def ways_to(t, threads, eye, out):
+    """Harmonics (K, nodes) of the ways from an eye to the nodes."""
+    found = np.empty(out.shape[0])
+    for p in range(t, out.shape[1], threads):
         a, b, c = _way(p, eye)
-        harmonics(a, b, c, degree, found)
-        for kind in range(kinds):
-            fields[p, kinds + kind] = 0.0
-        for ell in range(degree):
-            total = 0.0
-            for n in range(ell * ell, (ell + 1) * (ell + 1)):
-                total += found[n] * seen[n, p]
-            for kind in range(kinds):
-                fields[p, kinds + kind] += low[kind, ell] * total
+        harmonics(a, b, c, round(out.shape[0] ** 0.5), found)
+        for n in range(out.shape[0]):
+            out[n, p] = found[n]
+
+
+@njit(**_FLAGS, _nrt=False, forceinline=True)
+def _sum_some(p, i, some, ell, ways, seen, total):
+    """Into total[ell, i:] the sums over m at nodes from p on."""
+    nodes = ways.shape[1]
+    found = read(ways, ell * ell * nodes + p, some) * read(seen, ell * ell * nodes + p, some)
+    for n in range(ell * ell + 1, (ell + 1) * (ell + 1)):
+        found = found + read(ways, n * nodes + p, some) * read(seen, n * nodes + p, some)
+    write(total, ell * _BLOCK + i, found, None)
+
+
+@njit(**_FLAGS, _nrt=False, forceinline=True)
+def _share_some(p, i, some, ell, ways, total, seen_bar):
+    """Transpose of `_sum_some`."""
+    nodes, found = ways.shape[1], read(total, ell * _BLOCK + i, None)
+    for n in range(ell * ell, (ell + 1) * (ell + 1)):
+        at = n * nodes + p
+        write(seen_bar, at, read(seen_bar, at, some) + found * read(ways, at, some), some)
 
 
 @njit(**_FLAGS)
-def toward_transposed(t, threads, eye, low, bar, seen_bar):
+def toward(t, threads, ways, low, seen, fields):
+    """What each kind of matter scatters toward an eye of the light at nodes, per its extinction, into fields[:, kinds:
+    2 kinds]: sum_l low[kind, l] sum_m ways[lm] seen[lm]; ways, seen (K, nodes)."""
+    kinds, degree = low.shape
+    total = np.zeros((degree, _BLOCK), seen.dtype)
+    for first in range(t * _BLOCK, fields.shape[0], threads * _BLOCK):
+        count = min(_BLOCK, fields.shape[0] - first)
+        for ell in range(degree):
+            for i in range(0, count, LANES):
+                if count - i >= LANES:
+                    _sum_some(first + i, i, None, ell, ways, seen, total)
+                else:
+                    _sum_some(first + i, i, count - i, ell, ways, seen, total)
+        for i in range(count):
+            for kind in range(kinds):
+                found = 0.0
+                for ell in range(degree):
+                    found += low[kind, ell] * total[ell, i]
+                fields[first + i, kinds + kind] = found
+
+
+@njit(**_FLAGS)
+def toward_transposed(t, threads, ways, low, bar, seen_bar):
     """Transpose of `toward`: bar (nodes, channels) of the fields, added to seen_bar (K, nodes)."""
     kinds, degree = low.shape
-    found = np.empty(degree * degree)
-    for p in range(t, bar.shape[0], threads):
-        a, b, c = _way(p, eye)
-        harmonics(a, b, c, degree, found)
+    total = np.zeros((degree, _BLOCK), seen_bar.dtype)
+    for first in range(t * _BLOCK, bar.shape[0], threads * _BLOCK):
+        count = min(_BLOCK, bar.shape[0] - first)
+        for i in range(count):
+            for ell in range(degree):
+                found = 0.0
+                for kind in range(kinds):
+                    found += low[kind, ell] * bar[first + i, kinds + kind]
+                total[ell, i] = found
         for ell in range(degree):
-            total = 0.0
-            for kind in range(kinds):
-                total += low[kind, ell] * bar[p, kinds + kind]
-            for n in range(ell * ell, (ell + 1) * (ell + 1)):
-                seen_bar[n, p] += found[n] * total
+            for i in range(0, count, LANES):
+                if count - i >= LANES:
+                    _share_some(first + i, i, None, ell, ways, total, seen_bar)
+                else:
+                    _share_some(first + i, i, count - i, ell, ways, total, seen_bar)

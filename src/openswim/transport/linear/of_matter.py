@@ -97,11 +97,11 @@ class _Pack:
 def core_of(
     options: Options, matter: Matter, surface: Surface, sun: F64, views: Sequence[Rays] = (),
     points: ArrayLike | None = None, tolerance: float | None = None, memory: int = 3,
-    ordinates: Ordinates | None = None, lean: bool = False,
+    ordinates: Ordinates | None = None, lean: bool = False, element: type[np.floating] = np.float64,
 ) -> SceneCore:  # fmt: skip
     """The core of matter over ground, lit from ``sun`` (3,). views: rays of an eye each; points (n, 2): latitude and
     longitude of pyranometers, in flat scenes y and x, m. ordinates: others than `fast` takes; lean: `LEAN` of them,
-    and 16 moments in place of 25."""
+    and 16 moments in place of 25. element: of what numbers sweeps reckon with."""
     sun = np.asarray(sun, float) / np.linalg.norm(sun)
     plan = _plan(options, matter, surface, sun)
     count, packs = matter.wavelengths_nm.size, []
@@ -138,7 +138,9 @@ def core_of(
     share[np.arange(count), terms.which] = terms.weight
     eyes = [_view(world, packs, rays, options.step) for rays in views]
     at = None if points is None else np.stack(medium.indices(_places(medium, points))[::-1], axis=-1)
-    core = SceneCore(world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance or TOLERANCE, memory)
+    core = SceneCore(
+        world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance or TOLERANCE, memory, element=element
+    )  # fmt: skip
     core.medium, core.drawn, core.species = medium, Drawn.of(medium, plan), len(species)
     core.step, core.packs = options.step, packs
     firsts = [int(np.flatnonzero(terms.which == w)[0]) for w in range(terms.wavelengths_nm.size)]

@@ -24,7 +24,7 @@ Tangent linear and adjoint differentiate the fixed point implicitly: they solve 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear import beam_taken
-from openswim.transport.linear.anderson import fixed_point
-from openswim.transport.linear.diffuse import Change, Filled, Sweeps, Swept
+from openswim.transport.linear.anderson import added, fixed_point, norm
+from openswim.transport.linear.diffuse import KEEP_BYTES, Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
 from openswim.transport.linear.march import Matter, march, march_tangent, march_transposed
-from openswim.transport.linear.moments import Eye, toward, toward_transposed
+from openswim.transport.linear.moments import Eye, toward, toward_transposed, ways_to
 from openswim.transport.linear.optics import Optics, Scatterer, optics_of
 from openswim.transport.linear.rays import View
 from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
@@ -46,12 +46,14 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 
 TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once
+_LOOSER = 3.0  # tolerance of an adjoint, over that of the forward run
 
 
 @dataclass(eq=False)
 class OneState:
     """A forward run at one term: extinction (k, nodes), what it fills nodes with, beam and forward depth (nodes,), the
-    converged sweep with the moments before it, and how many sweeps that took."""
+    converged sweep with the moments before it, how many sweeps that took, and how much is scattered after one sweep
+    from the dark, to which its tolerance is."""
 
     extinction: F64
     filled: Filled
@@ -59,6 +61,7 @@ class OneState:
     forward_depth: F64
     swept: Swept
     sweeps: int
+    size: float
 
 
 @dataclass(eq=False)
@@ -84,7 +87,7 @@ class LinearCore:
     def __init__(
         self, world: World, scatterers: Sequence[Scatterer], views: Sequence[View] = (), points: F64 | None = None,
         wavelengths_nm: F64 | None = None, terms: F64 | None = None, tolerance: float = TOLERANCE, memory: int = 3,
-        most_sweeps: int = 200,
+        most_sweeps: int = 200, element: type[np.floating] = np.float64,
     ) -> None:  # fmt: skip
         self.world, self.views = world, list(views)
         self.names = tuple(one.name for one in scatterers)
@@ -94,7 +97,8 @@ class LinearCore:
         self.tolerance, self.memory, self.most_sweeps = tolerance, memory, most_sweeps
         self.optics: list[Optics] = [optics_of(scatterers, term, world.degree) for term in range(count)]
         self._which = self.terms.argmax(axis=1)
-        self._sweeps = Sweeps(world)
+        self._sweeps = Sweeps(world, element)
+        self._kept_ways: dict[View, F64] = {}
         self._shape = np.array(world.shape, np.int64)
         self._columns, self._shares = _corners(np.zeros((0, 2)) if points is None else np.asarray(points, float), world)
 
@@ -113,10 +117,10 @@ class LinearCore:
         return self._images([self.observe(term, one) for term, one in enumerate(states)]), State(states)
 
     def _solve(self, term: int, extinction: F64, albedo: F64, start: OneState | None) -> OneState:
-        w, optics = self.world, self.optics[term]
+        w, optics, element = self.world, self.optics[term], self._sweeps.element
         filled = Filled(
-            optics.scaled @ extinction + self._gas(term), optics.low.T @ extinction, np.zeros(w.nodes), albedo,
-            np.zeros(w.columns), w.inflow[term],
+            (optics.scaled @ extinction + self._gas(term)).astype(element), (optics.low.T @ extinction).astype(element),
+            np.zeros(w.nodes, element), albedo, np.zeros(w.columns), w.inflow[term],
         )  # fmt: skip
         depth = self._depth(optics, extinction)
         if w.more_depth is not None:
@@ -124,16 +128,26 @@ class LinearCore:
         if w.more_forward is not None:
             depth[:, 1] += w.more_forward[term].ravel()
         beam = np.exp(-depth[:, 0])
-        filled.lit = beam_taken.lit(self._grid(beam), self._grid(filled.ext), *self._cells).ravel()
+        filled.lit = beam_taken.lit(self._grid(beam), self._grid(filled.ext), *self._cells).ravel().astype(element)
         filled.direct = w.per_beam_on_slopes(term) * beam[w.ground_nodes]
         self._sweeps.keep_steps(filled)
-        given = self._sweeps.sweep(filled, None, lit=True).moments
-        moments, sweeps = fixed_point(
-            lambda x: self._sweeps.sweep(filled, x, lit=False).moments, given, self.tolerance, self.most_sweeps,
-            self.memory, None if start is None else start.swept.moments,
+        swept, sweeps = self._sweeps.sweep(filled, None, lit=True) if start is None else start.swept, 0
+
+        def lit_sweep(moments: F64, nearly: bool) -> F64:
+            nonlocal swept, sweeps
+            swept, sweeps = self._sweeps.sweep(filled, moments, lit=True, see=nearly), sweeps + 1
+            return swept.moments
+
+        first = swept.moments
+        size = norm(first) if start is None else start.size
+        image, before = fixed_point(lit_sweep, first, self.tolerance * size, self.most_sweeps, self.memory)
+        if swept.seen is None:
+            before = image
+            lit_sweep(image, True)
+        swept = swept._replace(moments=before)
+        return OneState(
+            extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size
         )  # fmt: skip
-        swept = self._sweeps.sweep(filled, moments, lit=True, see=True)._replace(moments=moments)
-        return OneState(extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + 2)
 
     def observe(self, term: int, one: OneState, views: Sequence[View] | None = None) -> tuple[list[F64], F64]:
         """What views, the core's own if none are given, and pyranometers see of a state at a term."""
@@ -176,10 +190,9 @@ class LinearCore:
         d_direct = w.per_beam_on_slopes(term) * d_beam[w.ground_nodes]
         change = Change(d_ext, optics.low.T @ d_extinction, d_lit, d_albedo, d_direct)
         by_values = self._sweeps.tangent(f, one.swept.moments, change)
-        d_moments, sweeps = fixed_point(
-            lambda x: self._sweeps.sweep(f, x, lit=False).moments, by_values.moments, tolerance, self.most_sweeps,
-            self.memory,
-        )  # fmt: skip
+        d_moments, sweeps = self._solved(
+            lambda x: self._sweeps.sweep(f, x, lit=False).moments, by_values.moments, tolerance
+        )
         by_moments = self._sweeps.sweep(f, d_moments, lit=False, see=True)
         assert by_values.seen is not None
         assert by_moments.seen is not None
@@ -211,7 +224,7 @@ class LinearCore:
             share = self.terms[term]
             bars = [np.ascontiguousarray(share @ bar) for bar in residual.radiance]
             by_term, of_ground, sweeps = self._adjoint(
-                term, state.terms[term], bars, share @ residual.ghi, tolerance or self.tolerance
+                term, state.terms[term], bars, share @ residual.ghi, tolerance or _LOOSER * self.tolerance
             )
             extinction_bar[w] += by_term
             albedo_bar[w] += of_ground
@@ -224,7 +237,7 @@ class LinearCore:
         w, optics, f, kinds = self.world, self.optics[term], one.filled, len(self.names)
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
-        fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes))
+        fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes), self._sweeps.element)
         by_team, ground_by_team = np.zeros((TEAMS, *fields.shape)), np.zeros((TEAMS, w.columns))
         assert one.swept.seen is not None
         for view, bar in zip(self.views, bars, strict=True):
@@ -235,7 +248,7 @@ class LinearCore:
                 parts=TEAMS,
             )  # fmt: skip
             of_view = summed(by_team)
-            in_threads(toward_transposed, self._eye(view), optics.low, of_view, seen_bar)
+            in_threads(toward_transposed, self._ways(view), optics.low, of_view, seen_bar)
             fields_bar += of_view
         extinction_bar = np.ascontiguousarray(fields_bar[:, :kinds].T)
         ground_bar = summed(ground_by_team)
@@ -243,9 +256,7 @@ class LinearCore:
         np.add.at(flux_bar, self._columns, self._shares * ghi_bar[:, None])
         beam_bar[w.ground_nodes] += w.per_beam(term) * flux_bar
         given, _ = self._sweeps.transposed(f, None, seen_bar, ground_bar, flux_bar)
-        bar, sweeps = fixed_point(
-            lambda x: self._sweeps.transposed(f, x)[0], given, tolerance, self.most_sweeps, self.memory
-        )
+        bar, sweeps = self._solved(lambda x: self._sweeps.transposed(f, x)[0], given, tolerance)
         _, change = self._sweeps.transposed(f, bar, seen_bar, ground_bar, flux_bar, one.swept)
         assert change is not None
         by_lit, ext_bar = beam_taken.lit_transposed(
@@ -259,6 +270,18 @@ class LinearCore:
         extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + optics.low @ change.scattering
         extinction_bar += self._depth_transposed(optics, depth_bar)
         return extinction_bar, change.albedo, sweeps + 2
+
+    def _solved(self, linear: Callable[[F64], F64], given: F64, tolerance: float) -> tuple[F64, int]:
+        """x = linear(x) + given, and the sweeps."""
+        sweeps = 0
+
+        def affine(x: F64, _: bool) -> F64:
+            nonlocal sweeps
+            sweeps += 1
+            return added(linear(x), given)
+
+        found, _ = fixed_point(affine, given, tolerance * norm(given), self.most_sweeps, self.memory)
+        return found, sweeps
 
     # -- parts -----------------------------------------------------------------------------------------------------
     def _depth(self, optics: Optics, extinction: F64) -> F64:
@@ -290,8 +313,18 @@ class LinearCore:
         w = self.world
         return Eye(self._shape, w.levels_m, w.axes, w.place, view.eye, view.parallel)
 
+    def _ways(self, view: View) -> F64:
+        """Harmonics (K, nodes) of the ways from an eye to the nodes, those of the core's own eyes kept."""
+        if view in self._kept_ways:
+            return self._kept_ways[view]
+        out = np.empty((len(self.world.ell), self.world.nodes), self._sweeps.element)
+        in_threads(ways_to, self._eye(view), out)
+        if view in self.views and len(self.views) * out.nbytes <= KEEP_BYTES:
+            self._kept_ways[view] = out
+        return out
+
     def _toward(self, view: View, term: int, seen: F64, fields: F64) -> None:
-        in_threads(toward, self._eye(view), self.optics[term].low, seen, fields)
+        in_threads(toward, self._ways(view), self.optics[term].low, seen, fields)
 
     def _matter(self, term: int, one: OneState) -> Matter:
         o = self.optics[term]

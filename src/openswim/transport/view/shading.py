@@ -8,9 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.ground.footprints import LONGEST, LongFootprints
 from openswim.ground.hills import sunlight_on_slopes
 from openswim.ground.reflectance import reflected_radiance
 from openswim.ground.sample import SurfaceSample
+from openswim.scene.frame import Frame
 from openswim.scene.rims import BEYOND_CELLS
 from openswim.transport.air.shells import beam_transmission, beam_transmission_at
 from openswim.transport.engine.interpolation import bilinear
@@ -172,7 +174,8 @@ def _ground(
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= own.through_clouds(place[shaded])
-    sample = surface.sample(lat, lon, footprint, lit.options.detail)
+    long = _long(frame, place, normal, direction, width_m, lat, lon) if surface.pictured else None
+    sample = surface.sample(lat, lon, footprint, lit.options.detail, long)
     maps = surface.mapped
     if maps and relief is None:
         mapped, known = surface.mapped_normals(frame, place, up, footprint)
@@ -201,6 +204,19 @@ def _ground(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
     return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _long(
+    frame: Frame, place: F64, normal: F64, direction: F64, width_m: F64, lat: F64, lon: F64
+) -> LongFootprints:
+    """What pixels of a width (n,) cover of ground that rises as its normal (n, 3) says."""
+    steep = -(normal * direction).sum(-1)
+    length_m = width_m / np.clip(steep, 1 / LONGEST, 1.0)
+    along = direction + steep[:, None] * normal  # on the slope
+    along *= (0.5 * length_m / np.maximum(np.linalg.norm(along, axis=-1), 1e-9))[:, None]
+    other_lat, other_lon, _ = frame.latlon(place + along)
+    turned = (other_lon - lon + 180.0) % 360.0 - 180.0
+    return LongFootprints(other_lat - lat, turned, width_m, length_m)
 
 
 def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:

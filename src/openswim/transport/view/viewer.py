@@ -29,7 +29,7 @@ from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
-from openswim.transport.view import nested
+from openswim.transport.view import nested, sparse
 from openswim.transport.view.around_shadow import light_around, within_sides
 from openswim.transport.view.level_ice import level_ice
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, Water, wet_rays
@@ -116,11 +116,16 @@ class AimedGrid:
             radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level
         )
 
-    def seen(self, origin: F64, direction: F64, width_rad: F64 | None = None) -> Seen:
-        """What rays (n, 3) of a width (n,) see, the light of the ground included."""
+    def seen(
+        self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None
+    ) -> Seen:
+        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``: see `sparse.march`."""
         ends = None if self.relief is None else self.relief.meet(origin, direction)
         cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
-        found = self.march(origin, direction, ends, cone)
+        if image is None:
+            found = self.march(origin, direction, ends, cone)
+        else:
+            found = sparse.march(self.march, origin, direction, ends, cone, image)
         place = origin + direction * found.distance[:, None]
         width_m = (0.01 if width_rad is None else width_rad) * found.distance
         for number, level in enumerate(self.levels):  # as the grid has it in which rays end
@@ -222,11 +227,11 @@ class Viewer:
             np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(lit.volume.species, 1)), FLOAT), 0,
         )  # fmt: skip
         with job("view", n) as meter:
-            for part, grid in self._tiles(rays):
+            for part, grid, image in self._tiles(rays):
                 tile = rays[part]
                 origin, direction = tile.origins(), tile.directions()
                 width_rad = np.array(np.broadcast_to(np.asarray(tile.width_rad, float), len(tile)))
-                seen = grid.seen(origin, direction, width_rad)
+                seen = grid.seen(origin, direction, width_rad, image)
                 hit = seen.distance >= 0
                 position = np.full((len(tile), 3), np.nan)
                 position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
@@ -238,16 +243,24 @@ class Viewer:
                 meter.advance(len(tile))
         return replace(out, radiance=out.radiance[:, : lit.count], transmittance=out.transmittance[:, : lit.count])
 
-    def _tiles(self, rays: Rays) -> Iterator[tuple[Any, AimedGrid]]:
-        """Parts of the rays to march together; in scenes without sides, where a node is everywhere, one a direction."""
+    def _tiles(self, rays: Rays) -> Iterator[tuple[Any, AimedGrid, NDArray[np.int64] | None]]:
+        """Parts of the rays to march together, and their image; in scenes without sides, where a node is everywhere,
+        one a direction."""
         if _layered(self.lit):
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             for part in np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1):
-                yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky])
+                yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky]), None
+        elif rays.image is not None:
+            rows = max(3, _TILE_RAYS // rays.image.shape[1] // 2 * 2 - 1)  # odd: blocks between the tile's own corners
+            for a in range(0, len(rays.image), rows):
+                tile = rays.image[a : a + rows]
+                part = tile[tile >= 0]
+                if part.size:
+                    yield part, self.grid, np.where(tile >= 0, np.cumsum(tile >= 0).reshape(tile.shape) - 1, -1)
         else:
             for a in range(0, len(rays), _TILE_RAYS):
-                yield slice(a, min(len(rays), a + _TILE_RAYS)), self.grid
+                yield slice(a, min(len(rays), a + _TILE_RAYS)), self.grid, None
 
 
 def _layered(lit: LitGrid) -> bool:
