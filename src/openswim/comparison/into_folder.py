@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ class Comparing:
     folder: Path
     time: Any = None  # UTC, of a single frame
     mark: str = ""  # fingerprint of all this
+    series: bool = True
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,8 @@ def compare_into(
     waiting = [path for path in frames if path not in parts]
     begin(len(waiting), len(parts))
     failures = []
-    for done in _compared(Comparing(skies, content, settings, known, folder, time, mark), waiting, jobs):
+    comparing = Comparing(skies, content, settings, known, folder, time, mark, len(frames) > 1)
+    for done in _compared(comparing, waiting, jobs):
         if done.scores is None or done.part is None:
             failures.append(done.failure)
             if len(failures) == len(frames):
@@ -106,9 +109,10 @@ def _compared(comparing: Comparing, frames: Sequence[Path], jobs: int) -> Iterat
     if shares and comparing.skies.of_files:
         comparing.skies.states()  # lest each process looks through all files
     if min(jobs, len(shares)) <= 1:
-        for share in shares:
-            for path in share:
-                yield _compare_one(comparing, path)
+        with one_thread() if comparing.series else nullcontext():
+            for share in shares:
+                for path in share:
+                    yield _compare_one(comparing, path)
         return
     for found in side_by_side.outcomes(_work, comparing, shares, min(jobs, len(shares)), _killed):
         yield from found.frames
@@ -129,10 +133,21 @@ def in_shares(frames: Sequence[Path], content: CameraFile) -> list[list[Path]]:
 
 
 def _work(comparing: Comparing, frames: list[Path]) -> Share:
+    with one_thread():
+        return Share(tuple(_compare_one(comparing, path) for path in frames), side_by_side.peak_bytes())
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """The last bit of solved light depends on the number of threads: all of a series has one, whoever makes it."""
     import numba
 
+    before = numba.get_num_threads()
     numba.set_num_threads(1)
-    return Share(tuple(_compare_one(comparing, path) for path in frames), side_by_side.peak_bytes())
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def _killed(frames: list[Path]) -> Share:

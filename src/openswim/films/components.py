@@ -33,7 +33,7 @@ def components(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _halved(light: F32) -> F32:
-    """Means of 2 x 2 pixels: chroma in the middle of four, as decoders that are told nothing else have it."""
+    """Means of 2 x 2 pixels; decoders that have chroma half a pixel to the left show edges that much beside."""
     ny, nx, n = light.shape
     return np.asarray(light.reshape(ny // 2, 2, nx // 2, 2, n).mean(axis=(1, 3)))
 

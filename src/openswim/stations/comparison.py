@@ -70,6 +70,10 @@ def plot(model: xr.Dataset, station: xr.Dataset, path: Path, clear: NDArray[np.b
     above.set_title(f"{about.get('source', '')}  {_degrees(about['latitude'], 'NS')} "
                     f"{_degrees(about['longitude'], 'EW')}")  # fmt: skip
     below.axhline(0, color="0.5", linewidth=0.6)
+    if not any(np.size(line.get_xdata()) for line in below.lines[:-1]):
+        below.set_yticks([])
+        below.text(0.5, 0.65, "at no time" if clear is None else "clear sky at no time", transform=below.transAxes,
+                   ha="center")  # fmt: skip
     below.set_ylabel(("" if clear is None else "clear sky: ") + "model -\nmeasured (W m$^{-2}$)")
     below.xaxis.axis_date()
     below.xaxis.set_major_formatter(ConciseDateFormatter(below.xaxis.get_major_locator()))

@@ -17,6 +17,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Locate = Callable[[F64], tuple[F64, F64, F64]]
 
+_CLOUD_STEP = 0.75  # of a cell, as rays of `fast` step in cloud
 _MOST_PLACES = 4000  # of a ray
 _BISECTIONS = 40
 
@@ -76,7 +77,8 @@ def view_of(world: World, rays: Rays, ways: Ways, front: F64, dim: F64, back: F6
 def ways_of(
     world: World, rays: Rays, locate: Locate, ground_m: Callable[[F64, F64], F64], finest_m: float, step: float = 1.0
 ) -> Ways:
-    """Places of rays through a grid, about ``step`` cells apart below the height ``finest_m``, half a layer above it.
+    """Places of rays through a grid, `_CLOUD_STEP` times ``step`` cells apart below the height ``finest_m``, half a
+    layer above it.
 
     locate: height, and fractional row and column (n,) of places (n, 3); ground_m: height of the ground there.
     """
@@ -96,7 +98,7 @@ def ways_of(
         if not now.size:
             break
         layer = dz[np.clip(np.searchsorted(levels, height, "right") - 1, 0, len(dz) - 1)]
-        pace = np.where(height < finest_m, step * np.minimum(layer, min(world.cell_m)), 0.5 * layer)
+        pace = np.where(height < finest_m, _CLOUD_STEP * step * np.minimum(layer, min(world.cell_m)), 0.5 * layer)
         left = leave[now] - at[now]
         # the last two places share what is left
         at[now] += np.where(left < 1.2 * pace, left, np.minimum(pace, 0.6 * left))
