@@ -77,7 +77,8 @@ def view_of(world: World, rays: Rays, ways: Ways, front: F64, dim: F64, back: F6
 def ways_of(
     world: World, rays: Rays, locate: Locate, ground_m: Callable[[F64, F64], F64], finest_m: float, step: float = 1.0
 ) -> Ways:
-    """Places of rays through a grid, `_CLOUD_STEP` times ``step`` cells apart below the height ``finest_m``, half a layer above it.
+    """Places of rays through a grid, `_CLOUD_STEP` times ``step`` cells apart below the height ``finest_m``, half a
+    layer above it.
 
     locate: height, and fractional row and column (n,) of places (n, 3); ground_m: height of the ground there.
     """
