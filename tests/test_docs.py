@@ -10,9 +10,9 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from tests import test_rooms
 
 ROOT = Path(__file__).parents[1]
-SOURCE = ROOT / "src"
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")])
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
@@ -70,26 +70,15 @@ def _names_in(body: list[ast.stmt]) -> set[str]:
 
 
 @cache
-def _trees() -> dict[str, ast.Module]:
-    """By the dotted name of each module."""
-    return {
-        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
-            path.read_text("utf-8")
-        )
-        for path in SOURCE.rglob("*.py")
-    }
-
-
-@cache
 def _modules() -> dict[str, set[str]]:
     """Dotted name of each module: what is in it."""
-    return {name: _names_in(tree.body) for name, tree in _trees().items()}
+    return {name: _names_in(tree.body) for name, tree in test_rooms.trees().items()}
 
 
 @cache
 def _classes() -> dict[str, set[str]]:
     """What each class of the package has, by the class's name; what it inherits included."""
-    found = [node for tree in _trees().values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    found = [node for tree in test_rooms.trees().values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
     own: dict[str, set[str]] = {}
     for node in found:
         own.setdefault(node.name, set()).update(_names_in(node.body))
@@ -189,7 +178,7 @@ def test_modules_named_in_the_settings_exist() -> None:
 
 @cache
 def _pictures() -> dict[str, str]:
-    return runpy.run_path(str(ROOT / "tools/make_rooms_picture.py"))["pictures"]()
+    return runpy.run_path(str(ROOT / "tools/make_rooms_picture.py"))["pictures"](vars(test_rooms))
 
 
 @pytest.mark.parametrize("name", ["rooms.svg", "transport.svg"])

@@ -20,7 +20,8 @@ SMALL = {1440: 24, 800: 16}  # pixels of a picture whose size is not said
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where examples run: it has the weather file that they name, around 24.5 N, 90 W; cameras make small pictures."""
     around = {"TRUELAT1": 24.5, "TRUELAT2": 24.5, "STAND_LON": -89.72, "MOAD_CEN_LAT": 24.31}  # cells of 3 km
-    write_wrf(tmp_path / "wrfout_d01_...", WRFSpec(times=("2005-08-28_18:00:00",), attributes=around))
+    thin = {"QCLOUD": lambda content: 0.01 * content}  # what is thick takes longer
+    write_wrf(tmp_path / "wrfout_d01_...", WRFSpec(times=("2005-08-28_18:00:00",), attributes=around, change=thin))
     monkeypatch.chdir(tmp_path)
     for name in ("panorama", "allsky"):
         made = getattr(openswim.Camera, name).__func__

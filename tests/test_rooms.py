@@ -50,7 +50,7 @@ MOST_MODULES = 20  # in a folder
 # And within transport, whose files beside these rooms conduct them all.
 TRANSPORT = ("engine", "ice", "march", "air", "medium", "ground_light", "beam", "diffuse", "columns", "lit", "swim",
              "view", "montecarlo", "linear")  # fmt: skip
-GROUND_WITHOUT_MAPS = {"fields", "hills", "reflectance", "sample", "sky_view", "spectra", "water"}
+GROUND_WITHOUT_MAPS = {"fields", "footprints", "hills", "reflectance", "sample", "sky_view", "spectra", "water"}
 
 # =====================================================================================================================
 # NOT YET CLEAN: folders whose files and rooms still import each other in circles. To be emptied, never added to.

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
@@ -125,9 +125,8 @@ def reduced(arrows: Mapping[str, set[str]]) -> dict[str, set[str]]:
     return {a: {b for b in to if not any(b in reached(c) for c in to - {b})} for a, to in sorted(arrows.items())}
 
 
-def imports() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
+def imports(found: Mapping[str, Any]) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     """Arrows between rooms, and between those of transport, by what is imported and by names asked of the package."""
-    found = runpy.run_path(str(ROOT / "tests/test_rooms.py"))
     homes = runpy.run_path(str(ROOT / "src/openswim/__init__.py"))["_HOME"]
     between: dict[str, set[str]] = {}
     for name, others in found["imports"]().items():
@@ -236,9 +235,9 @@ def _port(middle: float, width: float, others: list[tuple[float, str]], one: str
     return middle + (which - (len(others) - 1) / 2) * min(0.7 * width / max(1, len(others)), 34)
 
 
-def pictures() -> dict[str, str]:
-    """The files of docs/images by their names."""
-    house, inside = imports()
+def pictures(found: Mapping[str, Any] | None = None) -> dict[str, str]:
+    """The files of docs/images by their names; ``found``: what tests/test_rooms.py defines, if it is known."""
+    house, inside = imports(found or runpy.run_path(str(ROOT / "tests/test_rooms.py")))
     return {
         "rooms.svg": drawn(
             HOUSE, house, HOUSE_WALLS, (92, 92), "The rooms of openswim: a room imports what its arrows reach"

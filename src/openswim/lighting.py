@@ -115,6 +115,19 @@ def light(
     return LitScene(scene, lights[0].field, day, at, lamps=lamps, lights=tuple(lights))
 
 
+def lights_of(
+    scene: Scene, solver: str = "fast", wavelengths_nm: Sequence[float] = WAVELENGTHS_NM, time: Any = None,
+    sun: tuple[float, float] | None = None,
+) -> int:  # fmt: skip
+    """How many lights (sun, moon, night sky with towns) `light` would solve a scene for, one after the other."""
+    when = scene.time if time is None else parse_time(time)
+    if sun is not None or when is None or solver == "reference":
+        return 1
+    scene = settled(scene)
+    lamps = _lamps(scene, when, daylight(scene, time), _checked_wavelengths(wavelengths_nm))
+    return 1 if _is_day(lamps) else len(lamps.every)
+
+
 def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
     towns = scene.levels[-1].grid is not None

@@ -5,9 +5,9 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,10 +18,11 @@ import openswim
 from openswim import Camera, Scene, UserError
 from openswim.batches import Work, processes, read_plan
 from openswim.batches import tasks as tasks_module
-from openswim.batches.processes import fitting
-from openswim.batches.tasks import Task, part_of, tasks_of
+from openswim.batches.tasks import part_of, tasks_of
 from openswim.batches.working import Outcome
 from openswim.cli.main import run
+from openswim.system import side_by_side
+from openswim.system.side_by_side import fitting
 
 PLAN = """openswim_batch = 1
 files = "run_*.nc"
@@ -157,7 +158,7 @@ def test_no_picture_replaces_what_is_read(plan: Path) -> None:
 
 
 def test_no_more_workers_than_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processes, "free_memory", lambda: 10e9)
+    monkeypatch.setattr(side_by_side, "free_memory", lambda: 10e9)
     assert fitting(8, 1, 1e9) == 8
     assert fitting(8, 1, 2e9) == 5  # 8 GB may be used: four more
     assert fitting(8, 1, 1e11) == 1
@@ -180,8 +181,8 @@ def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
             os.kill(stopped[0], signal.SIGSTOP)
 
     class Deadly(ProcessPoolExecutor):
-        def submit(self, work: Callable[[Task], Outcome], task: Task) -> Future[Outcome]:
-            future = super().submit(work, task)
+        def submit(self, *work: Any) -> Future[Outcome]:
+            future = super().submit(*work)
             if stopped and not killed:
                 killed.append(stopped[0])
                 while not future.running():
@@ -189,7 +190,7 @@ def test_a_killed_worker_costs_its_task_only_and_bad_files_are_listed(
                 os.kill(killed[0], signal.SIGKILL)
             return future
 
-    monkeypatch.setattr(processes, "ProcessPoolExecutor", Deadly)
+    monkeypatch.setattr(side_by_side, "ProcessPoolExecutor", Deadly)
     report = openswim.batch(plan, jobs=1, tell=stops)
     assert killed
     assert (len(report.made), [one.task for one in report.failed]) == (2, ["run_3.nc"])

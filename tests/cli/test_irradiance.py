@@ -139,6 +139,11 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         (["satellite", "x.nc", "--like", "y.tif"], "--band missing"),
         (["satellite", "x.nc", "--like", "y.tif", "--band", "C02", "-o", "a.png"], "use .nc or .tif"),
         (["satellite", "x.nc", "--like", "y.tif", "--band", "C02"], "y.tif"),
+        (["satellite", "x.nc", "--band", "C02"], "which pixels"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "full", "--like", "y.tif"], "which pixels"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "full"], "--output missing"),
+        (["satellite", "x.nc", "--band", "C02", "--like", "y.tif", "--every", "2"], "--every belongs to --grid"),
+        (["satellite", "x.nc", "--band", "C02", "--grid", "meso", "-o", "a.nc"], "has full and conus"),
     ],
 )
 def test_mistakes_are_one_line(
@@ -149,3 +154,18 @@ def test_mistakes_are_one_line(
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 1
     assert says in said[0]
+
+
+def test_beside_an_overcast_day_the_clear_sky_is_written_and_checks_are_in_words(
+    station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head, *rows = station.read_text().splitlines()
+    station.write_text("\n".join([head, *(f"{row.split(',')[0]},100,0,140" for row in rows)]) + "\n")
+    command = [*BESIDE, "--station", str(station), "--start", "2016-06-23T10:00"]
+    assert run([*command, "-o", str(tmp_path / "out.csv")]) == 0
+    said = capsys.readouterr()
+    assert len((tmp_path / "out.csv").read_text().splitlines()) == 302
+    assert "parts: 301 of 301 values where global and its parts disagree" in said.err  # of the chosen times
+    assert "nothing to compare with a clear sky" in said.err
+    assert run([*command, "--fit", "beam", "-o", str(tmp_path / "fit.csv")]) == 2
+    assert not (tmp_path / "fit.csv").exists()

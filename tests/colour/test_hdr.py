@@ -105,6 +105,27 @@ def test_exr_holds_light_and_radiance(sphere: xr.Dataset, tmp_path: Path) -> Non
     np.testing.assert_allclose(channels["radiance.546nm"], sphere["radiance"].values[..., 1], rtol=5e-4, atol=1e-7)
 
 
+def test_exr_holds_the_night_as_well(sphere: xr.Dataset, tmp_path: Path) -> None:
+    """Starlight is a thousandth of the least that half floats hold."""
+    library = pytest.importorskip("OpenEXR")
+    night = sphere.assign(radiance=1e-9 * sphere["radiance"])
+    save(night, tmp_path / "night.exr")
+    with library.File(str(tmp_path / "night.exr"), separate_channels=True) as file:
+        found = np.array(file.channels()["radiance.546nm"].pixels)
+    np.testing.assert_allclose(found, night["radiance"].values[..., 1], rtol=1e-6)
+    assert np.median(found) > 0
+
+
+def test_a_sun_below_the_ground_is_no_source(sphere: xr.Dataset, tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    light = sphere["solar_relative_radiance"]
+    night = sphere.assign(solar_relative_radiance=light * rng.uniform(0.5, 2, light.shape))
+    night.attrs["sun_altitude_deg"] = -50.0
+    assert without_sun(night)[1] is None
+    save(night, tmp_path / "night.hdr")
+    assert "openswim_sun" not in (tmp_path / "night.rad").read_text()
+
+
 def test_other_views_are_one_file_and_no_renderer_is_needed(tmp_path: Path) -> None:
     scene = Scene.clear(47.0, 11.0, time=np.datetime64("2024-06-01T08:00"))
     image = openswim.render(scene, Camera.allsky(47.0, 11.0, size=16), Solver("swim"))

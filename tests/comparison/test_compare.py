@@ -10,7 +10,7 @@ from tests.comparison.skies import NAME, clear_radiance, small_camera, write_fra
 
 import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
-from openswim.cli.compare import line_of, told
+from openswim.cli.compare import Progress, line_of
 from openswim.comparison.encoding import decoded, encoded
 from openswim.comparison.report.page import write_page
 from openswim.comparison.response import Curve
@@ -113,7 +113,7 @@ def test_it_is_said_when_half_of_the_frame_is_black(sky, tmp_path):
 def test_a_frame_far_from_the_models_time_is_noted(srgb_frame, capsys):
     found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False)
     for model_time, noted in (("2024-06-20T10:00:00Z", False), ("2024-06-21T14:00:00Z", True)):
-        told(found.assign_attrs(model_time=model_time))
+        Progress(1).tell(found.assign_attrs(model_time=model_time))
         err = capsys.readouterr().err
         assert ("2024-06-21T14:00:00Z, is 30 hours after this frame" in err) is noted
 

@@ -8,7 +8,7 @@ import xarray as xr
 from PIL import Image
 from tests.comparison.skies import clear_radiance, small_camera, write_frame
 
-from openswim.comparison.series import compare_into
+from openswim.comparison.into_folder import compare_into
 from openswim.comparison.settings import Settings, known_camera, skies_of
 from openswim.errors import UserError
 
@@ -74,7 +74,7 @@ def test_a_grey_and_a_damaged_frame_end_no_series(frames, tmp_path):
     settings, skies = Settings(size=64, aod_range=False), skies_of(None, "fast", None, None, table=True)
     left_out = []
 
-    def tell_failed(path, error):
+    def tell_failed(path, failure):
         left_out.append(path.name)
 
     plain = known_camera(CAMERA, settings, None, "fast", skies)

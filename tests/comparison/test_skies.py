@@ -7,10 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.comparison.skies import small_camera, write_frame
 
 from openswim import Camera, Scene
+from openswim.cameras.files import write_camera
+from openswim.cli.main import run
 from openswim.comparison import cloud_correction, skies
 from openswim.comparison.skies import Skies
+from openswim.errors import UserError
 from openswim.scene.atmosphere import Atmosphere
 
 TIME = np.datetime64("2024-06-20T08:00", "ms")
@@ -85,3 +89,23 @@ def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):
         best, history = cloud_correction._passes(scenes[0], None, eyes, 2, "fast", None)
         assert best is scenes[expected]
         assert history.attrs["chosen_edit"] == expected
+
+
+def test_correct_clouds_notes_a_model_that_is_far_from_the_frame_in_time(tmp_path, monkeypatch, capsys):
+    def corrected(*arguments, **settings):
+        raise UserError("here the work begins")
+
+    monkeypatch.setattr(cloud_correction, "correct_clouds", corrected)
+    content = small_camera(48)
+    write_camera(content, tmp_path / "camera.toml")
+    frame = write_frame(tmp_path / "sky_20240621_140000.png", np.full((48, 48, 3), 0.1))
+    for hour in (6, 8):
+        scene = replace(alps(), time=np.datetime64(f"2024-06-20T{hour:02}:00", "ms"))
+        scene.to_netcdf(tmp_path / f"run_{hour}.nc")
+    command = ["correct-clouds", str(tmp_path / "run_*.nc"), str(frame), "--camera", str(tmp_path / "camera.toml"),
+               "-o", str(tmp_path / "edited.nc")]  # fmt: skip
+    assert run(command) == 2
+    assert "2024-06-20T08:00:00Z, is 30 hours before this frame" in capsys.readouterr().err
+    frame.rename(tmp_path / "sky_20240620_090000.png")
+    assert run([part.replace("0621_14", "0620_09") for part in command]) == 2
+    assert "hours before" not in capsys.readouterr().err

@@ -193,6 +193,49 @@ def test_shoreline_of_a_binary_mask_is_sharp_but_smooth():
     assert half == pytest.approx(5.05, abs=0.002)
 
 
+def coarse_scene(lat, lon, land):
+    from pyproj import CRS
+
+    grid = Grid(lon, lat, np.array([0.0, 1e4]), CRS.from_proj4("+proj=longlat +R=6371000"))
+    data = xr.Dataset({"land_area_fraction": (("y", "x"), land)})
+    return SimpleNamespace(grid=grid, data=data, ground=None, time=None)
+
+
+def test_shores_of_a_coarse_model_are_those_of_the_map_it_has_more_coarsely():
+    """Nodes of .5 degrees, land or sea by a quarter of a million points of the map; the Alps' lakes are not in them."""
+    lat, lon = np.arange(40.0, 55.1, 0.5), np.arange(-8.0, 12.1, 0.5)
+    near = np.linspace(-0.2375, 0.2375, 20)
+    at = np.meshgrid(lat, near, lon, near, indexing="ij")
+    land = 1.0 - earth.water_at_nearest(at[0] + at[1], at[2] + at[3]).mean(axis=(1, 3))
+    rng = np.random.default_rng(3)
+    places = rng.uniform(41, 54, 20_000), rng.uniform(-7, 11, 20_000)
+    true = earth.water_at_nearest(*places)
+    for fraction in (land, np.round(land)):
+        water = surface_properties(coarse_scene(lat, lon, fraction), *places, WAVELENGTHS).water
+        assert np.abs(water - true).mean() < 0.0035  # .068 and .039 by the model's own shores
+
+
+def test_shores_of_another_earth_are_its_own():
+    lat, lon = np.arange(40.0, 55.1, 0.5), np.arange(-8.0, 12.1, 0.5)
+    island = np.hypot(lat[:, None] - 47.0, lon - 2.0) < 4.0
+    for land in (np.zeros((lat.size, lon.size)), island.astype(float)):
+        scene = coarse_scene(lat, lon, land)
+        y, x = np.meshgrid(lat[6:-6], lon[6:-6], indexing="ij")
+        water = surface_properties(scene, y.ravel(), x.ravel(), WAVELENGTHS).water
+        np.testing.assert_allclose(water, 1.0 - land[6:-6, 6:-6].ravel(), atol=1e-9)
+
+
+def test_shores_from_far_are_means_of_the_map():
+    lat, lon = np.random.default_rng(4).uniform((41, -7), (54, 11), (400, 2)).T
+    near = np.linspace(-30e3, 30e3, 41)  # of a pixel of 60 km
+    y = lat[:, None, None] + near[:, None] / 111.2e3
+    x = lon[:, None, None] + near / 111.2e3 / np.cos(np.radians(lat))[:, None, None]
+    true = earth.water_at_nearest(*np.broadcast_arrays(y, x)).mean(axis=(1, 2))
+    seen = surface_properties(lonlat_scene(), lat, lon, WAVELENGTHS, 60e3).water
+    assert np.corrcoef(seen, true)[0, 1] > 0.992
+    assert abs(seen.mean() - true.mean()) < 0.0028
+
+
 def test_broadband_albedo_keeps_its_level_and_takes_the_colour_of_the_land():
     """.16 over vegetation is mostly near-infrared; .80 is snow."""
     green = surface_properties(

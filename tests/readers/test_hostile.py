@@ -323,21 +323,21 @@ def test_references_that_lead_nowhere(tmp_path):
     _refused(tmp_path / "cut.json", "cut.json")
 
 
-def test_three_hundred_spoilt_files_give_a_scene_or_one_line(tmp_path):
+def test_spoilt_files_give_a_scene_or_one_line(tmp_path):
     """The fixed cases of fuzzing.py, read one after another by a process with 6 GB of address space: no traceback, no
-    crash, nothing that takes long; what is quietly another scene is as rare as was measured (15 of 300, of which 10
-    are bytes of payload)."""
-    run = [sys.executable, "-m", "tests.readers.fuzzing", str(tmp_path), "33", "0", "300"]
+    crash, nothing that takes long; what is quietly another scene is as rare as was measured (8 of 150; of 300 were 15,
+    10 of which are bytes of payload)."""
+    run = [sys.executable, "-m", "tests.readers.fuzzing", str(tmp_path), "33", "0", "150"]
     done = subprocess.run(run, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=600)
     lines = done.stdout.splitlines()
     assert done.returncode == 0, f"{lines[-1:]}\n{done.stderr[-3000:]}"
     cases = [case for case in map(json.loads, lines) if "verdict" in case]
-    assert len(cases) == 300
+    assert len(cases) == 150
     assert [case for case in cases if case["verdict"] not in ("refused", "told", "same", "silent")] == []
     assert [case for case in cases if case["cpu_s"] > 5] == []
     counts = Counter(case["verdict"] for case in cases)
-    assert counts["silent"] <= 18, [case for case in cases if case["verdict"] == "silent"]
-    assert counts["refused"] > 130  # of 154: the cases spoil files indeed
+    assert counts["silent"] <= 10, [case for case in cases if case["verdict"] == "silent"]
+    assert counts["refused"] > 65  # of 77: the cases spoil files indeed
 
 
 def test_radii_of_kinds_that_cosp_has_not(tmp_path):

@@ -18,6 +18,7 @@ from tests.readers.conftest import WRFSpec, write_wrf
 from tests.readers.model_files import MAKERS
 from tests.readers.verdicts import Found, verdict
 
+from openswim.errors import UserError
 from openswim.readers import open_scene
 
 FILES: dict[str, Callable[[Path], list[Path]]] = {
@@ -136,3 +137,12 @@ def test_rows_of_text_that_are_cut(tmp_path, kind, kept, within):
     end = text.index("\n", int(kept * len(text)))
     paths[0].write_text(text[: end - 1] if within else text[: end + 1])
     assert verdict(paths, good) == ("refused" if within or kind == "SHDOM text" else "told")
+
+
+def test_shares_of_a_cell_that_are_no_whole_are_refused(tmp_path: Path) -> None:
+    """RAMS's patches: what a cell has of water and of each kind of land."""
+    path = MAKERS["RAMS with header"](tmp_path).paths[0]
+    with netCDF4.Dataset(path, "a") as file:
+        file["PATCH_AREA"][1, 0, 0] = 0.4
+    with pytest.raises(UserError, match=r"PATCH_AREA.*adds up to 0\.4 to 1, not to 1"):
+        open_scene(path)

@@ -90,12 +90,17 @@ def test_large_grids_are_halved() -> None:
     assert np.abs(halved.follows(change) - e).mean() < 0.1 * e.mean()
 
 
-@pytest.mark.slow
+def divided_less(monkeypatch: pytest.MonkeyPatch, nodes: int) -> None:
+    """As in large domains, cells are not divided where there would be more nodes than so many: they stay thick."""
+    monkeypatch.setattr("openswim.transport.medium.levels.MOST_RESOLVED_NODES", nodes)
+
+
 @pytest.mark.parametrize("depth", [100.0, 1000.0])
-def test_thick_decks_keep_their_light(depth: float) -> None:
+def test_thick_decks_keep_their_light(depth: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """White, nearly even, without sides, over black ground: what enters leaves, after some hundred to thousand
     scatterings; and as much comes through as two streams say (Eddington, 2 (1 + 3/2 mu)/(4 + 3 depth (1 - g)) where it
-    is thick; Meador and Weaver 1980), within 3.5 %. (Of depth 1000, cells of depth 7, twice as much: .015.)"""
+    is thick; Meador and Weaver 1980), within 3.5 %. (Of depth 1000, in cells of depth 28, twice as much: .014.)"""
+    divided_less(monkeypatch, 250_000)
     rng = np.random.default_rng(0)
     shape = (9, 8, 8)
     extinction = np.zeros(shape)
@@ -103,38 +108,29 @@ def test_thick_decks_keep_their_light(depth: float) -> None:
     scene = grid_scene(extinction * rng.normal(1.0, 0.02, shape), shape, periodic=True)
     sun = toward(250.0, 40.0)
     fluxes = {name: float(flux[0]) / sun[2] for name, flux in Solver().solve(scene, sun, [546.0]).fluxes().items()}
-    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.0015)
+    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.0013)
     if depth == 100.0:  # linear between nodes: half a layer more above and below
         through = (2 + 3 * sun[2]) / (4 + 3 * 1.25 * depth * 0.15)
         assert fluxes["down_bottom"] == pytest.approx(through, rel=0.045)
 
 
-def lumpy(periodic: bool) -> Scene:
+def lumpy() -> Scene:
     """A white cloud of optical depth 480 within 1.1 km."""
     rng = np.random.default_rng(0)
     z, y, x = np.ogrid[0:10, 0:11, 0:11]
     inside = 1 - ((z - 4.5) / 4) ** 2 - ((y - 5.0) / 4) ** 2 - ((x - 5.0) / 4) ** 2
     extinction = 0.6 * np.clip(inside + 0.3 * rng.standard_normal(inside.shape), 0, 1)
-    return grid_scene(extinction, inside.shape, periodic=periodic)
+    return grid_scene(extinction, inside.shape)
 
 
-@pytest.mark.slow
-def test_a_thick_cloud_is_done_at_the_default_tolerance() -> None:
-    """Fluxes within .3 % of those that many more sweeps find (4 to 6 % too small without diffusion)."""
+def test_a_thick_cloud_is_done_at_the_default_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fluxes within .15 % of those that many more sweeps find (3 to 4 % too small without diffusion)."""
+    divided_less(monkeypatch, 250_000)
     quick, exact = (
-        Solver(tolerance=t).solve(lumpy(False), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
+        Solver(tolerance=t).solve(lumpy(), toward(250.0, 40.0), [546.0]).fluxes() for t in (0.02, 0.002)
     )
     for name, flux in exact.items():
-        np.testing.assert_allclose(quick[name], flux, rtol=0.0033, atol=1e-6, err_msg=name)
-
-
-@pytest.mark.slow
-def test_a_thick_cloud_without_sides_keeps_its_light() -> None:
-    """Over black ground all that enters leaves."""
-    sun = toward(250.0, 40.0)
-    fluxes = Solver().solve(lumpy(True), sun, [546.0]).fluxes()
-    total = sum(float(fluxes[name][0]) for name in ("up_top", "down_bottom", "direct_bottom"))
-    assert total == pytest.approx(sun[2], rel=0.0025)
+        np.testing.assert_allclose(quick[name], flux, rtol=0.0019, atol=1e-6, err_msg=name)
 
 
 def test_a_wide_deck_with_open_sides_keeps_its_light() -> None:
@@ -164,9 +160,12 @@ def test_lone_thick_cells_are_solved() -> None:
     assert total == pytest.approx(sun[2], rel=0.03)
 
 
-def test_lone_cells_of_any_depth_give_no_light_of_their_own() -> None:
-    """Nodes of depth up to 1000 across, all different, on the round Earth: no more light than there is."""
-    rng = np.random.default_rng(3)
+@pytest.mark.parametrize("seed", [2, 6, 11])
+def test_where_diffusion_misleads_sweeps_begin_anew_without_it(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes of depth up to 1000 across, all different, on the round Earth, and none divided: no more light than there
+    is (1e5 times as much and more, did sweeps go on from where diffusion led them)."""
+    divided_less(monkeypatch, 1)
+    rng = np.random.default_rng(seed)
     shape = (7, 5, 6)
     cover, altitude = rng.uniform(0.05, 1), rng.uniform(0, 90)
     cloud = np.where(rng.random(shape) < cover, rng.random(shape), 0.0)

@@ -193,7 +193,7 @@ def test_passes_of_many_rays_are_cut_for_interrupts(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(montecarlo, "in_threads", lambda *a, **k: parts.append(k["parts"]) or real(*a, **k))
     rays = above(-sky_directions(np.full(100, 20.0), np.linspace(0, 350, 100)))
     many = field.view(rays)
-    assert set(parts) == {rays.directions().shape[0] // 2048}
+    assert set(parts) == {rays.directions().shape[0] // montecarlo._PART_RAYS}
     assert parts[0] > 2
     monkeypatch.setattr(montecarlo, "_PART_RAYS", 1 << 30)
     np.testing.assert_array_equal(field.view(rays).radiance, many.radiance)

@@ -144,7 +144,7 @@ def test_a_cloud_beyond_the_inner_grid_stands_on_the_horizon() -> None:
 @pytest.mark.parametrize("name", ["fast", "swim"])
 def test_clouds_of_the_wider_grid_shade_the_inner(name) -> None:
     """A low sun behind a bank of cloud: the ground in the inner grid is as dark as on one grid."""
-    solver = FAST if name == "fast" else Solver(name)
+    solver = Solver(name, most_sweeps=1) if name == "fast" else Solver(name)  # of the beam there is no more to know
     sun = sun_at_zenith_angle(80.0)  # over the bank in the east: its top casts 28 km of shadow, its base 6 km
     scene = nest(far_cloud, inner=10)
     direct = {}

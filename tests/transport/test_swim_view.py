@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.ndimage import zoom
 from tests.transport.scenes import (
     WAVELENGTH_NM,
     aimed_at,
@@ -47,6 +48,7 @@ def test_near_sides_of_even_cloud(tau: float, zenith: float) -> None:
     lit = SWIM.solve(slab(tau, levels=41), sun_at_zenith_angle(30.0), [WAVELENGTH_NM]).lit[0]
     volume = aimed_at(lit).volume
     volume.fields[..., PACK : 2 * PACK] = volume.fields[..., [volume.cloud_channel]]
+    volume.fields[..., 2 * PACK + volume.species : volume.cloud_channel] = 0  # no depth to the sun: T = 1
     along = sun_at_zenith_angle(zenith)
     seen = near_side(np.zeros((1, 3)), along[None], lit.shells, volume, 1.0, None)
     slant = tau / along[2]
@@ -55,6 +57,61 @@ def test_near_sides_of_even_cloud(tau: float, zenith: float) -> None:
     assert seen.lit[0, 0] == pytest.approx(1 - np.exp(-min(slant, 2)), rel=2e-5)
     assert seen.cloud_m[0] == pytest.approx(0.5 * min(1 / slant, 1) * 1000.0 / along[2], rel=3e-6)
     assert (seen.front == 0).all()
+
+
+@pytest.mark.parametrize("zenith", [0.0, 60.0])
+@pytest.mark.parametrize("falling", [0.0, 60.0])
+def test_near_side_of_a_cloud_whose_top_is_one_thick_cell(zenith: float, falling: float) -> None:
+    """Eq. 12 in a cloud that thins out from 2 to 4 km, 30 units of depth: int e^-x/(1 + b x mu/mu_0) dx."""
+    across = np.arange(3) * 1000.0
+    extinction = np.array([0.03, 0.03, 0.0], np.float32)[:, None, None] * np.ones((3, 3), np.float32)
+    scene = Scene.from_arrays(
+        extinction, across, across, np.array([0.0, 2000.0, 4000.0]), kind="liquid", phase=HenyeyGreenstein(0.85),
+        periodic=True, surface_albedo=0.0,
+    )  # fmt: skip
+    lit = SWIM.solve(scene, sun_at_zenith_angle(zenith), [WAVELENGTH_NM]).lit[0]
+    eye, mu, mu_0 = np.array([[0.0, 0.0, 4001.0]]), np.cos(np.radians(falling)), np.cos(np.radians(zenith))
+    seen = near_side(eye, -sun_at_zenith_angle(falling)[None], lit.shells, aimed_at(lit).volume, 1.0, None)
+    x = np.linspace(0.0, 2.0, 2001)
+    light = np.exp(-x) / (1 + lit.medium.species[0].backscatter_fraction * x * mu / mu_0)
+    assert seen.lit[0, 0] == pytest.approx(np.trapezoid(light, x), rel=8e-3)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "above", "lit_side", "below"), [(90.0, 0.003, 0.036, 0.003), (40.0, 0.0045, 0.026, 0.02)]
+)
+def test_a_cloud_in_thick_cells_looks_like_the_same_cloud_in_thin_ones(
+    altitude: float, above: float, lit_side: float, below: float
+) -> None:
+    """Five to one along every axis; means of what is seen from above, on the side of the sun and from the ground."""
+    shape = (9, 11, 11)
+    thick = box(shape, (slice(3, 6), slice(3, 8), slice(3, 8)), 1.0)
+    thick *= 0.01 + 0.02 * np.random.default_rng(1).random(shape).astype(np.float32)
+    thin = np.maximum(zoom(thick, [(5 * (n - 1) + 1) / n for n in shape], order=1), 0)
+    down = down_on(*np.meshgrid(*2 * [np.linspace(-1200.0, 1200.0, 25)]), 6000.0)
+    side = Rays(np.array([6000.0, 0.0, 2000.0]), np.array([toward(270.0, a) for a in np.linspace(-12, 12, 60)]))
+    up = Rays(np.array([0.0, 0.0, 1.0]), sky_directions(np.linspace(0.0, 40.0, 10), np.arange(0.0, 360.0, 30.0)))
+    found = []
+    for cloud, cell_m in ((thick, 500.0), (thin, 100.0)):
+        field = SWIM.solve(grid_scene(cloud, cloud.shape, (cell_m,) * 3), toward(90.0, altitude), [WAVELENGTH_NM])
+        found.append([field.view(rays).radiance.mean() for rays in (down, side, up)])
+    for own, true, part in zip(*found, (above, lit_side, below), strict=True):
+        assert own == pytest.approx(true, rel=part)
+
+
+@pytest.mark.parametrize("levels_m", [[0, 1e3, 2e3, 4e3, 6e3, 8e3], np.arange(0, 8100, 250)], ids=["km", "250 m"])
+@pytest.mark.parametrize("zenith", [0.0, 60.0])
+def test_thick_water_is_as_white_from_above_as_fast_has_it(levels_m: list[float], zenith: float) -> None:
+    """.3 g/m3 between 1 and 4 km, seen 30 degrees off the vertical on both sides, in levels of any thickness."""
+    across, height_m = np.arange(4) * 1000.0, np.array(levels_m)
+    water = 3e-4 * ((height_m >= 1000) & (height_m <= 4000))[:, None, None] * np.ones((4, 4))
+    scene = Scene.from_arrays(
+        None, across, across, height_m, fields={"liquid_content": water}, atmosphere=Atmosphere.us_standard(),
+        surface_albedo=0.1, periodic=True,
+    )  # fmt: skip
+    rays = Rays(np.array([0.0, 0.0, 7900.0]), np.array([[x, 0.0, -np.sqrt(0.75)] for x in (0.5, -0.5)]))
+    swim, fast = (view(scene, zenith, rays, Solver(name)) for name in ("swim", "fast"))
+    np.testing.assert_allclose(swim, fast, rtol=0.07)
 
 
 def test_air_in_front_of_cloud_ends_at_its_first_unit_of_depth() -> None:

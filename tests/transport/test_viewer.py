@@ -15,7 +15,9 @@ from openswim import Camera
 from openswim.lighting import light
 from openswim.pictures.viewpoint import LitScene
 from openswim.scene.procedural import demo_scene
+from openswim.scene.rays import Rays
 from openswim.solver import Solver
+from openswim.transport.view import toward_eye
 
 ROWS, COLUMNS = 60, 120
 
@@ -69,7 +71,7 @@ def test_views_leave_the_light_as_it_was(lit: LitScene, camera: Camera) -> None:
 def test_there_is_water_and_cloud_in_the_picture(lit: LitScene, camera: Camera) -> None:
     """Or what is the same would say little."""
     viewer = lit.viewpoint(camera)._eye.packs[0]  # type: ignore[union-attr]
-    assert viewer.grid.mirrored is not None
+    assert viewer.grid.mirrored.picture is not None
     assert lit.field.medium.extinction.max() > 1e-3  # type: ignore[union-attr]
 
 
@@ -110,6 +112,29 @@ def test_a_single_ray_is_seen_by_the_eye_that_is_there(lit: LitScene, camera: Ca
     eye = lit.field.viewpoint(camera.rays(lit.field.frame, 0.0, camera.pixels()))
     (here,), (other,) = eye.packs, eye.of_others(camera.rays(lit.field.frame, 0.0, camera.pixels())[7:8]).packs
     assert other.grid.volume.fields is here.grid.volume.fields
+
+
+def test_eyes_along_a_path_share_what_does_not_depend_on_them(lit: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sources toward every direction, of the nodes around an eye in cloud: the same bits, whoever made them."""
+    medium = lit.field.medium  # type: ignore[union-attr]
+    assert medium is not None
+    cloud = medium.extinction.sum(axis=0)
+    k, j, i = np.unravel_index(cloud[:, 20:-20, 20:-20].argmax(), cloud[:, 20:-20, 20:-20].shape)
+    eye = medium.place[j + 20, i + 20] + medium.axes[j + 20, i + 20, 2] * medium.levels_m[k]
+    toward = np.random.default_rng(1).normal(size=(40, 3))
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    made, turning = [], toward_eye._turning
+    monkeypatch.setattr(toward_eye, "_turning", lambda *given: made.append(1) or turning(*given))
+
+    def seen(step_m: float) -> np.ndarray:
+        return np.asarray(lit.field.viewpoint(rays := Rays(eye + step_m, toward)).view(rays).radiance)
+
+    first, after = seen(0.0), seen(3.0)
+    assert len(made) == len(lit.field.packs)  # type: ignore[union-attr]
+    assert np.abs(after - first).max() > 0
+    for pack in lit.field.packs:  # type: ignore[union-attr]
+        pack.once._last.clear()
+    np.testing.assert_array_equal(seen(3.0), after)
 
 
 @pytest.mark.parametrize("part", [(slice(0, 0), slice(None)), (slice(None), slice(0, 50, 2)), (slice(70, 90),) * 2])

@@ -1,117 +1,25 @@
-"""Tasks by several processes of one machine. No field of light crosses from one to another: they hand back one line.
-
-The first task is done alone. It compiles what kernels are not compiled yet, so that this is done once, and the memory
-that it took says how many may work side by side.
-"""
+"""A plan's tasks by several processes of one machine. No field of light crosses from one to another: they hand back
+one line."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
-from multiprocessing.connection import wait as wait_for
 
 from openswim.batches.plan import Plan
 from openswim.batches.tasks import Task
 from openswim.batches.working import Outcome, do
-from openswim.errors import UserError
-from openswim.system.machine import free_memory
-from openswim.system.workshops import abandon
-
-SURE = 0.8  # of the free memory
-_KILLED = "its process was killed, as where memory runs out: use smaller pictures or a smaller domain"
-_NONE_LIVES = (
-    "the processes that should work are killed, or end as they begin: use smaller pictures or a smaller domain where "
-    'memory runs out; in a script of yours, call batch under: if __name__ == "__main__":'
-)
-
-_order: tuple[Plan, int] | None = None  # of a worker: what it works at, and by how many threads
+from openswim.system import side_by_side
 
 
 def outcomes(plan: Plan, tasks: Sequence[Task], jobs: int, threads: int = 1) -> Iterator[Outcome]:
-    """Do tasks by at most ``jobs`` processes at a time, as many as memory holds; in the order in which they end.
-
-    Where a process is killed, what was at work is tried again, each task alone, and given up if that is killed, too.
-    """
-    waiting, alone, ended_well = deque(tasks), deque[Task](), False
-    running: dict[Future[Outcome], Task] = {}
-    side_by_side, pool = 1, _pool(plan, jobs, threads)
-    try:
-        while waiting or alone or running:
-            lost, lonely = [], bool(alone)
-            while (alone or waiting) and len(running) < (1 if lonely else side_by_side):
-                task = alone[0] if lonely else waiting[0]
-                try:
-                    running[pool.submit(_work, task)] = task
-                except BrokenProcessPool:  # by a death between two tasks, of which none is to blame
-                    pool.shutdown(wait=True)
-                    pool = _pool(plan, jobs, threads)
-                    continue
-                (alone if lonely else waiting).popleft()
-            ended, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in ended:
-                task = running.pop(future)
-                try:
-                    outcome = future.result()
-                except BrokenProcessPool:
-                    lost.append(task)
-                    continue
-                ended_well = True
-                side_by_side = fitting(jobs, len(running) + 1, outcome.peak_bytes)
-                yield outcome
-            if lost and lonely and not ended_well:
-                raise UserError(_NONE_LIVES)
-            if lost and lonely:
-                yield Outcome(lost[0].name, failure=_KILLED)
-            elif lost:
-                alone.extend([*lost, *running.values()])
-                running.clear()
-    finally:
-        _end(pool)
+    """Do tasks by at most ``jobs`` processes at a time, as many as memory holds; in the order in which they end."""
+    return side_by_side.outcomes(_work, (plan, threads), tasks, jobs, _killed)
 
 
-def fitting(jobs: int, there: int, peak_bytes: float) -> int:
-    """How many of the jobs that are wanted the memory holds, where so many are there already and each takes so much."""
-    return max(1, min(jobs, there + int(SURE * free_memory() / max(peak_bytes, 1.0))))
-
-
-def _pool(plan: Plan, jobs: int, threads: int) -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(jobs, context, _begin, (plan, threads))
-
-
-def _begin(plan: Plan, threads: int) -> None:
-    """A worker sets out: Ctrl-C is its parent's to hear, and it does not outlive that."""
-    global _order
-    _order = plan, threads
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(parent: int) -> None:
-    wait_for([parent])
-    abandon()
-    os._exit(1)
-
-
-def _work(task: Task) -> Outcome:
-    assert _order is not None
-    plan, threads = _order
+def _work(order: tuple[Plan, int], task: Task) -> Outcome:
+    plan, threads = order
     return do(plan, task, threads)
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
-    """Without waiting for what is still at work, as after Ctrl-C."""
-    workers = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for worker in workers:
-        with suppress(OSError, ValueError):
-            worker.terminate()
+def _killed(task: Task) -> Outcome:
+    return Outcome(task.name, failure=side_by_side.KILLED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from openswim.batches.plan_cameras import PlannedCamera
 from openswim.batches.records import Records
 from openswim.batches.tasks import Task
 from openswim.errors import UserError
+from openswim.system.side_by_side import peak_bytes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +60,7 @@ def attempted(task: Task, make: Callable[[], int]) -> Outcome:
     except Exception as error:
         failure, fault = " ".join(f"{type(error).__name__}: {error}".split())[:600], True
     return Outcome(
-        task.name, made, failure, fault, clock.perf_counter() - start, clock.process_time() - cpu, _peak_bytes()
+        task.name, made, failure, fault, clock.perf_counter() - start, clock.process_time() - cpu, peak_bytes()
     )
 
 
@@ -129,13 +129,3 @@ def _written(plan: Plan, task: Task, camera: PlannedCamera, image: xr.Dataset) -
         if path.suffix == ".hdr" and str(image.attrs.get("view")) in ("panorama", "sphere"):
             names += [str(Path(name).with_suffix(suffix)) for suffix in (".cal", ".rad")]
     return names
-
-
-def _peak_bytes() -> float:
-    """The most memory that this process has held."""
-    try:
-        import resource
-    except ImportError:
-        return 0.0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return float(peak if sys.platform == "darwin" else 1024 * peak)

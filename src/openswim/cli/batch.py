@@ -132,8 +132,8 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     if request.scheduler is not None:
         click.echo(f"{told}; {pictures} files by {request.scheduler}; one of them: {one}", err=True)
         return
-    from openswim.batches.processes import SURE
     from openswim.system.machine import free_memory
+    from openswim.system.side_by_side import SURE
 
     free = free_memory()
     if one.memory_bytes > free:

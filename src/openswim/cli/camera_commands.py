@@ -50,6 +50,8 @@ def calibrate(**options: Any) -> None:
 @click.option("--dhi", "dhi_w_m2", type=float, help="Diffuse irradiance beside the camera, W/m2: fixes its scale.")
 @click.option("-o", "--output", type=PATH, default=Path("openswim-compare"), show_default=True,
               help="Folder for pages and netCDF files; frames that it has already are not done again.")  # fmt: skip
+@click.option("--jobs", type=int,
+              help="Processes side by side, of several frames.  [default: as many as there are cores]")  # fmt: skip
 @debug
 def compare(files: tuple[Path, ...], **options: Any) -> None:
     """Compare a camera's FRAMEs with the sky that MODEL has at their place and time.

@@ -1,6 +1,8 @@
 """`openswim compare`: from a model, a camera's file and frames to pages and files of scores."""
 
-from dataclasses import dataclass, replace
+import os
+import time as clock
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
     from openswim.cameras.files import CameraFile
 
 MUCH = 0.8  # of the sky, below which it is said how much is used
+MOST_JOBS = 1024
+PATIENCE_S, FEWEST = 10.0, 5  # what is left is told from so long and, for the first frame starts everything, so many on
 FAR_HOURS = 3.0  # between a frame and a model's time
 _SETTINGS = ("size", "sun_mask_deg", "lowest_deg", "encoding", "ghi_w_m2", "dhi_w_m2")
 
@@ -43,6 +47,7 @@ class CompareRequest:
     ghi_w_m2: float | None = None
     dhi_w_m2: float | None = None
     output: Path = Path("openswim-compare")
+    jobs: int | None = None
 
     def settings(self) -> dict[str, Any]:
         """What `openswim.compare` takes of them."""
@@ -54,12 +59,14 @@ class CompareRequest:
 
 def run(request: CompareRequest) -> None:
     """Compare and write; what can be wrong with the request is found before any work is done."""
-    from openswim.comparison.series import compare_into
+    from openswim.comparison.into_folder import compare_into
     from openswim.comparison.settings import known_camera, settings_of, skies_of
     from openswim.ground.earth import preload
     from openswim.readers import files_of
     from openswim.solver import Solver
 
+    if request.jobs is not None and not 1 <= request.jobs <= MOST_JOBS:
+        raise UserError(f"--jobs {request.jobs}: give 1 to {MOST_JOBS}")
     model, frames = (None, request.files) if request.clear else (request.files[0], request.files[1:])
     if not frames:
         raise UserError("frames missing: write openswim compare MODEL FRAME... (or --clear FRAME...)")
@@ -75,16 +82,57 @@ def run(request: CompareRequest) -> None:
     preload()
     skies = skies_of(model, solver, request.aod, request.albedo, table=len(listed) > 1)
     known = known_camera(content, settings, request.clear_frame, solver, skies)
-    failed = []
-
-    def tell_failed(path: Path, error: UserError) -> None:
-        failed.append(path)
-        click.echo(f"left out: {error}", err=True)
-
-    done = compare_into(skies, listed, content, settings, known, request.output, request.time, told, tell_failed)
+    jobs = 1 if len(listed) == 1 else request.jobs or cores()
+    progress = Progress(jobs)
+    done = compare_into(skies, listed, content, settings, known, request.output, request.time, progress.tell,
+                        progress.tell_failed, jobs, progress.begin)  # fmt: skip
     click.echo(f"{done}")
-    if failed:
-        raise UserError(f"{len(failed)} of {len(listed)} frames are left out, as said above")
+    if progress.failed:
+        raise UserError(f"{progress.failed} of {len(listed)} frames are left out, as said above")
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
+
+
+@dataclass
+class Progress:
+    """What is said while frames are compared."""
+
+    jobs: int
+    waiting: int = 1
+    failed: int = 0
+    done: int = 0
+    began: float = field(default_factory=clock.monotonic)
+
+    def begin(self, waiting: int, standing: int) -> None:
+        """Of a series, say what there is to do."""
+        self.waiting, self.began = waiting, clock.monotonic()
+        if waiting + standing > 1:
+            by = f" by up to {self.jobs} processes" if min(self.jobs, waiting) > 1 else ""
+            click.echo(f"{waiting + standing} frames, {standing} of them done"
+                       + (f"; the others{by}" if standing and waiting else by), err=True)  # fmt: skip
+
+    def tell(self, comparison: "xr.Dataset") -> None:
+        """One line about a frame, and how long the others will take."""
+        click.echo(line_of(comparison) + self._left())
+        if "model_time" in comparison.attrs:
+            seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
+            tell_when_far(seen, model, "frame")
+
+    def tell_failed(self, path: Path, failure: str) -> None:
+        self.failed += 1
+        click.echo(f"left out: {failure}{self._left()}", err=True)
+
+    def _left(self) -> str:
+        self.done += 1
+        left_s = (clock.monotonic() - self.began) / self.done * (self.waiting - self.done)
+        if left_s < PATIENCE_S or self.done < FEWEST:
+            return ""
+        return f" ({self.waiting - self.done} to do, {left_s / 60:.0f} min)" if left_s >= 90 else (
+            f" ({self.waiting - self.done} to do, {left_s:.0f} s)")  # fmt: skip
 
 
 def camera_content(request: CompareRequest) -> "CameraFile":
@@ -94,14 +142,6 @@ def camera_content(request: CompareRequest) -> "CameraFile":
     content = read_camera(request.camera_file, lat=request.lat, lon=request.lon)
     given = {name: value for name in ("time_pattern", "utc_offset_h") if (value := getattr(request, name)) is not None}
     return replace(content, frames=replace(content.frames, **given))
-
-
-def told(comparison: "xr.Dataset") -> None:
-    """One line about a frame."""
-    click.echo(line_of(comparison))
-    if "model_time" in comparison.attrs:
-        seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
-        tell_when_far(seen, model, "frame")
 
 
 def tell_without_obstacles(path: Path, content: "CameraFile", lowest_deg: float) -> None:

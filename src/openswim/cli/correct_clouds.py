@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    from openswim.cameras.files import CameraFile
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,8 @@ def run(request: CorrectCloudsRequest) -> None:
     settings: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
     for path in request.camera_files:
         tell_without_obstacles(path, read_camera(path), settings_of(settings).lowest_deg)
+    if frames and request.camera_files:
+        _tell_time(request, frames[0], read_camera(request.camera_files[0]))
     preload()
     scene, history = correct_clouds(
         str(request.model), frames, request.camera_files, time=request.time, clear_frames=request.clear_frames,
@@ -70,3 +75,15 @@ def run(request: CorrectCloudsRequest) -> None:
     save(request.output)
     save_netcdf(history, scores)
     click.echo(f"{request.output}, {scores}")
+
+
+def _tell_time(request: CorrectCloudsRequest, frame: Path, camera: "CameraFile") -> None:
+    """Note it, before any work is done, where the model's nearest time is far from the first frame's."""
+    from openswim.cli.compare import tell_when_far
+    from openswim.comparison.skies import Skies
+    from openswim.observations import read_frame
+
+    seen = read_frame(frame, request.time, camera.frames).time
+    model = Skies(str(request.model)).state_at(seen)[0]
+    if model is not None:
+        tell_when_far(seen, model, "frame")

@@ -17,6 +17,7 @@ from openswim.progress import PATIENCE_S
 from openswim.system.machine import free_memory
 from openswim.transport.engine.pack import PACK
 from openswim.transport.medium.plan import LIGHT_OF_COLUMNS, MediumPlan, lit_in_parts
+from openswim.transport.montecarlo.reference import PASS_PATHS
 from openswim.transport.plan import plan_of
 
 if TYPE_CHECKING:
@@ -26,21 +27,23 @@ if TYPE_CHECKING:
 WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
-# Measured on two cores (benchmarks/): what the estimate stands on.
-_VIEW_SAMPLES_PER_S = 1.8e7
+# Measured on two cores (docs/running.md has a table): what the estimate stands on.
+_START_S, _EARTH_START_S = 0.6, 1.6  # compiled kernels, and maps of the ground
+_VIEW_SAMPLES_PER_S, _FLAT_SAMPLES_PER_S = 1.6e7, 3.6e7
 _SPACE_M = 1e5  # from above rays go through the air steeply ...
-_FROM_SPACE, _SPACE_PIXEL_BYTES = 3.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
+_FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
-_COLUMN_NODE_S = 0.17e-6  # the same where every column is solved by itself
+_COLUMN_NODE_S = 0.21e-6  # the same where every column is solved by itself
+_SWIM_NODE_S = 0.1e-6
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
-_PATHS_PER_S = 8e3  # of `reference`, three wavelengths; thick cloud takes hundreds of scatterings a path,
-_CLEAR_PATHS_PER_S = 0.5e6  # clear sky one or two
 REFERENCE_PATHS = 256
-_START_S = 2.0
-_BYTES, _REFERENCE_BYTES = 3.5e8, 2e8  # of a process whatever it does: libraries, kernels, maps of the ground
+_LOOK_S = 75e-6  # of `reference`, per ray and pass: air and cloud along it
+_PATH_S, _SCATTERING_S = 1e-6, 0.5e-6  # per path in clear air, and for each of its scatterings in cloud
+_SKY_RAYS, _SKY_PATHS = 4096, 1 / 16  # of the sky's irradiance, and how many of the picture's paths each has
+_BYTES, _EARTH_BYTES, _REFERENCE_BYTES = 2.8e8, 4.5e8, 3e8  # of a process whatever it does: libraries, kernels, maps
 _SURE = 0.8  # of the free memory, for pictures that are said to fit
-_NODE_BYTES = 140  # optics, moments and scratch per node and wavelength
-_COLUMN_NODE_BYTES = 55  # the same without sweeps
+_NODE_BYTES, _CLOUD_NODE_BYTES = 85, 300  # optics and scratch per node and wavelength, and moments where there is cloud
+_COLUMN_NODE_BYTES, _KEPT_NODE_BYTES = 55, 30  # the same without sweeps; of a light while the next one is solved for
 _COLUMN_S, _SEEN_PIXEL_S = 13e-6, 5e-6  # of large domains, whatever the solver
 _LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
 
@@ -64,38 +67,68 @@ class Estimate:
 
 def estimate(
     scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None,
-    quality: str = "standard",
+    quality: str = "standard", lights: int = 1,
 ) -> Estimate:
-    """What solving the scene and viewing it once will take on two cores; nested grids are solved one after the other
-    and kept."""
-    if scene.wider is not None and solver != "reference":
+    """What solving the scene and viewing it once will take on two cores; nested grids and ``lights`` (sun, moon, night
+    sky) are solved one after the other and kept."""
+    start_s, start_bytes = (_EARTH_START_S, _EARTH_BYTES) if _on_earth(scene) else (_START_S, _BYTES)
+    if solver == "reference":
+        return _estimate_reference(scene, camera, wavelengths, paths or REFERENCE_PATHS, start_s)
+    if scene.wider is not None:
         inner, wider = (
-            estimate(one, camera, solver, wavelengths, paths, quality) for one in (scene.alone(), scene.wider)
+            estimate(one, camera, solver, wavelengths, paths, quality, lights) for one in (scene.alone(), scene.wider)
         )
         of_pixels = math.prod(camera.shape) * inner.pixel_bytes
         return Estimate(
-            inner.seconds + wider.seconds - _START_S, inner.memory_bytes + wider.memory_bytes - _BYTES - of_pixels,
+            inner.seconds + wider.seconds - start_s, inner.memory_bytes + wider.memory_bytes - start_bytes - of_pixels,
             inner.pixel_bytes,
         )
-    if solver != "reference" and _large(scene):
+    if _large(scene):
         return _estimate_large(scene, camera, wavelengths)
     plan = _plan(scene, solver, quality)
-    nodes, wide = (0, False) if plan is None else (math.prod(plan.drawn_shape), solver == "fast" and plan.stands_alone)
-    steps = 100 if scene.grid is None else sum(scene.grid.shape) / 3 + 100
+    drawn = (0, 0, 0) if plan is None else plan.drawn_shape
+    nodes, wide = math.prod(drawn), solver == "fast" and plan is not None and plan.stands_alone
     in_space = camera.height_m > _SPACE_M
-    steps /= _FROM_SPACE if in_space else 1.0
+    steps = (100 + sum(drawn) / 3) / (_FROM_SPACE if in_space else 1.0)
+    per_s = _VIEW_SAMPLES_PER_S if _on_earth(scene) else _FLAT_SAMPLES_PER_S
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
-    per_node = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
-    solve_s = (per_node if solver == "fast" else 0.1e-6) * nodes * wavelengths
-    if solver == "reference":
-        thick = _thick_share(scene)
-        seconds = _START_S + pixels * (paths or REFERENCE_PATHS) * (
-            thick / _PATHS_PER_S + (1 - thick) / _CLEAR_PATHS_PER_S
-        )
-        return Estimate(seconds, _REFERENCE_BYTES + nodes * _NODE_BYTES + pixels * per_pixel, per_pixel)
-    seconds = _START_S + solve_s + pixels * steps * wavelengths / (3 * _VIEW_SAMPLES_PER_S)
-    node_bytes = _COLUMN_NODE_BYTES if wide or solver == "swim" else _NODE_BYTES
-    return Estimate(seconds, _BYTES + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
+    fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
+    solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes * wavelengths
+    seconds = start_s + lights * (solve_s + pixels * steps * wavelengths / (3 * per_s))
+    swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * _cloudy_share(scene)
+    node_bytes = (swept or _COLUMN_NODE_BYTES) + (lights - 1) * _KEPT_NODE_BYTES
+    return Estimate(seconds, start_bytes + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
+
+
+def _estimate_reference(scene: "Scene", camera: "Camera", wavelengths: int, paths: int, start_s: float) -> Estimate:
+    """Of paths that scatter, on their mean, twice as often as the mean optical depth of the columns says.
+
+    That holds whatever the clouds' shapes: where light is the same from all sides it is the same within, so that of S
+    that comes in through a layer's two faces as much scatters as in 4 V/S = twice its depth (Blanco and Fournier 2003).
+    """
+    plan, pixels, per_pixel = _plan(scene, "reference", "standard"), math.prod(camera.shape), wavelengths * PIXEL_BYTES
+    scatterings = 2.0 * _mean_depth(scene)
+    path_s = _PATH_S + scatterings * _SCATTERING_S
+    sky = 0 if camera.height_m > _SPACE_M else _SKY_RAYS
+    seconds = start_s + sum(
+        rays * ((passes_of(each) + 1) * _LOOK_S + each * path_s)
+        for rays, each in ((pixels, paths), (sky, max(2, round(paths * _SKY_PATHS))))
+    )
+    nodes = 0 if plan is None else math.prod(plan.drawn_shape)
+    return Estimate(seconds, _REFERENCE_BYTES + nodes * _NODE_BYTES + pixels * per_pixel, per_pixel)
+
+
+def passes_of(paths: int) -> int:
+    """In how many passes, of 1, 2, 4 ... `PASS_PATHS` paths, `reference` follows so many of each ray."""
+    passes, size = 0, 1
+    while paths > 0:
+        size = paths if paths <= 1.5 * size else size
+        passes, paths, size = passes + 1, paths - size, min(2 * size, PASS_PATHS)
+    return passes
+
+
+def _on_earth(scene: "Scene") -> bool:
+    return scene.grid is None or scene.grid.curved
 
 
 def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
@@ -107,14 +140,19 @@ def _plan(scene: "Scene", solver: str, quality: str) -> MediumPlan | None:
     return plan_of(options, matter, surface, np.array([0.0, 0.0, 1.0])).medium
 
 
-def _thick_share(scene: "Scene") -> float:
-    """Share of the columns in whose clouds and haze paths go astray: of optical depth over 1."""
+def _mean_depth(scene: "Scene") -> float:
+    """Mean vertical optical depth of the columns' clouds and haze."""
     if scene.grid is None:
         return 0.0
     matter, height = matter_of(scene.alone(), REFERENCE_NM), scene.grid.height_m
     rise = np.gradient(height, axis=0).reshape(height.shape[0], *(height.shape[1:] or (1, 1)))
-    depth = sum(((one.extinction_per_m * rise).sum(axis=0) for one in matter.species), np.zeros(1))
-    return float((depth > 1.0).mean())
+    return float(sum((one.extinction_per_m * rise).sum(axis=0).mean() for one in matter.species))
+
+
+def _cloudy_share(scene: "Scene") -> float:
+    """Share of the nodes that have cloud or haze in them."""
+    species = () if scene.grid is None else matter_of(scene.alone(), REFERENCE_NM).species
+    return float(np.any([one.extinction_per_m > 0 for one in species], axis=0).mean()) if species else 0.0
 
 
 def _large(scene: "Scene") -> bool:
@@ -134,14 +172,14 @@ def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estim
 
 def announce(
     scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard",
-    wavelengths: int = WAVELENGTHS,
+    wavelengths: int = WAVELENGTHS, lights: int = 1,
 ) -> None:
     """Print the estimate of a large job to stderr."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
     if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
-    expected = estimate(scene, camera, solver, wavelengths, paths, quality)
+    expected = estimate(scene, camera, solver, wavelengths, paths, quality, lights)
     if expected.memory_bytes > free_memory():
         raise UserError(_too_large(camera, expected))
     if expected.large:

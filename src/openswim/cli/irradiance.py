@@ -180,11 +180,9 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
     from openswim.stations.files import read_station
 
     assert request.station is not None
-    station, failed = checked(read_station(request.station, request.lat, request.lon, request.ground_m))
-    for name, count in failed.items():
-        if count:
-            click.echo(f"{name.replace('_', ': ', 1)} in {count} of {station.sizes['time']} values", err=True)
-    station = _within(request, station)
+    station, failed = checked(_within(request, read_station(request.station, request.lat, request.lon,
+                                                            request.ground_m)))  # fmt: skip
+    _tell_checks(failed, station.sizes["time"])
     if request.clear:
         return _clear_beside(request, station)
     lat, lon = station.attrs["latitude"], station.attrs["longitude"]
@@ -229,7 +227,11 @@ def _clear_beside(
     clear &= high
     click.echo(f"clear sky at {clear.sum()} of {high.sum()} times with the sun above {_LOWEST_SUN_DEG:g} degrees")
     if not clear.any():
-        raise UserError(f"{request.station}: no clear sky at any time: compare it with a model's FILES")
+        what = "nothing to compare with a clear sky"
+        if request.fit is not None or (request.output is None and request.plot is None):
+            raise UserError(f"{request.station}: clear sky at no time, {what}: give a model's FILES for --clear")
+        click.echo(f"note: {what}; what is written is the clear sky's", err=True)
+        return model, station, clear
     told = clear
     if request.fit is not None:
         used = clear.copy()
@@ -244,6 +246,18 @@ def _clear_beside(
         model = openswim.irradiance(scene, *place, station.time.values, **options)
     _print(model, station, told, "clear" if told is clear else "clear, not used for the fit")
     return model, station, clear
+
+
+def _tell_checks(failed: dict[str, int], count: int) -> None:
+    """What the tests of Long and Dutton (2002) found."""
+    words = {
+        "impossible": "left out, being impossible", "rare": "beyond what is rare, and kept",
+        "disagree": "where global and its parts disagree, and kept",
+    }  # fmt: skip
+    for name, number in failed.items():
+        what, _, test = name.partition("_")
+        if number:
+            click.echo(f"{what}: {number} of {count} values {words[test]} (Long and Dutton 2002)", err=True)
 
 
 def _within(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:

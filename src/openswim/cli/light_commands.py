@@ -49,18 +49,27 @@ def irradiance(**options: Any) -> None:
 
 @click.command(short_help="A model's clouds as an imager in space sees them.")
 @click.argument("files", type=PATH, nargs=-1, required=True)
-@click.option("--like", type=PATH, required=True,
+@click.option("--like", type=PATH,
               help="Observed picture on a fixed grid (.nc or .tif): its pixels and time are taken.")  # fmt: skip
+@click.option("--grid", help="In place of --like: the imager's own pixels, 'full' disc or (of ABI) 'conus', where they "
+              "show the model's domain.")  # fmt: skip
+@click.option("--every", type=int,
+              help="Of --grid: 2 for each second pixel, and so on.  [default: 1000 or fewer across]")  # fmt: skip
+@click.option("--lon-0", type=float, help="Of --grid: longitude below the satellite.  [default: its usual place]")
+@click.option("--disc", type=(float, float, float), metavar="LAT LON KM",
+              help="In place of --like: the whole disc from L1, by the point below the satellite and its distance from "
+              "the Earth's centre, as the list of EPIC's pictures has them.")  # fmt: skip
+@click.option("--size", type=int, help="Of --disc: rows and columns.  [default: 512]")
 @click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
 @click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
 @click.option("--time",
               help="UTC, of the model and its light.  [default: the model's nearest to the observed picture's, in the "
-              "latter's light]")  # fmt: skip
+              "latter's light; without such a picture the model's first]")  # fmt: skip
 @solver()
 @click.option("-o", "--output", "outputs", type=PATH, multiple=True, help=".nc or .tif to write.")
 @debug
 def satellite(**options: Any) -> None:
-    """The clouds of a model's FILES as an imager in space sees them, beside what it saw."""
+    """The clouds of a model's FILES as an imager in space sees them, beside what it saw (--like) or alone."""
     from openswim.cli.satellite import SatelliteRequest, run
 
     run(SatelliteRequest(**options))

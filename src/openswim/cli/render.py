@@ -105,6 +105,7 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
+    from openswim.lighting import lights_of
     from openswim.optics.choosing import only
     from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
@@ -127,7 +128,8 @@ def run(request: RenderRequest) -> None:
     whole = request.fov_deg is not None or request.camera_file is not None
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
-    announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths))
+    lights = lights_of(scene, solver.name, wavelengths, **sun)
+    announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths), lights)
     if solver.name == "reference":
         scene = scene.alone()
     chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}

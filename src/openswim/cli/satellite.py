@@ -5,10 +5,18 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from openswim.errors import UserError
+
+if TYPE_CHECKING:
+    from openswim.satellites import Band
+
+
+_DISC_DEG = 0.62  # field of EPIC: the whole disc and a little beside it
 
 
 @dataclass(frozen=True)
@@ -16,7 +24,12 @@ class SatelliteRequest:
     """The options of `openswim satellite`; None: not given."""
 
     files: tuple[Path, ...]
-    like: Path
+    like: Path | None = None
+    grid: str | None = None
+    every: int | None = None
+    lon_0: float | None = None
+    disc: tuple[float, float, float] | None = None
+    size: int | None = None
     outputs: tuple[Path, ...] = ()
     imager: str = "goes-16 abi"
     bands: tuple[str, ...] = ()
@@ -25,7 +38,7 @@ class SatelliteRequest:
 
 
 def run(request: SatelliteRequest) -> None:
-    """Render on the observed picture's grid, write, and say how both agree."""
+    """Render on the pixels that are asked for, write, and say how that agrees with an observed picture."""
     from openswim.satellites import band, imagers
     from openswim.scene.files import check_target
 
@@ -35,15 +48,68 @@ def run(request: SatelliteRequest) -> None:
     if not request.bands:
         raise UserError(f"--band missing: give some of {', '.join(known[request.imager])}")
     bands = [band(request.imager, name) for name in request.bands]
+    _check_pixels(request)
     for output in request.outputs:
         if os.path.isdir(output):
             continue  # the file gets the name that satpy knows
         if output.suffix.lower() not in (".nc", ".tif", ".tiff"):
             raise UserError(f"output {output}: suffix {output.suffix!r} is unknown; use .nc or .tif")
-        check_target(output, [*request.files, request.like])
+        if request.disc is not None and output.suffix.lower() != ".nc":
+            raise UserError(f"output {output}: the disc from L1 has no fixed grid, which GeoTIFF needs; use .nc")
+        check_target(output, [*request.files, *([] if request.like is None else [request.like])])
+    if request.like is None:
+        _alone(request, bands)
+    else:
+        _beside(request, bands, request.like)
 
-    import numpy as np
 
+def _check_pixels(request: SatelliteRequest) -> None:
+    """One way of saying which pixels, and nothing that belongs to another."""
+    ways = {"--like": request.like, "--grid": request.grid, "--disc": request.disc}
+    if sum(way is not None for way in ways.values()) != 1:
+        raise UserError("which pixels: give --like OBSERVED_FILE, or --grid full (or conus), or --disc LAT LON KM")
+    for name, value, own in (("--every", request.every, "--grid"), ("--lon-0", request.lon_0, "--grid"),
+                             ("--size", request.size, "--disc")):  # fmt: skip
+        if value is not None and ways[own] is None:
+            raise UserError(f"{name} belongs to {own}")
+    if request.like is None and not request.outputs:
+        raise UserError("--output missing: give -o with the name of a .nc or .tif file")
+
+
+def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
+    """A picture with nothing beside it, at the model's time and in its light."""
+    import openswim
+    from openswim.readers import Neighbourhood
+    from openswim.satellites import FixedGrid, Pixels, named_grid
+    from openswim.satellites.files import write
+    from openswim.satellites.named_grids import shown_part
+    from openswim.satellites.picture import reflectance
+    from openswim.scene.times import parse_time
+
+    grid: FixedGrid | Pixels
+    if request.disc is not None:
+        lat, lon, distance_km = request.disc
+        grid = Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, request.size or 512)
+    else:
+        grid = whole = named_grid(request.imager, request.grid or "full", request.lon_0)
+        lat, lon = 0.0, whole.lon_0
+    scene = openswim.open_scene(request.files, time=parse_time(request.time),
+                                around=Neighbourhood.seen_from(lat, lon, 36e6))  # fmt: skip
+    if isinstance(grid, FixedGrid):
+        grid, every = shown_part(grid, scene.levels[-1].grid, request.every)
+        some = "" if every == 1 else f", each {every}. of the imager's"
+        click.echo(f"{grid.y.size} rows and {grid.x.size} columns{some}", err=True)
+    picture = reflectance(scene, grid, bands, solver=request.solver)
+    for output in request.outputs:
+        click.echo(f"{write(picture, output)}")
+    values = picture.reflectance_factor.values[0]
+    known = values[np.isfinite(values)]
+    told = ", ".join(f"{value:.3f}" for value in np.percentile(known, (5, 25, 50, 75, 95)))
+    click.echo(f"reflectance factor, {bands[0].name}, {known.size} pixels, 5, 25, 50, 75, 95 %: {told}")
+
+
+def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
+    """On an observed picture's pixels, and how both agree."""
     import openswim
     from openswim.cli.compare import tell_when_far
     from openswim.readers import Neighbourhood, describe
@@ -52,13 +118,13 @@ def run(request: SatelliteRequest) -> None:
     from openswim.satellites.picture import reflectance
     from openswim.scene.times import parse_time
 
-    observed = read(request.like)
+    observed = read(like)
     grid = grid_of(observed)
     if not np.isfinite(observed.latitude).any():
-        raise UserError(f"{request.like}: no pixel of it lies on the Earth")
+        raise UserError(f"{like}: no pixel of it lies on the Earth")
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)
     if start is None and request.time is None:
-        raise UserError(f"{request.like}: does not say its time: give --time, of the model and of the light")
+        raise UserError(f"{like}: does not say its time: give --time, of the model and of the light")
     around = Neighbourhood.seen_from(*middle_of(observed, grid.lon_0), 36e6)
     chosen = parse_time(request.time)
     if chosen is None and start is not None:

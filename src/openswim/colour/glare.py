@@ -46,7 +46,7 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
 
 
 def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
-    """The sun's disc in an image; None where it would not be in the picture."""
+    """The sun's disc in an image; None where it would not be in the picture, or the ground is there instead."""
     known = {"azimuth", "altitude", "solar_relative_radiance"}
     if not isinstance(image, xr.Dataset) or not known <= set(image.variables):
         return None
@@ -63,6 +63,8 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
     if angle[j, i] > SUN_DEG + pixel:
         return None
     sunny, around = angle < SUN_DEG + 2 * pixel, angle < SUN_DEG + 4 * pixel
+    if _ground(image)[sunny].all():
+        return None
     rows = np.flatnonzero(around.any(axis=1))
     some = slice(max(rows[0] - 1, 0), rows[-1] + 2)
     sunny, around = sunny[some], around[some] & ~sunny[some]

@@ -27,7 +27,7 @@ LUMENS_PER_WATT = 179.0  # Radiance's
 SUN_DIAMETER_DEG = 0.5332
 _PRIMARIES = ".640 .330 .300 .600 .150 .060 .3127 .3290"
 _RUN = 128  # bytes of a literal run in a line of RGBE
-_MOST_HALF = 65504.0
+_MOST_HALF, _LEAST_HALF = 65504.0, 2.0**-14  # between which half floats have 11 bits
 
 
 def save_light_picture(image: xr.Dataset, path: Path) -> None:
@@ -141,16 +141,19 @@ def exr_library() -> Any:
 
 
 def _write_exr(image: xr.Dataset, path: Path) -> None:
-    """Channels R, G, B in single precision, and spectral radiance (W m-2 sr-1 nm-1) as half floats, one channel a
-    wavelength; Z is the distance of what is seen (m), where the image has it, infinite where that is the sky."""
+    """Channels R, G, B in single precision, and spectral radiance (W m-2 sr-1 nm-1), one channel a wavelength: as half
+    floats, or, where any of it is too little for these, as at dusk and at night, in single precision; Z is the distance
+    of what is seen (m), where the image has it, infinite where that is the sky."""
     library = exr_library()
     rgb = radiance_rgb(image)
     channels = {name: np.ascontiguousarray(rgb[..., n]) for n, name in enumerate("RGB")}
     if "radiance" in image:
-        radiance = image["radiance"].transpose("y", "x", "wavelength").values
+        radiance = np.nan_to_num(image["radiance"].transpose("y", "x", "wavelength").values)
+        dim = ((radiance > 0) & (radiance < _LEAST_HALF)).any()
+        kept = np.float32 if dim else np.float16
+        radiance = np.clip(radiance, 0, None if dim else _MOST_HALF)
         for n, wavelength in enumerate(image["wavelength"].values):
-            values = np.nan_to_num(np.clip(radiance[..., n], 0, _MOST_HALF))
-            channels[f"radiance.{wavelength:g}nm"] = np.ascontiguousarray(values, np.float16)
+            channels[f"radiance.{wavelength:g}nm"] = np.ascontiguousarray(radiance[..., n], kept)
     if "distance" in image:
         metres = image["distance"].transpose("y", "x").values.astype(np.float32)
         channels["Z"] = np.ascontiguousarray(np.where(np.isnan(metres), np.float32(np.inf), metres))

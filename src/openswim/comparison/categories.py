@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.comparison.tiles import Interval, Tiles
+from openswim.comparison.tiles import NO_PIXEL, Interval, Tiles
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -52,13 +52,14 @@ def contingency(observed: Mask, simulated: Mask, weight: F64, tiles: Tiles) -> C
     """Of masks (n,) of valid pixels."""
     cells = (observed & simulated, ~observed & simulated, observed & ~simulated, ~observed & ~simulated)
     values = np.stack([cell * weight for cell in cells], axis=-1)
-    scores = {}
-    for name in SCORES:
+    scores = dict.fromkeys(SCORES, Interval(np.nan, reason=NO_PIXEL))
+    sums = tiles.sums(values) if weight.size else values
+    for name in SCORES if weight.size else ():
 
         def score(sums: F64, name: str = name) -> F64:
-            return table(sums)[name]
+            return table(sums)[name][None]
 
-        scores[name] = tiles.interval(values, score, _BOUNDS[name], _REASONS.get(name, ""))
+        scores[name] = tiles.intervals_of_sums(sums, score, _BOUNDS[name], _REASONS.get(name, ""))[0]
     shares = values.sum(axis=0) / weight.sum() if weight.size else np.full(4, np.nan)
     hits, false_alarms, misses, both_clear = map(float, shares)
     return Contingency(hits, false_alarms, misses, both_clear, scores)

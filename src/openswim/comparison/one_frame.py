@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras.files import CameraFile
 from openswim.comparison.below import below_scores
-from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, departure
+from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, log_red_blue
 from openswim.comparison.encoding import encoded
 from openswim.comparison.prepared import Prepared, open_pixels, prepared, valid_pixels
 from openswim.comparison.response import AEROSOL_NOTE, Curve, fit_curve, fit_power_law
@@ -48,13 +48,13 @@ def compare_frame(
     if not curves:
         pairs = zip(ready.linear[region.valid].astype(float).T, simulated[..., part][region.valid].T, strict=True)
         curves = [fit_curve(seen, truth, region.weight) for seen, truth in pairs]
+    shown = as_stored(simulated[..., part], ready, region, known)
     if colours == 3:
-        _clouds(scores, ready, simulated, clear, region, known)
+        _clouds(scores, ready, simulated, clear, region, known, shown)
     below_scores(scores, ready, image, curves)
     if skies.model is None and settings.aod_range and region.weight.size:
         _aerosol_range(scores, skies, ready, region, clear, part)
     _response(scores, ready, simulated[..., part], region, curves)
-    shown = as_stored(simulated[..., part], ready, region, known)
     text = {"long_name": "the simulated picture as this camera would store it"}
     scores.variables["simulated_as_stored"] = (("y", "x", "channel"), shown.astype(np.float32), text)
     scores.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
@@ -86,28 +86,28 @@ def _pictures(frame: Prepared, simulated: F64, clear: F64, region: Region) -> xr
 
 
 def _clouds(
-    scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region, known: KnownCamera
+    scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region, known: KnownCamera, shown: F64
 ) -> None:
-    """Masks by all rules, of both pictures, and their scores."""
+    """Masks by all rules, of both pictures, and their scores; shown: the simulated one as stored."""
     plane = ("y", "x")
-    raw = departure(frame.linear, clear)
+    blue_sky = log_red_blue(clear)
+    raw = log_red_blue(frame.linear) - blue_sky
     typical = weighted_median(raw[region.valid], region.weight)
     scores.attrs["red_blue_of_this_frame"] = typical
     masks = {}
     if known.red_blue is not None:
         with np.errstate(invalid="ignore"):
-            pair = raw - known.red_blue > DEPARTURE, departure(simulated, clear) > DEPARTURE
+            pair = raw - known.red_blue > DEPARTURE, log_red_blue(simulated) - blue_sky > DEPARTURE
         masks[CLEAR_SKY] = pair
         scores.variables["departure"] = (plane, (raw - known.red_blue).astype(np.float32),
                                          {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
         for name, mask in zip(("observed_cloud", "simulated_cloud"), pair, strict=True):
             scores.variables[name] = (plane, mask & region.valid)
-    counts = as_stored(simulated, frame, region, known)
     for name, rule in FIXED.items():
         pair = np.zeros(region.valid.shape, bool), np.zeros(region.valid.shape, bool)
         if region.weight.size:
             pair[0][region.valid] = rule(frame.stored[region.valid].astype(float))
-            pair[1][region.valid] = rule(counts[region.valid])
+            pair[1][region.valid] = rule(shown[region.valid])
         masks[name] = pair
     cloud_scores(scores, frame, masks, region)
 

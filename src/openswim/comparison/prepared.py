@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.comparison.encoding import decoded
+from openswim.comparison.tiles import tile_of
 from openswim.errors import UserError
 from openswim.observations import SkyFrame
 
@@ -26,7 +27,7 @@ class Prepared:
     """A frame in the pixels of `camera`: shares of full scale (ny, nx, channels) as stored, and as linear light."""
 
     camera: Camera
-    pixels: Pixels
+    pixels: "KnownPixels"
     stored: F32
     linear: F32
     saturated: Mask  # any of a pixel's counts, or one near by
@@ -41,7 +42,7 @@ class Prepared:
     @cached_property
     def odd(self) -> Mask:
         """(ny, nx): see `odd_pixels`."""
-        return odd_pixels(self.linear)
+        return odd_pixels(self.linear, self.pixels.inside)
 
 
 def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = None, size: int = SIZE) -> Prepared:
@@ -64,11 +65,55 @@ def prepared(frame: SkyFrame, camera: Camera, encoding: str | float | None = Non
     )  # fmt: skip
 
 
+class KnownPixels(Pixels):
+    """Pixels of a series of frames: what follows from their directions is worked out once."""
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    @cached_property
+    def inside(self) -> Mask:
+        return super().inside
+
+    @cached_property
+    def azimuth_deg(self) -> F64:
+        return super().azimuth_deg
+
+    @cached_property
+    def altitude_deg(self) -> F64:
+        return super().altitude_deg
+
+    @cached_property
+    def tile(self) -> NDArray[np.intp]:
+        """(ny, nx): the sky's tile that each lies in; 0 outside."""
+        tile = np.zeros(self.inside.shape, np.intp)
+        tile[self.inside] = tile_of(self.direction[self.inside])
+        return tile
+
+    @lru_cache(maxsize=2)  # noqa: B019 - of the few cameras of a process
+    def angle_to_deg(self, azimuth_deg: float, altitude_deg: float) -> NDArray[Any]:
+        return super().angle_to_deg(azimuth_deg, altitude_deg)
+
+
 @lru_cache(maxsize=4)
-def _made_small(camera: Camera, size: int) -> tuple[Camera, Pixels]:
+def pixels_of(camera: Camera) -> KnownPixels:
+    """The same object for each frame of a camera."""
+    pixels = camera.pixels()
+    return KnownPixels(pixels.direction, pixels.solid_angle_sr)
+
+
+@lru_cache(maxsize=4)
+def _open_sky(camera: Camera) -> Mask:
+    return camera.open_sky()
+
+
+@lru_cache(maxsize=4)
+def _made_small(camera: Camera, size: int) -> tuple[Camera, KnownPixels]:
     """The camera of at most `size` columns and its pixels: the same objects for each frame of a series."""
     smaller = camera.resized(size) if size < camera.shape[1] else camera
-    return smaller, smaller.pixels()
+    return smaller, pixels_of(smaller)
 
 
 def averaged(values: F32, shape: tuple[int, int]) -> F32:
@@ -92,14 +137,22 @@ def grown(mask: Mask, width_deg: float, by_deg: float = GROWN_DEG) -> Mask:
     return np.asarray(ndimage.distance_transform_edt(~mask) * width_deg <= by_deg)
 
 
-def odd_pixels(linear: F32) -> Mask:
-    """(ny, nx): pixels of which one channel alone is unlike its neighbours'."""
+def odd_pixels(linear: F32, there: Mask) -> Mask:
+    """(ny, nx): pixels of those `there` of which one channel alone is unlike its neighbours'."""
     from scipy import ndimage
 
     if linear.shape[-1] < 3:
         return np.zeros(linear.shape[:2], bool)
-    median = np.stack([ndimage.median_filter(part, 5) for part in np.moveaxis(linear, -1, 0)], axis=-1)
-    return np.asarray((np.abs(linear - median) > ODD * np.maximum(median, 1e-6)).sum(axis=-1) == 1)
+    count = np.zeros(linear.shape[:2], np.int8)
+    for part in np.moveaxis(linear, -1, 0):
+        part = np.ascontiguousarray(part)
+        # a median lies between the ends, and most pixels are like both
+        low, high = (end(part, 5) for end in (ndimage.minimum_filter, ndimage.maximum_filter))
+        row, column = np.nonzero(there & ((part - low > ODD * np.maximum(low, 1e-6)) | (part < (1 - ODD) * high)))
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(part, 2, "symmetric"), (5, 5))[row, column]
+        median = np.median(around.reshape(-1, 25), axis=-1)
+        count[row, column] += np.abs(part[row, column] - median) > ODD * np.maximum(median, 1e-6)
+    return np.asarray(count == 1)
 
 
 def _colours(counts: NDArray[Any]) -> NDArray[Any]:
@@ -114,7 +167,7 @@ def open_pixels(frame: Prepared, sun: tuple[float, float], sun_mask_deg: float, 
     """Pixels that look at open sky, above an altitude and not near the sun (azimuth, altitude)."""
     pixels = frame.pixels
     with np.errstate(invalid="ignore"):
-        there = frame.camera.open_sky() & (pixels.altitude_deg >= lowest_deg)
+        there = _open_sky(frame.camera) & (pixels.altitude_deg >= lowest_deg)
         return np.asarray(there & (pixels.angle_to_deg(*sun) > sun_mask_deg))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.comparison.categories import SCORES, contingency
 from openswim.comparison.cloud_rules import CLEAR_SKY, FIXED
-from openswim.comparison.correlation import bias, correlations_by_channel, root_mean_square
+from openswim.comparison.correlation import Truth, bias, root_mean_square
 from openswim.comparison.neighbourhoods import lambert_map, neighbourhoods
 from openswim.comparison.prepared import Prepared
 from openswim.comparison.response import Curve, fit_curve
@@ -62,7 +62,7 @@ class Region:
         weight = frame.pixels.solid_angle_sr[valid]
         if not weight.size:
             return cls(valid, weight, Tiles(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)))
-        return cls(valid, weight, Tiles.of(frame.pixels.direction[valid], weight))
+        return cls(valid, weight, Tiles.numbered(frame.pixels.tile[valid], weight))
 
 
 def correlations(
@@ -77,9 +77,10 @@ def correlations(
         truth = simulated[region.valid]
         seen = [np.asarray(part[region.valid], float) for part in (frame.stored, frame.linear)]
         seen.append(undone(seen[1], truth, region, curves))
-        for i, light in enumerate(seen):
-            for j, weight in enumerate((region.weight, np.ones(len(region.weight)))):
-                found[i, j, m] = correlations_by_channel(light, truth, weight, region.tiles)
+        for j, weight in enumerate((region.weight, np.ones(len(region.weight)))):
+            shared = Truth.of(truth, weight, region.tiles)
+            for i, light in enumerate(seen):
+                found[i, j, m] = shared.correlations(light)
     scores.coords |= {
         "light": list(LIGHTS), "weighting": list(WEIGHTINGS), "score_channel": list(channels), "bound": list(BOUNDS),
         "sun_mask": ("sun_mask", list(regions), {"units": "degree"}),

@@ -1,10 +1,6 @@
-"""Many frames: a file and a page for each, scores over time, and keograms; what is done is never done again."""
+"""Many frames: scores over time, and keograms."""
 
-import hashlib
-import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,13 +10,9 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.files import CameraFile
 from openswim.comparison.one_frame import compare_frame
-from openswim.comparison.report.page import write_page
-from openswim.comparison.report.series_page import write_series_page
 from openswim.comparison.settings import KnownCamera, Settings, frame_of
 from openswim.comparison.skies import Skies
 from openswim.errors import UserError
-from openswim.observations import SkyFrame
-from openswim.scene.cf import save_netcdf
 
 SCORES = ("r", "rmse", "bias", "pod", "far", "ets", "observed_cover", "simulated_cover", "fss", "r_below")
 KEOGRAM = 90  # altitudes along the meridian, from north over the zenith to south
@@ -78,80 +70,6 @@ def _in_colours(grey: xr.Dataset, coloured: xr.Dataset) -> xr.Dataset:
         elif str(name).startswith("keogram"):
             out[name][:] = found.values
     return out
-
-
-def compare_into(
-    skies: Skies, frames: Sequence[Path], content: CameraFile, settings: Settings, known: KnownCamera, folder: Path,
-    time: Any = None, tell: Callable[[xr.Dataset], None] = lambda comparison: None,
-    tell_failed: Callable[[Path, UserError], None] = lambda path, error: None,
-) -> Path:  # fmt: skip
-    """Compare frames into a folder: NAME.nc and NAME.html of each, and of several scores.nc and index.html.
-
-    A frame's file appears when it is complete, and frames whose file is there, made with the same settings, are left as
-    they are: after an interruption the same call goes on where it stopped. Of several frames those that cannot be
-    compared are told and left out; if there is no other, the first error is raised. Returns the page to look at.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"{folder}: cannot be made ({error.strerror}); choose another folder with -o") from None
-    names = [path.stem for path in frames]
-    doubled = {name for name in names if names.count(name) > 1}
-    if doubled:
-        raise UserError(f"two frames are called {min(doubled)}: compare them one by one, into folders of their own")
-    mark = fingerprint(skies, content, settings, known)
-    camera = content.camera.resized(settings.size) if settings.size < content.camera.shape[1] else content.camera
-    parts: list[xr.Dataset] = []
-    failed: list[UserError] = []
-    for path in sorted(frames, key=lambda path: path.name):
-        target = folder / f"{path.stem}.nc"
-        done = _done(target, mark)
-        if done is None:
-            try:
-                frame: SkyFrame = frame_of(path, content, time)
-                done = compare_frame(skies, frame, content, settings, known)
-            except UserError as error:
-                failed.append(error)
-                if len(failed) == len(frames):
-                    raise failed[0] from None
-                tell_failed(path, error)
-                continue
-            done.attrs["fingerprint"] = mark
-            write_page(done, camera, folder / f"{path.stem}.html")
-            save_netcdf(done, target)
-            tell(done)
-        parts.append(of_series(done, content.camera))
-    if len(frames) == 1:
-        return folder / f"{names[0]}.html"
-    series = joined(parts)
-    save_netcdf(series, folder / "scores.nc")
-    write_series_page(series, folder / "index.html")
-    return folder / "index.html"
-
-
-def fingerprint(skies: Skies, content: CameraFile, settings: Settings, known: KnownCamera) -> str:
-    """What a comparison depends on but for the frame: files made otherwise are not taken for it."""
-    model = "clear" if skies.model is None else str(skies.model)
-    pixels = content.camera.resized(min(32, content.camera.shape[1])).pixels()
-    curves = None if known.curves is None else [curve.radiance.tolist() for curve in known.curves]
-    said = json.dumps(
-        [model, str(skies.solver), skies.aod, skies.albedo, skies.sun, asdict(settings), known.red_blue, curves,
-         str(content.response), str(content.frames), content.camera.horizon_deg, content.camera.lat,
-         content.camera.lon],
-        default=str,
-    )  # fmt: skip
-    return hashlib.sha256(said.encode() + np.nan_to_num(pixels.direction).round(6).tobytes()).hexdigest()[:16]
-
-
-def _done(target: Path, mark: str) -> xr.Dataset | None:
-    """A frame's comparison that an earlier run has left, if it was made alike."""
-    if not target.exists():
-        return None
-    try:
-        with xr.open_dataset(target) as found:
-            return found.load() if found.attrs.get("fingerprint") == mark else None
-    except (OSError, ValueError):
-        return None
 
 
 def _meridian(picture: NDArray[Any], camera: Camera) -> NDArray[np.float32]:

@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.comparison.clear_table import ClearTable
+from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
 from openswim.pictures.viewpoint import LitScene
-from openswim.readers import Neighbourhood, describe, open_scene
+from openswim.readers import Neighbourhood, open_scene, states_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.times import parse_time
 from openswim.solver import Solver
 
 F64 = NDArray[np.float64]
 Model = Scene | LitScene | str | Path | Sequence[str | Path] | None
 LIGHT_MINUTES = 5.0  # light of a model serves frames so near in time
 DEFAULT_ALBEDO = 0.15
+_EPOCH, _LIGHT = np.datetime64("1970-01-01", "ms"), np.timedelta64(int(60_000 * LIGHT_MINUTES), "ms")
 
 
 @dataclass(eq=False)
@@ -43,7 +44,7 @@ class Skies:
     _lit: tuple[Any, LitScene] | None = field(default=None, repr=False)
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
-    _times: NDArray[Any] | None = field(default=None, repr=False)
+    _states: list[tuple[np.datetime64 | None, list[Path]]] | None = field(default=None, repr=False)
     _picture: tuple[LitScene, Camera, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
@@ -75,7 +76,7 @@ class Skies:
         if key not in self._tables:
             self._tables[key] = ClearTable(atmosphere, albedo, ground_m, eye_m, self.solver)
         distance_au = 1.0 if self.sun is not None else sun_position(time, 0.0, 0.0).distance_au
-        return self._tables[key].radiance(camera.pixels(), self.sun_at(camera, time), distance_au)
+        return self._tables[key].radiance(pixels_of(camera), self.sun_at(camera, time), distance_au)
 
     def aerosol_depth(self, camera: Camera, time: np.datetime64) -> float:
         """At 550 nm, of the background."""
@@ -92,24 +93,34 @@ class Skies:
         around = None
         if camera.lat is not None and camera.lon is not None:
             around = Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, True)
-        if self._times is None:
-            stated = [parse_time(each) for each in describe(self.model).times]
-            self._times = np.array([each for each in stated if each is not None], "datetime64[ms]")
-        chosen = None if not self._times.size else self._times[np.argmin(np.abs(self._times - time))]
-        return open_scene(self.model, time=chosen, around=around)
+        chosen, files = self.state_at(time)
+        return open_scene(files, time=chosen, around=around)
+
+    def state_at(self, time: np.datetime64) -> tuple[np.datetime64 | None, list[Path]]:
+        """The model's time that is nearest to another, and the files that hold it."""
+        return min(self.states(), key=lambda state: abs((time if state[0] is None else state[0]) - time))
+
+    @property
+    def of_files(self) -> bool:
+        """Whether the model is to be read."""
+        return not (self.model is None or isinstance(self.model, Scene | LitScene))
+
+    def states(self) -> list[tuple[np.datetime64 | None, list[Path]]]:
+        """The times of a model's files, each with those that hold it; looked for once."""
+        if self._states is None:
+            self._states = states_of(self.model)  # type: ignore[arg-type]
+        return self._states
 
     def _model_lit(self, camera: Camera, time: np.datetime64) -> LitScene:
         if isinstance(self.model, LitScene):
             return self.model
-        minute = int((time - np.datetime64("1970-01-01")) / np.timedelta64(1, "m") // LIGHT_MINUTES)
+        number = light_number(time)
         # of files the part around the camera is read; a Scene has the same light for all cameras
-        key = (minute if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
+        key = (number if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
         if self._lit is None or self._lit[0] != key:
-            when = time
-            if self.table:  # the middle of the minutes that this light serves
-                middle_ms = int((minute + 0.5) * LIGHT_MINUTES * 60_000)
-                when = np.datetime64("1970-01-01", "ms") + np.timedelta64(middle_ms, "ms")
-            scene = self.scene(camera, time)
+            # the middle of the minutes that this light serves: it is the same whichever frame asks for it first
+            when = _EPOCH + number * _LIGHT if self.table else time
+            scene = self.scene(camera, when)
             if self.aod is not None:
                 scene = with_aerosol(scene, None, self.aod)
             self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
@@ -138,6 +149,11 @@ class Skies:
             if self.albedo is None and "surface_albedo" in scene.data:
                 albedo = float(np.clip(scene.data.surface_albedo.mean(), 0, 1))
         return scene.atmosphere, albedo, ground_m
+
+
+def light_number(time: np.datetime64) -> int:
+    """Which of a series' lights a time belongs to, of which each serves the minutes around a full five."""
+    return int(np.floor((time - _EPOCH) / _LIGHT + 0.5))
 
 
 def _ground_m(scene: Scene, camera: Camera) -> float:

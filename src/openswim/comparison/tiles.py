@@ -17,6 +17,7 @@ RESAMPLES = 1000
 ALIKE_DEG = 20.0  # tiles so far apart have weights correlated by exp(-1/2)
 FEWEST_TILES = 6  # fewer say nothing of an interval
 ANY = (-np.inf, np.inf)
+NO_PIXEL = "no pixel is left"
 
 
 @dataclass(frozen=True)
@@ -44,26 +45,24 @@ class Tiles:
     @classmethod
     def of(cls, direction: F64, weight: F64 | None = None) -> "Tiles":
         """Of unit vectors (n, 3) east, north, up, and the solid angle (n,) of each."""
-        altitude = np.degrees(np.arcsin(np.clip(direction[:, 2], -1, 1)))
-        azimuth = np.degrees(np.arctan2(direction[:, 0], direction[:, 1])) % 360
-        _, parts, first = _bands()
-        band = np.minimum((altitude + 90) // TILE_DEG, len(parts) - 1).astype(int)
-        tile = first[band] + np.minimum((azimuth / 360 * parts[band]).astype(int), parts[band] - 1)
-        which, number = np.unique(tile, return_inverse=True)
+        return cls.numbered(tile_of(direction), weight)
+
+    @classmethod
+    def numbered(cls, tile: NDArray[np.intp], weight: F64 | None = None) -> "Tiles":
+        """Of the sky's tiles (n,) that directions lie in: `tile_of`."""
+        count = np.bincount(tile, minlength=len(_likeness()))
+        which = np.flatnonzero(count)
+        number = (np.cumsum(count > 0) - 1)[tile]
         share = np.bincount(number, weight, len(which)).astype(float)
         return cls(number, which, share / max(share.sum(), 1e-300))
 
     def sums(self, values: F64) -> F64:
         """(m, k): sums of values (n, k) over each tile."""
-        return np.asarray(self._gathered @ values)
+        return np.stack([self.sum(column) for column in values.T], axis=-1)
 
-    @cached_property
-    def _gathered(self) -> Any:
-        """(m, n): which directions are a tile's."""
-        from scipy.sparse import csr_array
-
-        n = len(self.number)
-        return csr_array((np.ones(n), (self.number, np.arange(n))), shape=(len(self.which), n))
+    def sum(self, values: F64) -> F64:
+        """(m,): sums of values (n,) over each tile."""
+        return np.asarray(np.bincount(self.number, values, len(self.which)), float)
 
     @cached_property
     def widening(self) -> float:
@@ -92,7 +91,7 @@ class Tiles:
         interval's ends are the percentiles' distances from the score, widened. `reason`: why the score may be NaN.
         """
         if not len(values):
-            return [Interval(np.nan, reason="no pixel is left")]
+            return [Interval(np.nan, reason=NO_PIXEL)]
         return self.intervals_of_sums(self.sums(values), statistics, bounds, reason)
 
     def intervals_of_sums(
@@ -116,6 +115,16 @@ class Tiles:
             return Interval(value, reason="most draws of tiles have no score")
         low, high = (value + (end - value) * self.widening for end in np.percentile(found, (2.5, 97.5)))
         return Interval(value, float(max(low, bounds[0])), float(min(high, bounds[1])))
+
+
+def tile_of(direction: F64) -> NDArray[np.intp]:
+    """(n,): the sky's tile that each of unit vectors (n, 3) east, north, up lies in."""
+    altitude = np.degrees(np.arcsin(np.clip(direction[:, 2], -1, 1)))
+    azimuth = np.degrees(np.arctan2(direction[:, 0], direction[:, 1])) % 360
+    _, parts, first = _bands()
+    band = np.minimum((altitude + 90) // TILE_DEG, len(parts) - 1).astype(np.intp)
+    within = np.minimum((azimuth / 360 * parts[band]).astype(np.intp), parts[band] - 1)
+    return np.asarray(first[band] + within)
 
 
 @cache

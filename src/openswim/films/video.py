@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.films.components import components
 
 CODECS = {".mp4": "libx264", ".webm": "libsvtav1"}
 _BT709 = 1  # matrix, primaries and transfer function of ITU-R BT.709 in ISO/IEC 23091-2
-_LIMITED = 1  # range of the brightness in a video, 16 to 235
+# Range of the brightness, 16 to 235. The full one is shown more exactly, and burns out clouds in players that overlook
+# its flag: docs/film.md
+_LIMITED = 1
 _OPTIONS = {".mp4": {"crf": "16", "preset": "medium"}, ".webm": {"crf": "20", "preset": "8"}}
 
 
@@ -32,7 +35,7 @@ def write_video(
     """Write pictures (y, x, 3) uint8, sRGB, all of one size, to ``path``; returns how many.
 
     Sizes are made even, as 4:2:0 needs them, by repeating the last row or column. A player that takes BT.709 for sRGB,
-    as all do, shows the pictures' own colours to within 4 of 255.
+    as all do, shows the colours of a sky to within 4 of 255 (`components`).
     """
     av = _library()
     suffix = path.suffix.lower()
@@ -49,8 +52,8 @@ def write_video(
             even = np.pad(picture, ((0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)), mode="edge")
             if stream is None:
                 stream = _stream(container, suffix, even.shape, frames_per_second)
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
-            frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709")
+            planes = components(even).reshape(-1, even.shape[1])
+            frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
             frame.pts = count
             for packet in stream.encode(frame):
                 container.mux(packet)

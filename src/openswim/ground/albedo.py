@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import bilinear, spectral
+from openswim.ground.footprints import LongFootprints
 from openswim.ground.maps import Ground, mapped_albedo, maps_of, textured
 from openswim.ground.model import DARK_LAND, ModelGround
 from openswim.ground.near_infrared import LAST_VISIBLE_NM, VISIBLE_NM, beyond_visible
@@ -37,7 +38,7 @@ _BY_HEIGHT = 0.75  # standard deviation, of 1, of where snow lies that height te
 
 def surface_properties(
     scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0,
-    detail: bool = False, model: ModelGround | None = None,
+    detail: bool = False, model: ModelGround | None = None, long: LongFootprints | None = None,
 ) -> SurfaceSample:  # fmt: skip
     """The ground at places (n,), in degrees; in flat scenes `lat` and `lon` are y and x in metres.
 
@@ -50,7 +51,8 @@ def surface_properties(
       (`spectra.visible_from_broadband`) of land and of snow; maps and the model's snow give the colour.
     - Snow of a fraction of a cell lies where it is higher than its neighbourhood, and by chance (`snow`).
 
-    footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it. detail: whether land
+    footprint_m: what a pixel of the picture covers, a number or (n,); maps are averaged over it, or over what it covers
+    of the ground that it looks along (``long``). detail: whether land
     is given the woods and clearings that maps are too coarse for, where a footprint is known (`patches`; invented).
     model: the scene's `ModelGround` at the wavelengths, for who asks more than once.
 
@@ -59,7 +61,7 @@ def surface_properties(
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     if wavelengths.max(initial=0.0) > LAST_VISIBLE_NM and not _own_spectrum(scene):
-        return _beyond_visible(scene, lat, lon, wavelengths, footprint_m, detail, model)
+        return _beyond_visible(scene, lat, lon, wavelengths, footprint_m, detail, model, long)
     lat_, lon_ = np.atleast_1d(np.asarray(lat, float)), np.atleast_1d(np.asarray(lon, float))
     footprint = np.broadcast_to(np.asarray(footprint_m, float), lat_.shape)
     data, grid = scene.data, scene.grid
@@ -73,7 +75,7 @@ def surface_properties(
     finest = np.where(footprint > 0, footprint, np.inf) if detail else np.full(lat_.size, np.inf)
     near = _Places(lat_, lon_, ix, iy, _away(ix, iy, grid), footprint, finest, min(grid.spacing_m()))
     model = ModelGround.of(scene, wavelengths) if model is None else model
-    sample, mapped = _without_model(ground, scene, near, wavelengths)
+    sample, mapped = _without_model(ground, scene, near, wavelengths, long)
     sample.wind_speed[:] = _wind(model, near)
     sample.mean_square_slope = _wave_slope(model, near, sample.slope_variance)
     hit = near.fade > 0.01
@@ -81,7 +83,7 @@ def surface_properties(
         modelled = _with_model(model, near.where(hit), sample[hit], wavelengths, mapped[hit])
         inside = _inside_weight(ix[hit], iy[hit], grid)
         _blend(sample, modelled, hit, inside)
-    bright, known_m = _pictured(ground, scene, near, sample.albedo, wavelengths, mapped)
+    bright, known_m = _pictured(ground, scene, near, sample.albedo, wavelengths, mapped, long)
     fine = np.flatnonzero((sample.water < 1) & (sample.snow < 1) & (finest < known_m))
     bright[fine] = patched(bright[fine], lat_[fine], lon_[fine], wavelengths, known_m[fine], finest[fine])
     sample.albedo += (1 - sample.snow)[:, None] * (bright - sample.albedo)
@@ -100,15 +102,15 @@ def _own_spectrum(scene: Scene) -> bool:
 
 def _beyond_visible(
     scene: Scene, lat: ArrayLike, lon: ArrayLike, wavelengths: FloatArray, footprint_m: ArrayLike, detail: bool,
-    model: ModelGround | None,
+    model: ModelGround | None, long: LongFootprints | None,
 ) -> SurfaceSample:  # fmt: skip
     """`surface_properties` where some wavelengths lie beyond 700 nm."""
     far = wavelengths > LAST_VISIBLE_NM
-    seen = surface_properties(scene, lat, lon, VISIBLE_NM, footprint_m, detail, model)
+    seen = surface_properties(scene, lat, lon, VISIBLE_NM, footprint_m, detail, model, long)
     albedo = np.empty((seen.water.size, wavelengths.size))
     albedo[:, far] = beyond_visible(seen, wavelengths[far])
     if not far.all():
-        near = surface_properties(scene, lat, lon, wavelengths[~far], footprint_m, detail, model)
+        near = surface_properties(scene, lat, lon, wavelengths[~far], footprint_m, detail, model, long)
         albedo[:, ~far] = near.albedo
     return replace(seen, albedo=albedo)
 
@@ -164,11 +166,13 @@ def _plain_at(
 
 
 def _without_model(
-    ground: Ground, scene: Scene, near: _Places, wavelengths: FloatArray
+    ground: Ground, scene: Scene, near: _Places, wavelengths: FloatArray, long: LongFootprints | None
 ) -> tuple[SurfaceSample, FloatArray]:
     """The user's maps over the default Earth, and the share (n,) of each place that the maps show."""
     lat, lon, footprint = near.lat, near.lon, near.footprint_m
     water, lake = _shored(earth.water_fraction(lat, lon), near, earth.MASK_M), earth.lake_fraction(lat, lon)
+    wide = footprint > 2 * earth.MASK_M
+    water[wide] = 1.0 - earth.mean_land(lat[wide], lon[wide], footprint[wide])
     albedo = np.broadcast_to(spectra.generic_land(wavelengths), (lat.size, wavelengths.size)).copy()
     land = water < 1
     if land.any():
@@ -176,7 +180,7 @@ def _without_model(
     maps = maps_of(ground).albedo_at(scene.time, texture=False)
     mapped = np.zeros(lat.size)
     if maps:
-        own, mapped = mapped_albedo(maps, lat, lon, wavelengths, footprint)
+        own, mapped = mapped_albedo(maps, lat, lon, wavelengths, footprint, long)
         albedo += mapped[:, None] * (own - albedo)
     # Only ice sheets and permanent snow are both as bright as this.
     icy = np.where(land, np.clip((albedo.min(axis=1) - 0.55) / 0.2, 0.0, 1.0), 0.0)
@@ -200,8 +204,9 @@ def _shored(share: FloatArray, near: _Places, cell_m: float) -> FloatArray:
 
 
 def _pictured(
-    ground: Ground, scene: Scene, near: _Places, albedo: FloatArray, wavelengths: FloatArray, mapped: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    ground: Ground, scene: Scene, near: _Places, albedo: FloatArray, wavelengths: FloatArray, mapped: FloatArray,
+    long: LongFootprints | None,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Albedo of land (n, nwl) with what aerial pictures show, and over how many metres (n,) it is then known."""
     known_m = np.full(near.lat.size, earth.PIXEL_M)
     if "surface_albedo" in scene.data and scene.grid is not None:
@@ -212,7 +217,7 @@ def _pictured(
     pictures = maps_of(ground).albedo_at(scene.time, texture=True)
     if not pictures:
         return albedo.copy(), known_m
-    bright, shown = textured(albedo, pictures, near.lat, near.lon, wavelengths, near.footprint_m, known_m)
+    bright, shown = textured(albedo, pictures, near.lat, near.lon, wavelengths, near.footprint_m, known_m, long)
     return bright, known_m * (pictures[-1].pixel_m / known_m) ** shown
 
 
@@ -222,7 +227,7 @@ def _with_model(
     """The model's fields over `default` (at the same places)."""
     ix, iy = near.ix, near.iy
     dry = 1.0 - default.water
-    if model.land is not None:
+    if model.land is not None and not model.like_earth:
         dry = bilinear(model.land, ix, iy)
         if model.sharp_shores:
             dry = _shored(dry, near, near.cell_m)

@@ -142,6 +142,18 @@ def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
     return ((_mask()[rows, columns] != 1) * weights).sum(axis=0)
 
 
+def mean_land(lat: ArrayLike, lon: ArrayLike, width_m: ArrayLike) -> FloatArray:
+    """Share of land (n,) over ``width_m`` around places, by the powers of two of the image's pixels."""
+    place = np.asarray(lat, float), np.asarray(lon, float)
+    level = np.round(np.log2(np.maximum(np.broadcast_to(width_m, place[0].shape), 1.0) / PIXEL_M))
+    level = np.clip(level, 1, _LEVELS).astype(int)
+    land = np.zeros(place[0].shape)
+    for n in np.unique(level):
+        some = level == n
+        land[some] = _at_means(place[0][some], place[1][some], int(n))[0]
+    return land
+
+
 def water_at_nearest(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.uint8]:
     """1 on water, 0 on land, without interpolation; any shape."""
     return (_cover_at_nearest(lat, lon) != 1).astype(np.uint8)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.arguments import paths
 from openswim.errors import UserError
 from openswim.ground import earth
+from openswim.ground.footprints import LongFootprints
 from openswim.ground.spectra import from_bands
 from openswim.scene.ground import Ground, PathLike
 
@@ -67,10 +68,16 @@ class AlbedoMap:
         month = _MONTH.search(self.raster.path.name)
         self.month = int(month.group(2)) if month and 1 <= int(month.group(2)) <= 12 else None
 
-    def colours(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def colours(
+        self, lat: FloatArray, lon: FloatArray, footprint_m: FloatArray, long: LongFootprints | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Red, green, blue (n, 3) in proportion to reflectance (reflectance itself unless a `texture`), and the known
         share (n,)."""
-        values, known = self.raster.sample(lat, lon, footprint_m)
+        sample = self.raster.sample
+        if long is None or long.length_m.max(initial=0.0) < self.pixel_m:
+            values, known = sample(lat, lon, footprint_m)
+        else:
+            values, known = long.mean(sample, lat, lon, footprint_m)
         if self.picture:
             # decimated means are of code values; the error is small next to the picture's own tone curve
             values = earth.linear_light(values)
@@ -121,12 +128,13 @@ class HeightMap:
 
 
 def mapped_albedo(
-    maps: list[AlbedoMap], lat: FloatArray, lon: FloatArray, wavelengths_nm: FloatArray, footprint_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    maps: list[AlbedoMap], lat: FloatArray, lon: FloatArray, wavelengths_nm: FloatArray, footprint_m: FloatArray,
+    long: LongFootprints | None = None,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Albedo (n, nwl) by the finest map that shows each place, and the share (n,) that is known."""
     albedo, total = np.zeros((lat.size, wavelengths_nm.size)), np.zeros(lat.size)
     for one in maps:
-        rgb, known = one.colours(lat, lon, footprint_m)
+        rgb, known = one.colours(lat, lon, footprint_m, long)
         some = known > 0
         share = known[some, None]
         albedo[some] += share * (from_bands(rgb[some], wavelengths_nm) - albedo[some])
@@ -142,6 +150,7 @@ def textured(
     wavelengths_nm: FloatArray,
     footprint_m: FloatArray,
     base_m: FloatArray,
+    long: LongFootprints | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Albedo (n, nwl) known over `base_m` (n,), with the finer contrast and colour of aerial pictures, its mean kept,
     and the share (n,) that they show.
@@ -151,7 +160,7 @@ def textured(
     """
     out, shown = albedo, np.zeros(lat.size)
     for one in maps:
-        fine, known = one.colours(lat, lon, footprint_m)
+        fine, known = one.colours(lat, lon, footprint_m, long)
         mean, around = one.colours(lat, lon, np.maximum(footprint_m, np.maximum(base_m, one.pixel_m)))
         share = (known * (around > 0))[:, None]
         if not share.any():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.ground import snow, spectra
+from openswim.ground import earth, snow, spectra
 from openswim.ground.fields import Filled, blurred, spectral
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 
 _BARE = 0.05  # snow cover below which a model's albedo is that of the land
 DARK_LAND = 0.08  # what is taken to lie between patches of snow
+_SAME_EARTH = 0.98  # share of nodes in plain land and sea that are so on the default Earth; some lakes are missing
 _LEAST_DEVIATION_M = 50.0  # of heights, below which land is flat to snow
 
 
@@ -28,15 +29,16 @@ class ModelGround:
     """Fields (ny, nx) of a curved scene's ground at wavelengths; None for what it does not have.
 
     land, sea_ice, snow_age, wind_speed: as the scene has them (fractions, days, m/s); wave_slope: mean square slope of
-    waves at nodes that have one above zero; sharp_shores: whether nodes are either land or water; snow_near: share of
-    the neighbourhood under snow; standing_out: height above the neighbourhood in its standard deviations; land_albedo:
-    of nodes without snow, (k) at wavelengths if it `has_spectrum`, else the visible level; snow_level: visible level of
-    what is white.
+    waves at nodes that have one above zero; sharp_shores: whether nodes are either land or water; like_earth: whether
+    land is the default Earth's seen more coarsely, so that its shores are used; snow_near: share of the neighbourhood
+    under snow; standing_out: height above the neighbourhood in its standard deviations; land_albedo: of nodes without
+    snow, (k) at wavelengths if it `has_spectrum`, else the visible level; snow_level: visible level of what is white.
     """
 
     has_spectrum: bool = False
     land: FloatArray | None = None
     sharp_shores: bool = False
+    like_earth: bool = False
     sea_ice: FloatArray | None = None
     wind_speed: Filled | None = None
     wave_slope: Filled | None = None
@@ -77,7 +79,7 @@ class ModelGround:
                     bare &= fraction < _BARE
             land_albedo = Filled.among(values, bare)
         return cls(
-            has_spectrum, land, land is not None and bool(np.isin(land, (0.0, 1.0)).all()),
+            has_spectrum, land, land is not None and bool(np.isin(land, (0.0, 1.0)).all()), _like_earth(scene, land),
             _surface(data, "sea_ice_area_fraction"), wind, waves, snow_near, _surface(data, "snow_age"), above,
             land_albedo, snow_level,
         )  # fmt: skip
@@ -86,6 +88,22 @@ class ModelGround:
 def _surface(data: xr.Dataset, name: str) -> FloatArray | None:
     """A field (ny, nx), None where there is none."""
     return np.asarray(data[name].transpose("y", "x", ...).values, float) if name in data else None
+
+
+def _like_earth(scene: Scene, land: FloatArray | None) -> bool:
+    """Whether nodes (ny, nx), coarser than the default Earth's mask, are land and sea where that plainly is."""
+    grid = scene.grid
+    assert grid is not None
+    cell_m = min(grid.spacing_m())
+    if land is None or cell_m <= earth.MASK_M:
+        return False
+    row, column = np.indices(land.shape)
+    lon, lat = grid.lonlat(column.ravel(), row.ravel())
+    mapped = earth.mean_land(lat, lon, cell_m).reshape(land.shape)
+    plain = np.abs(mapped - 0.5) > 0.4
+    if not plain.any():
+        return bool(np.abs(land - mapped).mean() < 0.5)
+    return bool((np.abs(land - mapped)[plain] <= 0.5).mean() >= _SAME_EARTH)
 
 
 def _snow_fraction(data: xr.Dataset) -> FloatArray | None:

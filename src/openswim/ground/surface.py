@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.ground import earth
 from openswim.ground.albedo import surface_properties
 from openswim.ground.cities import city_radiance, lamps_seen
+from openswim.ground.footprints import LongFootprints
+from openswim.ground.maps import maps_of
 from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
@@ -55,9 +57,15 @@ class SceneSurface:
         return ModelGround.of(self.scene, self.wavelengths_nm)
 
     def sample(
-        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0, detail: bool = False
-    ) -> SurfaceSample:
-        return surface_properties(self.scene, lat, lon, self.wavelengths_nm, footprint_m, detail, self._model)
+        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = 0.0, detail: bool = False,
+        long: LongFootprints | None = None,
+    ) -> SurfaceSample:  # fmt: skip
+        return surface_properties(self.scene, lat, lon, self.wavelengths_nm, footprint_m, detail, self._model, long)
+
+    @property
+    def pictured(self) -> bool:
+        ground, grid = self.scene.ground, self.scene.grid
+        return ground is not None and grid is not None and grid.curved and bool(maps_of(ground).albedo)
 
     def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:
         return hemispherical_albedo(self.sample(lat, lon), self.wavelengths_nm)

@@ -41,7 +41,7 @@ def save_netcdf(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
     with written_whole(path) as partial:
         packed = {"zlib": True, "complevel": 1, "shuffle": True}
         encoding: dict[str, Any] = {
-            str(name): _fill(data, name) | (packed if data[name].ndim else {}) for name in data.variables
+            str(name): _fill(data, name) | (packed if each.ndim else {}) for name, each in data.variables.items()
         }
         data.to_netcdf(partial, engine="netcdf4", encoding=encoding)
 
@@ -88,9 +88,10 @@ def in_layout(
 
 def _fill(data: xr.Dataset, name: Any) -> dict[str, Any]:
     # fields are never missing, but a lost piece of a Zarr folder must not read as zeros
-    if data[name].dtype.kind != "f":
+    kind = data.variables[name].dtype
+    if kind.kind != "f":
         return {}
-    return {"_FillValue": None if name in data.coords else data[name].dtype.type(np.nan)}
+    return {"_FillValue": None if name in data.coords else kind.type(np.nan)}
 
 
 def _with_grid(data: xr.Dataset, grid: Grid) -> xr.Dataset:

@@ -47,6 +47,6 @@ def _spread(time: NDArray[np.datetime64], ratio: F64) -> F64:
     out = np.full(ratio.size, np.inf)
     for i, (start, end) in enumerate(zip(first, last, strict=True)):
         window = ratio[start:end]
-        if np.isfinite(window).sum() >= 3:
-            out[i] = np.nanstd(window)
+        if np.isfinite(window).sum() >= 3:  # over the model's 0 before sunrise nothing is finite
+            out[i] = np.std(window[np.isfinite(window)])
     return out

@@ -117,7 +117,7 @@ def light_of_grid(
             options, plan.decisions(pack), light, lighting, shells, wl, ends, _swept(wider), eclipse
         )
     else:
-        swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+        volume = swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     channels, volume = channels_of(volume, not fast), without_fields(volume)
     timings["diffuse"] = time.perf_counter() - started
     lit = LitGrid(

@@ -103,7 +103,7 @@ class LitDomain:
             fluxes_of_columns(columns, volume, lighting)
             light = replace(light, columns=columns)
         else:
-            swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+            volume = swim.light_grid(light, volume, lighting, shells, local_sun, sun)
         return replace(
             lit, surface=ground, volume=without_fields(volume), lighting=lighting, medium=medium, light=light,
             channels=channels_of(volume, not fast), timings=timings, once=Once(),

@@ -117,16 +117,14 @@ def with_bounds(value: float, bounds: np.ndarray, digits: int = 3) -> str:
 
 def _r_table(comparison: xr.Dataset) -> str:
     channels = [str(name) for name in comparison["score_channel"].values]
+    dims = "light", "weighting", "sun_mask"
+    r = comparison["r"].transpose(*dims, "score_channel").values
+    bounds = comparison["r_bounds"].transpose(*dims, "score_channel", "bound").values
     rows = []
-    for light in comparison["light"].values:
-        for weighting in comparison["weighting"].values:
-            for mask in comparison["sun_mask"].values:
-                at = {"light": light, "weighting": weighting, "sun_mask": mask}
-                cells = "".join(
-                    f"<td>{with_bounds(float(v), b)}</td>"
-                    for v, b in zip(comparison["r"].sel(at).values, comparison["r_bounds"].sel(at).values, strict=True)
-                )
-                rows.append(f"<tr><td>{light}</td><td>{weighting}</td><td>{mask:g}</td>{cells}</tr>")
+    for at in np.ndindex(r.shape[:3]):
+        light, weighting, mask = (comparison[name].values[n] for name, n in zip(dims, at, strict=True))
+        cells = "".join(f"<td>{with_bounds(float(v), b)}</td>" for v, b in zip(r[at], bounds[at], strict=True))
+        rows.append(f"<tr><td>{light}</td><td>{weighting}</td><td>{mask:g}</td>{cells}</tr>")
     head = "".join(f"<th>{name}</th>" for name in ("r of light", "by", "sun mask, degrees", *channels))
     return f'<table><tr>{head}</tr>{"".join(rows)}</table>'
 
@@ -136,9 +134,9 @@ def _cloud_table(comparison: xr.Dataset) -> str:
         return ""
     names = {"observed_cover": "observed cover", "simulated_cover": "simulated cover", "pod": "POD", "far": "FAR",
              "ets": "ETS"}  # fmt: skip
-    rows = []
-    for rule in comparison["rule"].values:
-        part = comparison.sel(rule=rule)
+    rows, scores = [], comparison[[*names, *(f"{name}_bounds" for name in names)]]
+    for rule in scores["rule"].values:
+        part = scores.sel(rule=rule)
         cells = "".join(
             f"<td>{with_bounds(float(part[name]), part[f'{name}_bounds'].values)}</td>" for name in names
         )

@@ -53,23 +53,35 @@ def clouds(comparison: xr.Dataset) -> U8 | None:
 def reprojected(picture: U8, camera: Camera, view: Camera, order: int = 1) -> U8:
     """A picture of one camera in the pixels of another at the same place: bilinear, or (order 0) of the nearest pixel;
     black where it does not look."""
-    from scipy.ndimage import map_coordinates
-
-    at, outside = _places(camera, view)
-    channels = np.moveaxis(picture.astype(np.float32), -1, 0)
-    parts = [map_coordinates(channel, at, order=order, mode="nearest") for channel in channels]
-    return np.where(outside[..., None], 0, np.round(np.stack(parts, axis=-1))).astype(np.uint8)
+    parts = np.ascontiguousarray(picture.reshape(-1, picture.shape[-1]), np.float32)
+    return np.round(_shares(camera, view, order) @ parts).astype(np.uint8).reshape(*view.shape, -1)
 
 
-@lru_cache(maxsize=4)
-def _places(camera: Camera, view: Camera) -> tuple[list[NDArray[np.float64]], NDArray[np.bool_]]:
-    """Row and column (ny, nx) in one camera's picture of another's pixels, and which of these it does not see."""
+@lru_cache(maxsize=8)
+def _shares(camera: Camera, view: Camera, order: int) -> Any:
+    """(pixels of the view, pixels of the camera): how much of each one's colour is another's, as a sparse matrix."""
+    from scipy.sparse import csr_array
+
     pixels = view.pixels()
     row, column = camera.pixel_of(pixels.azimuth_deg, pixels.altitude_deg)
     outside = ~(np.isfinite(row) & (row > -0.5) & (row < camera.shape[0] - 0.5))
     outside |= ~((column > -0.5) & (column < camera.shape[1] - 0.5))
     outside |= ~pixels.inside
-    return [np.where(outside, 0, v) for v in (row, column)], outside
+    number = np.flatnonzero(~outside)
+    place = [np.clip(v.ravel()[number], 0, n - 1) for v, n in zip((row, column), camera.shape, strict=True)]
+    if order == 0:
+        place = [np.round(v) for v in place]
+    lower = [np.floor(v).astype(np.intp) for v in place]
+    corners = []
+    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)) if order else ((0, 0),):
+        share = np.ones(number.size, np.float32)
+        for v, low, step in zip(place, lower, (down, right), strict=True):
+            share *= (v - low if step else 1 - (v - low)).astype(np.float32)
+        at = [np.minimum(low + step, n - 1) for low, step, n in zip(lower, (down, right), camera.shape, strict=True)]
+        corners.append((share, at[0] * camera.shape[1] + at[1]))
+    shares, columns = (np.concatenate(each) for each in zip(*corners, strict=True))
+    rows = np.tile(number, len(corners))
+    return csr_array((shares, (rows, columns)), shape=(outside.size, camera.shape[0] * camera.shape[1]))
 
 
 def common_views(camera: Camera) -> dict[str, Camera]:

@@ -40,6 +40,7 @@ AEROSOL = {"MD1MP": "DU001", "MD2MP": "DU003", "CCCMP": "SO4", "GCCMP": "SS003",
 AEROSOL |= {"SALT_JET_MP": "SS003", "SALT_SPUM_MP": "SS004", "ABC1MP": "OCPHILIC", "ABC2MP": "OCPHOBIC"}
 _STAMP = re.compile(r"(\d{4})-(\d{2})-(\d{2})(?:-(\d{2})(\d{2})(\d{2}))?")
 _ICE_CAP = 2.0  # LEAF class
+_ROUNDING = 1e-3  # of shares in single precision
 
 
 class RAMSReader(GriddedReader):
@@ -116,7 +117,7 @@ class RAMSReader(GriddedReader):
             if name in data.variables and (found := field(name)).any():
                 found = out[species][1] + found if species in out else found
                 out[species] = (dims, found, {"units": "kg kg-1", "called": name})
-        out |= _ground(data, terrain, (y, x))
+        out |= _ground(path, data, terrain, (y, x))
         lat, lon = (np.asarray(data[name].transpose(y, x).values, np.float64) for name in ("GLAT", "GLON"))
         axes, mapping = _placed(path, lat, lon, header)
         out["crs"] = ((), 0, mapping)
@@ -195,10 +196,16 @@ def _hydrostatic(exner: NDArray[Any], theta_v: NDArray[Any], terrain: F32) -> ND
     return np.asarray(terrain + rise)
 
 
-def _ground(data: xr.Dataset, terrain: F32, dims: tuple[str, str]) -> dict[str, Any]:
+def _ground(path: Path, data: xr.Dataset, terrain: F32, dims: tuple[str, str]) -> dict[str, Any]:
     out: dict[str, Any] = {"surface_altitude": (("y", "x"), terrain, {"units": "m", "called": "TOPT"})}
     if "PATCH_AREA" in data.variables:  # the first patch is water
         patches = np.asarray(data["PATCH_AREA"].transpose(..., *dims).values, np.float32)
+        whole = patches.sum(axis=0, dtype=np.float64)
+        if not (np.abs(whole - 1.0) < _ROUNDING).all():
+            raise UserError(
+                f"{path}: PATCH_AREA, the shares of a cell's {len(patches)} patches, adds up to {whole.min():.3g} to "
+                f"{whole.max():.3g}, not to 1: damaged file"
+            )
         out["LAND"] = (("y", "x"), 1.0 - patches[0], {"units": "1", "called": "PATCH_AREA"})
         if "LEAF_CLASS" in data.variables:
             classes = np.rint(np.asarray(data["LEAF_CLASS"].transpose(..., *dims).values))

@@ -247,7 +247,7 @@ def beams_and_shadows(
     if volume.bend.size:
         in_threads(
             bend_cells, depths.depth, coefficients[0].scaled, local_sun, medium.levels_m,
-            np.array(medium.cell_m, float), volume,
+            np.array(medium.cell_m, float), True, volume,
         )  # fmt: skip
     if relief:
         in_threads(

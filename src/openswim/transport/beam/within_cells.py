@@ -11,7 +11,8 @@ the one with
 
 fits that best; d_i, d_ij: mean differences across the cell. It is exact behind a face that the light meets at any
 angle, or runs along, however thick the cell. The march has the square of a line between roots instead of the linear
-part: what that lacks is part of the c that it gets. docs/decisions/0019-beam-between-nodes.md.
+part: what that lacks is part of the c that it gets; `swim` has lines between depths.
+docs/decisions/0019-beam-between-nodes.md.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ def _over_root(rise):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
-def _cell(t, e, v, bend, at):
-    """c along x, y, z of one cell, from depths and extinctions (8,) at its corners, z y x in binary, into ``bend``."""
+def _cell(t, e, v, rooted, bend, at):
+    """c along x, y, z of one cell, from depths and extinctions (8,) at its corners, z y x in binary, into ``bend``;
+    where ``rooted``, for the square of a line between roots, else for a line between depths."""
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for axis in range(3):
         one = 1 << axis
@@ -59,15 +61,15 @@ def _cell(t, e, v, bend, at):
                     own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
         c = own * v[axis] / (2.0 * (v[axis] * v[axis] + _ASIDE * square))
         c = min(max(c, -_MOST * most), _MOST * most)
-        put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST)))
+        put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST) if rooted else c))
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, volume):
+def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, rooted, volume):
     """`Volume.bend` of thread t's levels: of the cells with cloud at a corner, the others stay zero.
 
     depth: to the sun, see `sun_sweep`, of which the first field is meant, with ``weights`` (species,) of the species'
-    extinctions; sun (ny, nx, 3): toward it, in each column's axes.
+    extinctions; sun (ny, nx, 3): toward it, in each column's axes; ``rooted``: see `_cell`.
     """
     nz, ny, nx, nc = volume.fields.shape
     width = depth.shape[3]
@@ -90,4 +92,4 @@ def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, volume):
                 if cloud > 0.0:
                     v[0], v[1] = sun[j, i, 0] / cell_m[0], sun[j, i, 1] / cell_m[1]
                     v[2] = sun[j, i, 2] / (levels_m[k + 1] - levels_m[k])
-                    _cell(taus, betas, v, volume.bend, node * PACK)
+                    _cell(taus, betas, v, rooted, volume.bend, node * PACK)

@@ -42,6 +42,7 @@ class Once:
 
     def __init__(self) -> None:
         self._made: dict[str, Any] = {}
+        self._last: dict[str, tuple[Any, Any]] = {}
         self._lock = threading.RLock()
 
     def __call__(self, name: str, make: Callable[[], _Made]) -> _Made:
@@ -49,6 +50,14 @@ class Once:
             if name not in self._made:
                 self._made[name] = make()
             found: _Made = self._made[name]
+            return found
+
+    def last(self, name: str, key: Any, make: Callable[[], _Made]) -> _Made:
+        """The same where it differs by ``key``: that of the last one is kept, as for eyes along a path."""
+        with self._lock:
+            if name not in self._last or self._last[name][0] != key:
+                self._last[name] = key, make()
+            found: _Made = self._last[name][1]
             return found
 
 

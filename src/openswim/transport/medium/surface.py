@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.ground.footprints import LongFootprints
 from openswim.ground.sample import SurfaceSample
 from openswim.scene.frame import Frame
 
@@ -31,8 +32,17 @@ class Surface(Protocol):
         """What is known in some rows and columns of the grid."""
         ...
 
-    def sample(self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = ..., detail: bool = ...) -> SurfaceSample:
-        """What it is made of; ``footprint_m``: of a pixel; ``detail``: finer than is known (docs/decisions/0020)."""
+    def sample(
+        self, lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike = ..., detail: bool = ...,
+        long: LongFootprints | None = ...,
+    ) -> SurfaceSample:  # fmt: skip
+        """What it is made of; ``footprint_m``: of a pixel; ``detail``: finer than is known (docs/decisions/0020);
+        ``long``: what pixels cover of maps that they look along."""
+        ...
+
+    @property
+    def pictured(self) -> bool:
+        """Whether there are maps of its colour, finer than footprints may be long."""
         ...
 
     def albedo(self, lat: ArrayLike, lon: ArrayLike) -> F64:

@@ -40,7 +40,8 @@ PATHS = 256  # per ray, unless told otherwise
 NO_LAYERS = "layers: the solver reference has none: use fast or swim for them"
 _SPREAD = 16  # so many times fewer paths a ray has where the rays' sum alone is asked for
 _PASS_S = 0.7  # of paths between looks at the clock
-_PART_RAYS = 2048  # of large pictures, between looks at an interrupt: half a second of one path each in thick cloud
+PASS_PATHS = 64  # a pass has at least, once there are as many: it looks along each ray first, as long as 50 paths take
+_PART_RAYS = 32  # of large pictures, between looks at an interrupt: half a second of such a pass in thick cloud
 _SAVE_S = 30.0
 _FLUX_PLACES = 1024
 _SHARP = 20.0  # phase functions with a higher peak are aimed with
@@ -196,7 +197,8 @@ class ReferenceField:
             meter.advance(sums.paths)
             try:
                 while sums.paths < most:
-                    size = min(size, most - sums.paths)
+                    left = most - sums.paths
+                    size = left if left <= 1.5 * size else size  # a pass for the last few alone is not worth its looks
                     start = time.perf_counter()
                     # in arrays of their own: of an interrupted pass some rays' paths would be there, but not counted
                     total, squares = np.zeros_like(sums.total), np.zeros_like(sums.squares)
@@ -216,10 +218,10 @@ class ReferenceField:
                     spent = time.process_time() - began
                     if solver.seconds is not None and sums.paths >= 4 and spent > solver.seconds:
                         break
-                    size = max(1, min(2 * size, int(size * _PASS_S / max(took, 1e-6))))
+                    size = min(2 * size, max(PASS_PATHS, int(size * _PASS_S / max(took, 1e-6))))
                     if solver.seconds is not None:
-                        left = max(solver.seconds - spent, 0.0)
-                        size = max(1, min(size, int(sums.paths * left / max(spent, 1e-6))))
+                        in_time = sums.paths * max(solver.seconds - spent, 0.0) / max(spent, 1e-6)
+                        size = max(1, min(size, int(in_time)))
             except KeyboardInterrupt:
                 claim()
                 if checkpoint is not None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam
 from openswim.transport.beam.lit_volume import depths_to_sun
-from openswim.transport.beam.sun_sweep import beyond_sides, inside
+from openswim.transport.beam.sun_sweep import BEYOND, beyond_sides, inside
+from openswim.transport.beam.within_cells import bend_cells
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -29,6 +30,7 @@ from openswim.transport.swim.layer import (
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+_LEAST_LEFT = 1e-9  # of light that is absorbed
 _CONSERVATIVE = 0.999  # single-scattering albedo above which absorption is not followed
 
 
@@ -38,8 +40,11 @@ def backscatter_weights(medium: Medium) -> F32:
     return np.array(rows, FLOAT).reshape(len(rows), len(medium.wavelengths_nm))
 
 
-def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64) -> None:
-    """Source beta omega E/E_TOA at every node (Eqs 4-8) and the flux below it at the ground (Sect. 3.7)."""
+def light_grid(
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64
+) -> Volume:
+    """Eq. 8 at every node, beta omega e^-tau_R in the channels of sources and -ln of what absorption leaves of T in
+    those of the beam; how depths to the sun bend between nodes; and the flux below at the ground (Sect. 3.7)."""
     medium = light.medium
     mu = lighting.mu_sun.ravel()
     shape = lighting.mu_sun.shape
@@ -57,6 +62,7 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
     for w in range(len(medium.wavelengths_nm)):
         if w >= light.count:  # padding
             volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
+            volume.fields[..., w] = volume.fields[..., w - 1]
             lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
             continue
         air, clear = airs[w], clears[w]
@@ -64,13 +70,16 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
         path = _sun_path(medium, local_sun, w)
+        volume.fields[..., w] = 0
         if path is not None:
-            transmittance *= absorbed_transmittance(*path).astype(FLOAT)
+            left = absorbed_transmittance(*path).astype(FLOAT)
+            volume.fields[..., w] = -np.log(np.maximum(left, _LEAST_LEFT))
+            transmittance *= left
             reflected *= multiple_scattering_albedo(*(np.take_along_axis(x, ground, 0)[0] for x in path))  # Eq. 31
         scattering = np.zeros(medium.shape, FLOAT)
         for s, extinction in zip(medium.species, medium.extinction, strict=True):
             scattering += FLOAT(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
-        volume.fields[..., PACK + w] = scattering * transmittance * air  # Eq. 8
+        volume.fields[..., PACK + w] = scattering * air  # Eq. 8 but for T
         below = np.take_along_axis(transmittance, ground, 0)[0]
         vertical = np.take_along_axis(backscatter_depth, ground, 0)[0] * np.maximum(lighting.mu_sun, 0.02)
         total = clear * below * np.maximum(lighting.mu_sun, 0) + clear_diffuse[:, w].reshape(shape) * below
@@ -80,6 +89,18 @@ def light_grid(light: GridLight, volume: Volume, lighting: Lighting, shells: She
         # the air's own light is left out
         from_ground = lighting.albedo[w] * total * (1 - diffuse_albedo(vertical))
         lighting.up_top[w] = clear * np.maximum(lighting.mu_sun, 0) * reflected + from_ground
+    return _with_bends(medium, volume, told @ np.ascontiguousarray(volume.forward_factors[:, 0]), local_sun)
+
+
+def _with_bends(medium: Medium, volume: Volume, backscatter_depth: F32, local_sun: F64) -> Volume:
+    """The volume with what it lacks between nodes of a depth to the sun (nz, ny, nx), of the first wavelength."""
+    volume = volume._replace(bend=np.zeros((*medium.shape, PACK), FLOAT))
+    depth = np.pad(backscatter_depth[None], ((0, 0), (0, 0), (0, 0), (BEYOND, BEYOND + 1)))
+    in_threads(
+        bend_cells, depth, np.ascontiguousarray(backscatter_weights(medium)[:, 0]), local_sun, medium.levels_m,
+        np.array(medium.cell_m, float), False, volume,
+    )  # fmt: skip
+    return volume
 
 
 def _sun_path(medium: Medium, local_sun: F64, w: int) -> tuple[F64, F64, F64, F64] | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.engine.pack import PACK, flat, low, put, spread, write
+from openswim.transport.engine.pack import PACK, flat, low, put, read, read_quadruple, spread, write
 from openswim.transport.engine.scalar import share_of_step, step_emission, transmission
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -69,12 +69,68 @@ def _lit_step(near, far, extinction, extinction_far, ds_m):
     return step_emission(depth, transmission(depth), ds_m, near, far, extinction, extinction_far)
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _mean_depth(depth):
+    """int x e^-x dx / int e^-x dx from 0 to ``depth``, by its series: within .3 % up to `DEPTH_OF_VIEW`."""
+    return depth * (_HALF - depth * (FLOAT(1 / 12) - depth * depth * FLOAT(1 / 720)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _row(fields, at, right, share):
+    """All channels between a node, from flat element ``at`` on, and the next in its row."""
+    here = read_quadruple(fields, at)
+    return here + share * (read_quadruple(fields, at + right) - here)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _transmittance(ix, iy, level, volume, nodes):
+    """T of Eq. 6 at fractional indices, T_abs/(1 + B): the way to the sun of ``volume.fields``' B and of -ln T_abs is
+    bent within the cell as `within_cells` has it, both by as much of themselves. ``nodes``: scratch."""
+    nz, ny, nx, nc = volume.fields.shape
+    k, i, j = min(int(level), nz - 2), min(int(ix), nx - 1), min(int(iy), ny - 1)
+    a, b, g = FLOAT(ix - i), FLOAT(iy - j), FLOAT(level - k)
+    right, up = nc, nx * nc
+    if i + 1 >= nx:
+        right = -i * nc if volume.periodic else 0
+    if j + 1 >= ny:
+        up = -j * nx * nc if volume.periodic else 0
+    cell, f = (k * ny + j) * nx + i, volume.fields
+    for base in range(0, nc, 4 * PACK):
+        at = cell * nc + base
+        above = at + ny * nx * nc
+        lower, upper = _row(f, at, right, a), _row(f, above, right, a)
+        lower += b * (_row(f, at + up, right, a) - lower)
+        upper += b * (_row(f, above + up, right, a) - upper)
+        write(nodes, base, lower + g * (upper - lower))
+    first, depth = _ZERO, spread(_ZERO)
+    for n in range(volume.forward_factors.shape[0]):
+        told = flat(nodes, 2 * PACK + volume.species + n)
+        depth += told * read(volume.forward_factors, n * PACK)
+        first += told * flat(volume.forward_factors, n * PACK)
+    bent = first + a * (_ONE - a) * flat(volume.bend, cell * PACK) + b * (_ONE - b) * flat(volume.bend, cell * PACK + 1)
+    bent += g * (_ONE - g) * flat(volume.bend, cell * PACK + 2)
+    share = max(bent, _ZERO) / max(first, _NOTHING)
+    return transmission(share * read(nodes, 0)) / (_ONE + share * depth)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def _between(near, far, share, count, periodic):
+    """An index between two, the shorter way round where there is a period."""
+    step = far - near
+    if periodic:
+        step -= count * math.floor(step / count + 0.5)
+        there = near + share * step
+        return there - count * math.floor(there / count)
+    return near + share * step
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _follow(n, lane, world, out):
     """Ray ``n`` from `start_walk` on to its end. With extinction beta of air and cloud, x of all cloud alone, and the
-    source S = omega beta E/E_TOA of Eq. 8 at the nodes, all linear along a step,
+    source S = omega beta E/E_TOA of Eq. 8, all but its T linear along a step,
 
-        lit = int S e^-tau ds to l = int x ds, the step in which l is met ending there; front = int beta_air ds to
+        lit = int S e^-tau ds to l = int x ds, the step in which l is met ending there; T is that of the place at the
+        mean depth from which a step's light comes, int x e^-x dx / int e^-x dx; front = int beta_air ds to
         int x ds = 1, likewise; cloud_m = int s x ds / int x ds to int x ds = 1, by the middles of steps.
     """
     w, places, nodes = lane.walk, lane.places, lane.nodes
@@ -83,6 +139,8 @@ def _follow(n, lane, world, out):
     lit, through, front, ahead = spread(_ZERO), spread(_ONE), spread(_ZERO), spread(_ZERO)
     extinction, forward, source, air = spread(_ZERO), spread(_ZERO), spread(_ZERO), spread(_ZERO)
     cloud, cloud_depth, distance_m = _ZERO, _ZERO, _ZERO
+    _, ny, nx, _ = volume.fields.shape
+    ix, iy, level = 0.0, 0.0, -1.0
     while w[STATE] == GOING and w[SAMPLES] < MOST_SAMPLES:
         w[COUNT] = 0.0
         while w[STATE] == GOING and w[COUNT] < BATCH:
@@ -93,14 +151,14 @@ def _follow(n, lane, world, out):
             if cloud > _ZERO:
                 for m in range(volume.species):
                     put(species_depth, m, flat(species_depth, m) + half_step_m * flat(nodes, 2 * PACK + m))
-            a, level = flat(places, place + PLACE_X), flat(places, place + PLACE_LEVEL)
-            if level >= 0.0:
-                b = flat(places, place + PLACE_Y)
-                there = sample_grid(a, b, level, ray, ahead, half_step_m, volume, nodes)
+            ix_far, iy_far = flat(places, place + PLACE_X), flat(places, place + PLACE_Y)
+            level_far = flat(places, place + PLACE_LEVEL)
+            if level_far >= 0.0:
+                there = sample_grid(ix_far, iy_far, level_far, ray, ahead, half_step_m, volume, nodes)
                 extinction_far, forward_far, source_far = there.extinction, there.forward, there.diffuse
                 air_far, cloud_far = there.air, there.cloud
             else:
-                row, _, _ = air_at(a, shells)
+                row, _, _ = air_at(ix_far, shells)
                 extinction_far, forward_far, source_far = low(low(row)), spread(_ZERO), spread(_ZERO)
                 air_far, cloud_far = extinction_far, _ZERO
             added = half_step_m * (cloud + cloud_far)
@@ -113,18 +171,28 @@ def _follow(n, lane, world, out):
                     fronting = share_of_step(cloud, cloud_far, ds_m, _ONE - cloud_depth)
                 middle_m = FLOAT(flat(places, place + PLACE_S)) - ds_m * (_ONE - _HALF * fronting)
                 distance_m += middle_m * min(added, max(_ONE - cloud_depth, _ZERO))
-                if cloud_depth + added <= DEPTH_OF_VIEW:
-                    lit += through * _lit_step(source, source_far, extinction, extinction_far, ds_m)
-                elif cloud_depth < DEPTH_OF_VIEW:
-                    part = share_of_step(cloud, cloud_far, ds_m, DEPTH_OF_VIEW - cloud_depth)
+                if cloud_depth < DEPTH_OF_VIEW:
+                    seen, part = min(added, DEPTH_OF_VIEW - cloud_depth), _ONE
+                    if seen < added:
+                        part = share_of_step(cloud, cloud_far, ds_m, seen)
                     end, last = source + part * (source_far - source), extinction + part * (extinction_far - extinction)
-                    lit += through * _lit_step(source, end, extinction, last, part * ds_m)
+                    share = 1.0
+                    if level >= 0.0 and level_far >= 0.0:
+                        share = 1.0 * share_of_step(cloud, cloud_far, ds_m, _mean_depth(seen))
+                    elif level >= 0.0:
+                        share = 0.0
+                    near = _transmittance(
+                        _between(ix, ix_far, share, nx, volume.periodic),
+                        _between(iy, iy_far, share, ny, volume.periodic), level + share * (level_far - level),
+                        volume, lane.gathered,
+                    )  # fmt: skip
+                    lit += (through * near) * _lit_step(source, end, extinction, last, part * ds_m)
                 cloud_depth += added
             through *= transmission((extinction + extinction_far) * half_step_m)
             ahead += half_step_m * (forward + forward_far)
             front += (fronting * half_step_m) * (air + air_far)
             extinction, forward, source, air = extinction_far, forward_far, source_far, air_far
-            cloud = cloud_far
+            cloud, ix, iy, level = cloud_far, ix_far, iy_far, level_far
     write(out.lit, n * PACK, lit)
     write(out.front, n * PACK, front)
     write(out.full, n * PACK, through)

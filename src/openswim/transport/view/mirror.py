@@ -32,6 +32,8 @@ _BESIDE_RAD = np.radians(1.0)  # so that this far from its end a mirrored pictur
 _FACETS = 16
 _LIFT_M = 0.5  # above the ground, that mirrored rays begin
 WET = 0.05  # share of water in a pixel from which on what it mirrors is looked at
+_LEVEL_M = 10.0  # in steps of which water has its height, as its image of the eye has it
+_TOGETHER = 20_000  # rays whose facets are marched together
 _ASKED = 60_000  # rays of a picture by which water in it is found, at most
 _LOWEST = 0.01  # sine of the altitude: what would be mirrored from below the horizon is seen by way of a second wave
 
@@ -72,7 +74,11 @@ class Mirrored:
             met = distance < FAR_M
             node[met] = eye + distance[met, None] * toward[met] + _LIFT_M * up
         shape = (grid_alt.size, grid_az.size)
-        seen, known = _marched(look, radius_m, eye, node, toward, wet.slope_variance)
+        # all that a level mirror shows is seen from the eye's image under the water
+        middle = len(node) // 2
+        upright = _upward(node, radius_m)[middle]
+        image = eye - 2 * ((eye - node[middle]) @ upright) * upright
+        seen, known = _marched(look, radius_m, image, node, toward, np.full(len(node), wet.slope_variance))
         return cls(up, axes, start, grid_az, grid_alt, seen.reshape(*shape, PACK), known.reshape(shape))
 
     def angles(self, direction: F64) -> tuple[F64, F64]:
@@ -84,13 +90,55 @@ class Mirrored:
     def along(self, direction: F64) -> F32:
         """Mean radiance L' (n, PACK) that is mirrored along rays (n, 3); NaN where it is not known."""
         azimuth, altitude = self.angles(direction)
-        outside = np.zeros(azimuth.size, bool)
-        for angle, nodes in ((azimuth, self.azimuth), (altitude, self.altitude)):
-            outside |= (angle < nodes[0] - _BESIDE_RAD) | (angle > nodes[-1] + _BESIDE_RAD)
         x = np.interp(azimuth, self.azimuth, np.arange(self.azimuth.size))
         y = np.interp(altitude, self.altitude, np.arange(self.altitude.size))
-        out = _among(self.seen, self.known, x, y)
-        out[outside] = np.nan
+        return _among(self.seen, self.known, x, y)
+
+    def shows(self, direction: F64) -> NDArray[np.bool_]:
+        """Whether rays (n, 3) are among those that it is made for, or just beside them."""
+        out = np.ones(len(direction), bool)
+        for angle, nodes in zip(self.angles(direction), (self.azimuth, self.altitude), strict=True):
+            out &= (angle >= nodes[0] - _BESIDE_RAD) & (angle <= nodes[-1] + _BESIDE_RAD)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Water:
+    """What water mirrors to an eye: by the picture of it where there is one, beside that to every ray by itself."""
+
+    look: Look
+    radius_m: float
+    eye: F64
+    picture: Mirrored | None
+
+    def pictured(self, direction: F64) -> tuple[F32, NDArray[np.bool_]]:
+        """What the picture has of L' (n, PACK) along rays (n, 3), NaN where it has none; and which it does not show."""
+        out = np.full((len(direction), PACK), np.nan, FLOAT)
+        if self.picture is None:
+            return out, np.ones(len(direction), bool)
+        shown = self.picture.shows(direction)
+        out[shown] = self.picture.along(direction[shown])
+        return out, ~shown
+
+    def by_itself(self, place: F64, direction: F64, slope_variance: F64) -> F32:
+        """L' (n, PACK) that is mirrored along rays that end at places (n, 3) on water with waves of mean square slopes
+        (n,); NaN where it is not known. No ray's depends on the others'."""
+        out = np.full((len(place), PACK), np.nan, FLOAT)
+        up = _upward(self.eye[None], self.radius_m)[0]
+        of_eye, of_water = (
+            np.linalg.norm(p + np.array([0.0, 0.0, self.radius_m]), axis=-1) - self.radius_m for p in (self.eye, place)
+        )
+        level_m = np.round(of_water / _LEVEL_M) * _LEVEL_M  # so that a lake has one image of the eye
+        for level in np.unique(level_m):
+            here = np.flatnonzero(level_m == level)
+            image = self.eye - 2 * (of_eye - level) * up
+            lifted = place[here] + _LIFT_M * _upward(place[here], self.radius_m)
+            for part in np.split(here, range(_TOGETHER, here.size, _TOGETHER)):
+                which = np.searchsorted(here, part)
+                seen, known = _marched(
+                    self.look, self.radius_m, image, lifted[which], direction[part], slope_variance[part]
+                )
+                out[part[known]] = seen[known]
         return out
 
 
@@ -146,16 +194,17 @@ def _falls_to(eye: F64, direction: F64, level_m: float, radius_m: float) -> NDAr
 
 
 def _marched(
-    look: Look, radius: float, eye: F64, place: F64, direction: F64, slope_variance: float
+    look: Look, radius: float, image: F64, place: F64, direction: F64, slope_variance: F64
 ) -> tuple[F64, NDArray[np.bool_]]:
-    """Mirrored radiance (n, PACK) at places, and whether the way up is free there."""
+    """Mirrored radiance (n, PACK) at places with a slope variance (n,) each, and whether the way up is free there;
+    image: of the eye, under the water."""
     n = len(place)
     up = _upward(place, radius)
     level = direction - (direction * up).sum(-1, keepdims=True) * up
     level /= np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9)
-    along, across = _slopes() * np.sqrt(0.5 * slope_variance)
+    along, across = _slopes()[:, None] * np.sqrt(0.5 * slope_variance)[:, None]
     # facets (n, 16, 3): positive slopes along lean toward the viewer
-    normal = up[:, None] - along[:, None] * level[:, None] + across[:, None] * np.cross(up, level)[:, None]
+    normal = up[:, None] - along[..., None] * level[:, None] + across[..., None] * np.cross(up, level)[:, None]
     steepness = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal /= steepness
     cos_in = -(direction[:, None] * normal).sum(-1)
@@ -164,9 +213,6 @@ def _marched(
     rise = (out * up[:, None]).sum(-1, keepdims=True)
     out += np.maximum(_LOWEST - rise, 0.0) * up[:, None]
     out /= np.linalg.norm(out, axis=-1, keepdims=True)
-    # all that a level mirror shows is seen from the eye's image under the water
-    middle = place[n // 2]
-    image = eye - 2 * ((eye - middle) @ up[n // 2]) * up[n // 2]
     radiance, distance = look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image)
     free = (distance.reshape(n, -1) < 0) | (distance.reshape(n, -1) > 30.0)
     weight = weight * free

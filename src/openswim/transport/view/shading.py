@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.ground.footprints import LONGEST, LongFootprints
 from openswim.ground.hills import sunlight_on_slopes
 from openswim.ground.reflectance import reflected_radiance
 from openswim.ground.sample import SurfaceSample
+from openswim.scene.frame import Frame
 from openswim.scene.rims import BEYOND_CELLS
 from openswim.transport.air.shells import beam_transmission, beam_transmission_at
 from openswim.transport.engine.interpolation import bilinear
@@ -23,7 +25,7 @@ from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
 from openswim.transport.view.beyond_sides import Beyond
-from openswim.transport.view.mirror import WET, Mirrored
+from openswim.transport.view.mirror import WET, Water
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -64,8 +66,8 @@ class Ground(Protocol):
     def relief(self) -> Relief | None: ...
 
     @property
-    def mirrored(self) -> Mirrored | None:
-        """What water mirrors to the eye."""
+    def mirrored(self) -> Water | None:
+        """What water mirrors to the eye; None where it is the clear sky."""
         ...
 
     def through_clouds(self, place: F64) -> F64:
@@ -76,7 +78,7 @@ class Ground(Protocol):
 def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
     """L' (n, nw) of the ground at ``place`` (n, 3) seen along ``direction`` (n, 3), ``width_m`` (n,) of it to a pixel.
 
-    Water mirrors the scene's own sky where it is known what of it, else the clear sky.
+    Water mirrors the scene's own sky to an eye that is not too high, else the clear sky.
     """
     lit = own.lit
     out = np.empty((len(place), PACK), FLOAT)
@@ -84,21 +86,32 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
     # worked out by all threads, which a share is not
     beyond = _beyond(lit) if _any_outside(lit, place) else None
 
+    alone = np.zeros(len(place), bool)  # rays that no picture of what is mirrored shows
+    variance = np.zeros(len(place))
+
+    def put(part: Any, given: F32 | None) -> None:
+        """Fill in ``out`` for rays whose mirrored light is ``given``, or is in the picture."""
+        ground = _ground(own, beyond, on_slopes, place[part], direction[part], width_m[part])
+        mirrored = given
+        if given is None and own.mirrored is not None and not ground.sample.lambertian:
+            wet = np.flatnonzero(ground.sample.water > WET)
+            mirrored = np.full((len(ground.mu_sun), PACK), np.nan, FLOAT)
+            mirrored[wet], beside = own.mirrored.pictured(direction[part][wet])
+            alone[part][wet] = beside
+            variance[part][wet] = np.broadcast_to(ground.sample.slope_variance, ground.mu_sun.shape)[wet]
+        out[part] = _reflected(lit, own.sky, ground, mirrored)
+        if lit.lighting.shining is not None:
+            dry = 1 - np.asarray(ground.sample.water, FLOAT)[:, None]  # lamps stand on land
+            out[part] += dry * _own_light(lit, place[part], width_m[part])
+
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
-            part = slice(start, start + _PART)
-            ground = _ground(own, beyond, on_slopes, place[part], direction[part], width_m[part])
-            mirrored = None
-            if own.mirrored is not None and not ground.sample.lambertian:
-                wet = np.flatnonzero(ground.sample.water > WET)
-                mirrored = np.full((len(ground.mu_sun), PACK), np.nan, FLOAT)
-                mirrored[wet] = own.mirrored.along(direction[part][wet])
-            out[part] = _reflected(lit, own.sky, ground, mirrored)
-            if lit.lighting.shining is not None:
-                dry = 1 - np.asarray(ground.sample.water, FLOAT)[:, None]  # lamps stand on land
-                out[part] += dry * _own_light(lit, place[part], width_m[part])
+            put(slice(start, start + _PART), None)
 
     in_threads(share, parts=-(-len(place) // _PART))
+    rest = np.flatnonzero(alone)
+    if rest.size and own.mirrored is not None:
+        put(rest, own.mirrored.by_itself(place[rest], direction[rest], variance[rest]))
     return out
 
 
@@ -161,7 +174,8 @@ def _ground(
         shaded = np.flatnonzero(~inside & _behind_grid(medium, sun, mu_sun, ix, iy))
         if shaded.size:
             beam[shaded] *= own.through_clouds(place[shaded])
-    sample = surface.sample(lat, lon, footprint, lit.options.detail)
+    long = _long(frame, place, normal, direction, width_m, lat, lon) if surface.pictured else None
+    sample = surface.sample(lat, lon, footprint, lit.options.detail, long)
     maps = surface.mapped
     if maps and relief is None:
         mapped, known = surface.mapped_normals(frame, place, up, footprint)
@@ -190,6 +204,19 @@ def _ground(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
     return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _long(
+    frame: Frame, place: F64, normal: F64, direction: F64, width_m: F64, lat: F64, lon: F64
+) -> LongFootprints:
+    """What pixels of a width (n,) cover of ground that rises as its normal (n, 3) says."""
+    steep = -(normal * direction).sum(-1)
+    length_m = width_m / np.clip(steep, 1 / LONGEST, 1.0)
+    along = direction + steep[:, None] * normal  # on the slope
+    along *= (0.5 * length_m / np.maximum(np.linalg.norm(along, axis=-1), 1e-9))[:, None]
+    other_lat, other_lon, _ = frame.latlon(place + along)
+    turned = (other_lon - lon + 180.0) % 360.0 - 180.0
+    return LongFootprints(other_lat - lat, turned, width_m, length_m)
 
 
 def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | None = None) -> F32:

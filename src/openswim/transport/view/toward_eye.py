@@ -49,8 +49,9 @@ def aimed(lit: LitGrid, eye: F64, parallel: bool) -> Volume:
         return volume._replace(turning=rows, turning_row=row)
     if not parallel:
         part = _part_around(light.medium, volume, eye)
-        if part is not None:
-            rows, row = _turning(lit, volume, part, np.ones([end - first for first, end in part], bool))
+        if part is not None:  # the next eye of a film is most often in the same cell
+            near = np.ones([end - first for first, end in part], bool)
+            rows, row = lit.once.last("turning", part, lambda: _turning(lit, volume, part, near))
             volume = volume._replace(turning=rows, turning_row=row)
     _put_sources(lit, light, volume, eye, parallel, [(0, n) for n in light.medium.shape])
     return volume

@@ -20,7 +20,7 @@ from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.relief import Relief
-from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid
+from openswim.transport.lit.lit_grid import CLEAR_STEP, LitGrid, Once
 from openswim.transport.march.cloud_detail import NO_DETAIL, Detail, detail_of, first_wavelength_m
 from openswim.transport.march.detail_step import widest_m
 from openswim.transport.march.forward_peak import blunted
@@ -29,10 +29,10 @@ from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
-from openswim.transport.view import nested
+from openswim.transport.view import nested, sparse
 from openswim.transport.view.around_shadow import light_around, within_sides
 from openswim.transport.view.level_ice import level_ice
-from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, wet_rays
+from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, Water, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
 from openswim.transport.view.toward_eye import aimed
@@ -58,7 +58,7 @@ class AimedGrid:
     detail: Detail
     relief: Relief | None
     plates: LevelIce = NO_LEVEL_ICE
-    mirrored: Mirrored | None = None
+    mirrored: Water | None = None
     wider: AimedGrid | None = None
     eye: F64 | None = None  # None where rays are parallel
 
@@ -81,7 +81,7 @@ class AimedGrid:
         wider = None if self.wider is None else self.wider.seen_by(rays)
         return replace(self, detail=_detail_for(self.lit, rays), wider=wider)
 
-    def mirroring(self, mirrored: Mirrored | None) -> AimedGrid:
+    def mirroring(self, mirrored: Water | None) -> AimedGrid:
         """The same with water that mirrors the sky."""
         wider = None if self.wider is None else self.wider.mirroring(mirrored)
         return replace(self, mirrored=mirrored, wider=wider)
@@ -116,11 +116,16 @@ class AimedGrid:
             radiance, seen.scaled, seen.full, seen.distance_m, seen.species_depth, int(seen.samples.sum()), level
         )
 
-    def seen(self, origin: F64, direction: F64, width_rad: F64 | None = None) -> Seen:
-        """What rays (n, 3) of a width (n,) see, the light of the ground included."""
+    def seen(
+        self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None
+    ) -> Seen:
+        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``: see `sparse.march`."""
         ends = None if self.relief is None else self.relief.meet(origin, direction)
         cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
-        found = self.march(origin, direction, ends, cone)
+        if image is None:
+            found = self.march(origin, direction, ends, cone)
+        else:
+            found = sparse.march(self.march, origin, direction, ends, cone, image)
         place = origin + direction * found.distance[:, None]
         width_m = (0.01 if width_rad is None else width_rad) * found.distance
         for number, level in enumerate(self.levels):  # as the grid has it in which rays end
@@ -185,11 +190,12 @@ class Viewer:
         """The viewer of some rays, which share their origin or their direction, and of others from the same eye.
 
         relief: the land's shape as they see it. What is made for all of them is the picture of the sky that water
-        mirrors where they end on some. ``skies``: the shells they go through, if these are known.
+        mirrors where they end on some; a ray beside those, or a single one, is told by itself what it mirrors.
+        ``skies``: the shells they go through, if these are known.
         """
         eye, parallel = _eye_of(rays)
         skies = skies_for(lit, rays) if skies is None else skies
-        mirrored = None if parallel else _mirrored(lit, eye, relief, skies, rays)
+        mirrored = _mirrored(lit, relief, skies, rays, None if parallel else eye)
         grid = AimedGrid.at(lit, eye, parallel, relief, skies)
         return cls(grid.seen_by(rays).mirroring(mirrored), eye, parallel)
 
@@ -198,12 +204,13 @@ class Viewer:
         return self.grid.lit
 
     def of_others(self, rays: Rays, relief: Relief | None) -> Viewer:
-        """That of other rays from the same eye, not down to water; its sources are the same, and not made again."""
+        """That of other rays from the same eye; its sources are the same, and not made again."""
         lit = self.lit
         if not self._is_of(rays) or _layered(lit):
             return Viewer.of(lit, rays, relief)
-        grid = _with_land(self.grid, relief, skies_for(lit, rays))
-        return replace(self, grid=grid.seen_by(rays).mirroring(None))
+        skies = skies_for(lit, rays)
+        mirrored = None if self.parallel or not _mirrors(lit, self.eye) else _water(lit, relief, skies, self.eye, None)
+        return replace(self, grid=_with_land(self.grid, relief, skies).seen_by(rays).mirroring(mirrored))
 
     def _is_of(self, rays: Rays) -> bool:
         """Whether rays come from this eye; a single one, that tells no eye of its own, too."""
@@ -220,11 +227,11 @@ class Viewer:
             np.full((n, 3), np.nan), np.zeros(n), np.zeros((n, max(lit.volume.species, 1)), FLOAT), 0,
         )  # fmt: skip
         with job("view", n) as meter:
-            for part, grid in self._tiles(rays):
+            for part, grid, image in self._tiles(rays):
                 tile = rays[part]
                 origin, direction = tile.origins(), tile.directions()
                 width_rad = np.array(np.broadcast_to(np.asarray(tile.width_rad, float), len(tile)))
-                seen = grid.seen(origin, direction, width_rad)
+                seen = grid.seen(origin, direction, width_rad, image)
                 hit = seen.distance >= 0
                 position = np.full((len(tile), 3), np.nan)
                 position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
@@ -236,16 +243,24 @@ class Viewer:
                 meter.advance(len(tile))
         return replace(out, radiance=out.radiance[:, : lit.count], transmittance=out.transmittance[:, : lit.count])
 
-    def _tiles(self, rays: Rays) -> Iterator[tuple[Any, AimedGrid]]:
-        """Parts of the rays to march together; in scenes without sides, where a node is everywhere, one a direction."""
+    def _tiles(self, rays: Rays) -> Iterator[tuple[Any, AimedGrid, NDArray[np.int64] | None]]:
+        """Parts of the rays to march together, and their image; in scenes without sides, where a node is everywhere,
+        one a direction."""
         if _layered(self.lit):
             _, which = np.unique(rays.directions().round(9), axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             for part in np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1):
-                yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky])
+                yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky]), None
+        elif rays.image is not None:
+            rows = max(3, _TILE_RAYS // rays.image.shape[1] // 2 * 2 - 1)  # odd: blocks between the tile's own corners
+            for a in range(0, len(rays.image), rows):
+                tile = rays.image[a : a + rows]
+                part = tile[tile >= 0]
+                if part.size:
+                    yield part, self.grid, np.where(tile >= 0, np.cumsum(tile >= 0).reshape(tile.shape) - 1, -1)
         else:
             for a in range(0, len(rays), _TILE_RAYS):
-                yield slice(a, min(len(rays), a + _TILE_RAYS)), self.grid
+                yield slice(a, min(len(rays), a + _TILE_RAYS)), self.grid, None
 
 
 def _layered(lit: LitGrid) -> bool:
@@ -257,23 +272,42 @@ def _with_land(grid: AimedGrid, relief: Relief | None, skies: list[Shells]) -> A
     return replace(grid, relief=relief, sky=skies[0], wider=wider)
 
 
-def _mirrored(lit: LitGrid, eye: F64, relief: Relief | None, skies: list[Shells], rays: Rays) -> Mirrored | None:
-    """What water mirrors to an eye, where any of its rays end on some."""
-    if lit.frame.latlon(eye)[2] >= HIGHEST_EYE_M or _layered(lit):
+def _mirrored(
+    lit: LitGrid, relief: Relief | None, skies: list[Shells], rays: Rays, eye: F64 | None
+) -> Water | None:
+    """What water mirrors to rays from an eye, or to a single one, with the picture of it where any end on some."""
+    if eye is None:
+        alone = len(rays) == 1 and _mirrors(lit, rays.origins()[0])
+        return _water(lit, relief, skies, rays.origins()[0], None) if alone else None
+    if not _mirrors(lit, eye):
         return None
     wet = wet_rays(lit, relief, eye, rays)
     if wet is None:
-        return None
+        return _water(lit, relief, skies, eye, None)
+    picture = Mirrored.of(looking_from(lit, relief, skies), relief, lit.frame.radius_m, eye, wet)
+    return _water(lit, relief, skies, eye, picture)
 
-    return Mirrored.of(looking_from(lit, relief, skies), relief, lit.frame.radius_m, eye, wet)
+
+def _mirrors(lit: LitGrid, eye: F64) -> bool:
+    """Whether water mirrors the scene's own sky to an eye."""
+    return bool(lit.frame.latlon(eye)[2] < HIGHEST_EYE_M) and not _layered(lit)
 
 
-def looking_from(lit: LitGrid, relief: Relief | None, skies: list[Shells]) -> Look:
+def _water(
+    lit: LitGrid, relief: Relief | None, skies: list[Shells], eye: F64, picture: Mirrored | None
+) -> Water:
+    return Water(looking_from(lit, relief, skies, Once()), lit.frame.radius_m, eye, picture)
+
+
+def looking_from(lit: LitGrid, relief: Relief | None, skies: list[Shells], once: Once | None = None) -> Look:
     """How the image of an eye under water sees what is mirrored to it. Peaks are cut: they are in the beam, which
-    glitters by itself."""
+    glitters by itself. ``once``: where what is made for an image is kept."""
 
     def look(origin: F64, direction: F64, image: F64) -> tuple[F32, F64]:
-        seen = AimedGrid.at(lit, image, False, relief, skies).with_blunt_peaks().seen(origin, direction)
+        def aim() -> AimedGrid:
+            return AimedGrid.at(lit, image, False, relief, skies).with_blunt_peaks()
+
+        seen = (aim() if once is None else once(image.tobytes().hex(), aim)).seen(origin, direction)
         return seen.radiance, seen.distance
 
     return look
