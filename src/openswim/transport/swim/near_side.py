@@ -82,7 +82,7 @@ def _row(fields, at, right, share):
     return here + share * (read_quadruple(fields, at + right) - here)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _transmittance(ix, iy, level, volume, nodes):
     """T of Eq. 6 at fractional indices, T_abs/(1 + B): the way to the sun of ``volume.fields``' B and of -ln T_abs is
     bent within the cell as `within_cells` has it, both by as much of themselves. ``nodes``: scratch."""
