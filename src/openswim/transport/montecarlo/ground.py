@@ -95,9 +95,18 @@ def reflected(mu_in, mu_out, cos_angle, ray, seen, out):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def mirrored_share(ray, seen):
-    """Of the ways on from the ground, those that waves are to mirror."""
-    return 0.0 if seen.lambertian else _MIRRORED * seen.water[ray] * (1.0 - seen.foam[ray])
+def level_water(ray, seen):
+    """Whether what is seen is water, which is level whatever the slope between the grid's nodes."""
+    return not seen.lambertian and seen.water[ray] > 0.5
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def mirrored_share(toward_eye, ray, seen):
+    """Of the ways on from the ground, those that waves are to mirror: none of slopes that turn away from the eye, to
+    which `reflected` gives what a bounded angle has, and `mirrored_density` what theirs has."""
+    if seen.lambertian or toward_eye < _LEAST_WET_MU:
+        return 0.0
+    return _MIRRORED * seen.water[ray] * (1.0 - seen.foam[ray])
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)

@@ -16,6 +16,7 @@ from numba import njit
 
 from openswim.transport.march.level_ice import map_place
 from openswim.transport.montecarlo.ground import (
+    level_water,
     mirrored,
     mirrored_density,
     mirrored_light,
@@ -23,7 +24,7 @@ from openswim.transport.montecarlo.ground import (
     reflected,
 )
 from openswim.transport.montecarlo.phase import drawn_q, phase_place, turned, uniform, unit_circle
-from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet
+from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet, upward
 from openswim.transport.montecarlo.track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
 _FLAGS = {"contract", "nsz", "arcp"}
@@ -181,6 +182,8 @@ def trace(place, direction, sight, drawing, world, phases, work, rng, out):
             nx, ny, nz = 0.0, 0.0, 1.0
             if event == GROUND:
                 nx, ny, nz = facet(ix, iy, x, y, z, h, world)
+                if straight and level_water(ray, seen):
+                    nx, ny, nz = upward(x, y, z, h, world)
                 x, y, z = x + NUDGE_M * nx, y + NUDGE_M * ny, z + NUDGE_M * nz
                 h += NUDGE_M * nz
                 toward_sun = nx * world.sun[0] + ny * world.sun[1] + nz * world.sun[2]
@@ -188,7 +191,7 @@ def trace(place, direction, sight, drawing, world, phases, work, rng, out):
                 cos_angle = -(dx * world.sun[0] + dy * world.sun[1] + dz * world.sun[2])
                 if straight:
                     reflected(toward_sun, toward_eye, cos_angle, ray, seen, factor)
-                    by_waves = mirrored_share(ray, seen)
+                    by_waves = mirrored_share(toward_eye, ray, seen)
                     if by_waves > 0.0:
                         bright = total * mirrored_light(toward_eye, ray, seen)
                 else:

@@ -184,13 +184,19 @@ def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def upward(x, y, z, h, world):
+    """Away from the Earth's centre at a place of height h."""
+    if not world.curved:
+        return 0.0, 0.0, 1.0
+    r = world.radius_m + h
+    return x / r, y / r, (world.radius_m + z) / r
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def facet(ix, iy, x, y, z, h, world):
     """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
     if world.periodic or not world.gridded or not in_domain(ix, iy, world):
-        if not world.curved:
-            return 0.0, 0.0, 1.0
-        r = world.radius_m + h
-        return x / r, y / r, (world.radius_m + z) / r
+        return upward(x, y, z, h, world)
     ny, nx = world.terrain_m.shape
     i, j = min(int(ix), max(nx - 2, 0)), min(int(iy), max(ny - 2, 0))
     a, b = ix - i, iy - j
