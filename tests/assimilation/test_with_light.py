@@ -56,13 +56,13 @@ def test_departures_by_fast_and_an_outer_loop(operator: Operator) -> None:
     """The linear core sees nearly what `fast` sees; what it does not is corrected in each outer loop."""
     truth = operator.first()
     truth["extinction_cloud"].values[:] = thicker(1)
-    seen = seen_by(operator, truth, Solver("fast"))
+    seen, fine = (seen_by(operator, truth, how) for how in (Solver("fast"), Solver("fast", tolerance=1e-3, step=0.25)))
     own = operator(truth).values
     for part in operator.parts[:2]:
         use = operator.instruments[0].usable if part.start == 0 else operator.instruments[1].usable
-        one, other = seen[part.here][use], own[part.here][use]
-        assert np.corrcoef(one, other)[0, 1] > 0.9985  # .9988 of the second camera
-        assert np.abs(one.mean() / other.mean() - 1) < 0.0175  # .0135 of it
+        one, other = fine[part.here][use], own[part.here][use]
+        assert np.corrcoef(one, other)[0, 1] > 0.99988  # .99991 of the second camera
+        assert np.abs(one.mean() / other.mean() - 1) < 0.0044  # .0034 of the first one
     assert operator.irradiance_w_m2(own) == pytest.approx(operator.irradiance_w_m2(seen), rel=0.022)  # .017
     images = [image.values for image in operator.pictures(seen)]
     observed = operator.observations(images, operator.irradiance_w_m2(seen), noise=0.05)

@@ -46,7 +46,6 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 
 TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once
-_LOOSER = 3.0  # tolerance of an adjoint, over that of the forward run
 
 
 @dataclass(eq=False)
@@ -224,7 +223,7 @@ class LinearCore:
             share = self.terms[term]
             bars = [np.ascontiguousarray(share @ bar) for bar in residual.radiance]
             by_term, of_ground, sweeps = self._adjoint(
-                term, state.terms[term], bars, share @ residual.ghi, tolerance or _LOOSER * self.tolerance
+                term, state.terms[term], bars, share @ residual.ghi, tolerance or self.tolerance
             )
             extinction_bar[w] += by_term
             albedo_bar[w] += of_ground
