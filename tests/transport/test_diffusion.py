@@ -172,3 +172,40 @@ def test_where_diffusion_misleads_sweeps_begin_anew_without_it(seed: int, monkey
     scene = grid_scene(cloud, shape, (1000.0, 1000.0, 200.0), True)
     for name, flux in Solver().solve(scene, toward(0.0, altitude), [615.0]).fluxes().items():
         assert 0 <= flux[0] < 1, name
+
+
+def thick_scene(seed: int) -> tuple[Scene, np.ndarray]:
+    """Cells of random size and depth, up to thousands, over bright or dark ground, and the way to the sun."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(int(rng.integers(low, 12)) for low in (4, 3, 3))
+    kind, cover = rng.integers(4), rng.uniform(0.05, 1)
+    across, tall = float(rng.choice([50, 200, 1000, 3000])), float(rng.choice([25, 100, 200, 500]))
+    extinction = 10 ** rng.uniform(-3, 0.3)
+    if kind == 0:
+        cloud = (rng.random(shape) < cover) * rng.random(shape)
+    elif kind == 1:
+        cloud = (rng.random(shape) < cover) * 1.0
+    elif kind == 2:
+        cloud = (rng.random(shape) < cover) * 10 ** rng.uniform(-3, 0, shape)
+    else:
+        cloud = np.ones(shape) * (rng.random(shape[1:]) < cover) * rng.random(shape[1:])
+    nz, ny, nx = shape
+    periodic = bool(rng.random() < 0.3) and min(nx, ny) * across > 0.6 * nz * tall
+    curved = bool(rng.random() < 0.5) and not periodic
+    albedo, g = float(rng.choice([0, 0.5, 1.0])), float(rng.choice([0, 0.5, 0.85]))
+    altitude = rng.uniform(2, 90)
+    scene = grid_scene(
+        extinction * cloud, shape, (across, across, tall), curved, periodic=periodic, surface_albedo=albedo,
+        phase=HenyeyGreenstein(g),
+    )  # fmt: skip
+    return scene, toward(rng.uniform(0, 360), altitude)
+
+
+@pytest.mark.parametrize("seed", [99, 176, 181])
+def test_where_steps_amend_light_without_end_they_do_so_no_more(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undivided cells in which light grew to 13, 300 and 2500 times the sun's without diffusion, too."""
+    divided_less(monkeypatch, 1)
+    monkeypatch.setattr("openswim.transport.medium.levels._MOST_NODES", 1)
+    scene, sun = thick_scene(seed)
+    for name, flux in Solver().solve(scene, sun, [546.0]).fluxes().items():
+        assert 0 <= flux[0] < 0.7, name

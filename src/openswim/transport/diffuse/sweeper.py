@@ -273,7 +273,8 @@ class Sweeper:
 
         correct(before, image, lasting) adds to a sweep's result what is yet to follow from its change; the first
         `_MOST_CORRECTIONS` sweeps begin from that as it is, or mixed where it does not settle. Without it diffusion
-        tells what follows, and with it what lasts; where changes grow, all begins anew from darkness without diffusion.
+        tells what follows, and with it what lasts; where changes grow, all begins anew from darkness without diffusion,
+        and where they grow then, too, as between undivided cells of depths of hundreds, without what steps amend.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
         last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
@@ -287,7 +288,7 @@ class Sweeper:
         recent = Anderson(memory)
         threads = get_num_threads()
         change = np.zeros(threads)
-        before, least, lasting = 0.0, np.inf, True
+        before, least, began, lasting = 0.0, np.inf, np.inf, True
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
@@ -306,9 +307,14 @@ class Sweeper:
             if decide("done", enough):
                 break
             moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
+            began = moved if before == 0.0 else began  # what one sweep brings into the dark
             earlier, before, least = before, changed, min(least, moved)
-            astray = lasting and not changed <= _ASTRAY and (not moved <= _GROWN * least or n == most // 2)
-            if decide("astray", astray):
+            far = not changed <= _ASTRAY
+            grown = far and not moved <= _GROWN * (least if lasting else began)
+            anew = decide("astray", lasting and (grown or (far and n == most // 2)))
+            if decide("adrift", grown and not lasting and self.amends):
+                anew, self.amends, self.ratio = True, False, None
+            if anew:
                 for light in (values, *self._going_round):
                     light.fill(0.0)
                 lasting, before, spare, recent = False, 0.0, image, Anderson(memory)
