@@ -73,6 +73,13 @@ class Plan:
     allow_references: bool = False
     patterns: tuple[str, ...] = ()  # of the files, as the plan has them
 
+    @property
+    def sun_options(self) -> dict[str, Any]:
+        """Where the sun is, as `openswim.light` takes it; nothing where that follows from the weather's time."""
+        if self.sun is None:
+            return {}
+        return {"sun": self.sun} if isinstance(self.sun, tuple) else {"time": self.sun}
+
 
 def read_plan(
     path: str | os.PathLike[str], files: Sequence[str | os.PathLike[str]] = (),

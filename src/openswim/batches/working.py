@@ -83,9 +83,7 @@ def _lights(plan: Plan, task: Task, cameras: Sequence[PlannedCamera]) -> Iterato
         if held is None or (held[1].scene.cut and held[0] != place):
             held = None
             scene = scene_of(plan, task, camera)
-            sun = plan.sun
-            options = {"sun": sun} if isinstance(sun, tuple) else {} if sun is None else {"time": sun}
-            held = place, light(scene, plan.solver, plan.wavelengths_nm, **options)
+            held = place, light(scene, plan.solver, plan.wavelengths_nm, **plan.sun_options)
         yield camera, held[1]
 
 

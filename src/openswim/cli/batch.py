@@ -14,6 +14,7 @@ from openswim.errors import UserError
 
 if TYPE_CHECKING:
     from openswim.batches import Report, Work
+    from openswim.cameras import Camera
     from openswim.cli.estimate import Estimate
     from openswim.scene import Scene
 
@@ -160,11 +161,17 @@ def _of_a_task(work: "Work") -> "Estimate | None":
 
 def _of_scene(work: "Work", scene: "Scene") -> "Estimate":
     from openswim.cli.estimate import Estimate, estimate
+    from openswim.lighting import lights_of
 
     plan = work.plan
-    found = [estimate(scene, each.camera, plan.solver.name, len(plan.wavelengths_nm), quality=plan.solver.quality)
-             for each in plan.cameras]  # fmt: skip
+    lights = lights_of(scene, plan.solver.name, plan.wavelengths_nm, **plan.sun_options)
+
+    def of(camera: "Camera") -> Estimate:
+        count = len(plan.wavelengths_nm)
+        return estimate(scene, camera, plan.solver.name, count, quality=plan.solver.quality, lights=lights)
+
+    found = [of(each.camera) for each in plan.cameras]
     point = replace(plan.cameras[0].camera, view="perspective", shape=(1, 1), fov_deg=1.0, lens_optics=None, given=None,
                     mask=None)  # fmt: skip
-    solve = estimate(scene, point, plan.solver.name, len(plan.wavelengths_nm), quality=plan.solver.quality).seconds
+    solve = of(point).seconds
     return Estimate(solve + sum(one.seconds - solve for one in found), max(one.memory_bytes for one in found))

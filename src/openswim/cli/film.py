@@ -70,6 +70,7 @@ def _run(request: FilmRequest) -> None:
     from openswim.films import CameraPath, Weather, film
     from openswim.films.making import shots_of
     from openswim.films.outputs import check_output
+    from openswim.lighting import lights_of
 
     check_output(request.output)
     path = None if request.path is None else CameraPath.read(request.path)
@@ -82,7 +83,8 @@ def _run(request: FilmRequest) -> None:
     )
     shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
     solver = solver_of(picture)
-    one = estimate(weather.first, camera, solver.name, quality=solver.quality)
+    lights = lights_of(weather.first, solver.name, time=shots[len(shots) // 2].time)
+    one = estimate(weather.first, camera, solver.name, quality=solver.quality, lights=lights)
     times = len({shot.time for shot in shots})
     solves = "every five minutes of the path" if path is not None else f"for {times} time{'s' if times > 1 else ''}"
     click.echo(
