@@ -55,6 +55,7 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     # Into the module's dictionary: the real ones need not be imported for this.
     monkeypatch.setitem(vars(openswim), "open_scene", open_scene)
     monkeypatch.setitem(vars(openswim), "render", render)
+    monkeypatch.setattr("openswim.lighting.lights_of", lambda scene, *given, **sun: 1)
     monkeypatch.chdir(tmp_path)
     return calls
 
