@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import struct
 import sys
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.readers import grib_files as gf
 
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
+from openswim.readers.grib.images import fits
 
 
 def _error(path, **options) -> str:
@@ -242,3 +244,21 @@ def test_snow_that_covers_less_than_nothing_or_more_than_all_is_told(tmp_path, p
             message.values = lambda lat, lon: percent * (1 + 0.01 * lat)
     notes = open_scene(gf.write(tmp_path / "file.grib", product)).notes
     assert any(note.startswith("snow_cover runs from ") for note in notes)
+
+
+def test_an_image_larger_than_its_grid_is_refused(tmp_path):
+    """ecCodes writes past its memory then, and ends the program."""
+    good = gf.write(tmp_path / "good", gf.hrrr(levels=4, packing="grid_jpeg")).read_bytes()
+    at = good.index(b"\xff\x4f\xff\x51") + 14
+    assert good[at : at + 2] == (23).to_bytes(2, "big")  # rows, the lower half of four bytes
+    path = tmp_path / "spoilt"
+    path.write_bytes(good[:at] + b"\x40" + good[at + 1 :])
+    with pytest.raises(UserError, match="the image of its data is not its grid's"):
+        open_scene(path)
+
+
+def test_a_png_has_a_pixel_for_each_value():
+    head = b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + b"IHDR" + struct.pack(">2I", 31, 23) + b"\x10\0\0\0\0"
+    for template, count, fit in ((41, 713, True), (41, 712, False), (40, 713, False), (0, 712, True)):
+        section5 = b"\0\0\0\0\5" + count.to_bytes(4, "big") + template.to_bytes(2, "big")
+        assert fits(section5, b"\0\0\0\0\7" + head) is fit

@@ -12,6 +12,7 @@ from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import horizon_vector
 from openswim.scene.grid import Grid
+from openswim.scene.procedural import demo_scene
 from openswim.solver import Solver
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
@@ -176,6 +177,17 @@ def test_single_rays_to_water_under_broken_cloud_are_near_reference(broken) -> N
     found = Solver(detail=False).solve(scene, sun, [550.0]).viewpoint(aside).view(Rays(eye, direction)).radiance
     true = Solver("reference", paths=1500, seed=2).solve(scene, sun, [550.0]).view(Rays(eye, direction)).radiance
     assert found.mean() == pytest.approx(true.mean(), rel=0.19)
+
+
+def test_no_pixel_of_a_picture_is_mirrored_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One takes as long as the picture of all that is mirrored; water is found by each fourth ray of this picture."""
+
+    def alone(*rays):
+        raise AssertionError("a ray has been marched by itself")
+
+    monkeypatch.setattr("openswim.transport.view.mirror.Water.by_itself", alone)
+    lit = openswim.light(demo_scene(64, 64, 20), Solver(tolerance=0.3))
+    lit.viewpoint(Camera.panorama(*lit.scene.place, size=(360, 720))).view(irradiance=False)
 
 
 def test_a_whole_turn_has_no_seam() -> None:

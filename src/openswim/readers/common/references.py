@@ -47,7 +47,7 @@ class References(MutableMapping[str, Any]):
             elif isinstance(piece, list):
                 self._place(key, piece)
             elif not isinstance(piece, str):
-                raise UserError(f"{path}: {key} is {type(piece).__name__}: damaged references: write them again")
+                raise UserError(f"{path}: {key} is neither text nor a place in a file: write the references again")
 
     def __getitem__(self, key: str) -> Any:
         from zarr.core.buffer import default_buffer_prototype

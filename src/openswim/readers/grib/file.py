@@ -130,6 +130,7 @@ class GRIBFile:
 
     def values(self, one: Field) -> NDArray[np.float32]:
         """(points,) values of a field in SI units, in the file's order; NaN where missing."""
+        from openswim.readers.grib.images import fits
         from openswim.readers.grib.kernels import is_complex, unpacked
 
         packed = packing(self._data, one.sections)
@@ -138,6 +139,8 @@ class GRIBFile:
         codes = self._codes
         try:
             points = self._points(one, handle)
+            if packed is not None and not fits(packed[0], packed[2]):
+                raise ValueError("the image of its data is not its grid's")
             found = unpacked(*packed, points) if own and packed is not None else self._decoded(handle, points)
             if found is None:
                 raise ValueError("its data do not fit its grid")

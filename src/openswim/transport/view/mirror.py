@@ -54,6 +54,7 @@ class Mirrored:
     altitude: F64
     seen: F64
     known: NDArray[np.bool_]
+    beside_rad: float = _BESIDE_RAD
 
     @classmethod
     def of(cls, look: Look, relief: Relief | None, radius_m: float, eye: F64, wet: WetRays) -> Mirrored:
@@ -79,12 +80,13 @@ class Mirrored:
         upright = _upward(node, radius_m)[middle]
         image = eye - 2 * ((eye - node[middle]) @ upright) * upright
         seen, known = _marched(look, radius_m, image, node, toward, np.full(len(node), wet.slope_variance))
-        return cls(up, axes, start, grid_az, grid_alt, seen.reshape(*shape, PACK), known.reshape(shape))
+        beside = max(_BESIDE_RAD, wet.beyond_rad)
+        return cls(up, axes, start, grid_az, grid_alt, seen.reshape(*shape, PACK), known.reshape(shape), beside)
 
     def angles(self, direction: F64) -> tuple[F64, F64]:
         """Azimuth and altitude (n,) as they are counted here."""
         azimuth, altitude = _angles(direction, self.axes, self.up)
-        first = float(self.azimuth[0]) - _BESIDE_RAD  # what is a little before the first node is not a turn after it
+        first = float(self.azimuth[0]) - self.beside_rad  # what is a little before the first node is no turn after it
         return (azimuth - self.start - first) % (2 * np.pi) + first, altitude
 
     def along(self, direction: F64) -> F32:
@@ -97,8 +99,9 @@ class Mirrored:
     def shows(self, direction: F64) -> NDArray[np.bool_]:
         """Whether rays (n, 3) are among those that it is made for, or just beside them."""
         out = np.ones(len(direction), bool)
-        for angle, nodes in zip(self.angles(direction), (self.azimuth, self.altitude), strict=True):
-            out &= (angle >= nodes[0] - _BESIDE_RAD) & (angle <= nodes[-1] + _BESIDE_RAD)
+        sides = (self.azimuth, self.beside_rad), (self.altitude, _BESIDE_RAD)
+        for angle, (nodes, beside) in zip(self.angles(direction), sides, strict=True):
+            out &= (angle >= nodes[0] - beside) & (angle <= nodes[-1] + beside)
         return out
 
 
@@ -143,16 +146,19 @@ class Water:
 
 
 class WetRays(NamedTuple):
-    """Rays (n,) that end on water: where, along which direction (n, 3) each, and the mean slope variance there."""
+    """Rays (n,) that end on water: where, along which direction (n, 3) each, the mean slope variance there; and how far
+    beyond the last of them there may be water yet."""
 
     place: F64
     direction: F64
     slope_variance: float
+    beyond_rad: float = 0.0
 
 
 def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRays | None:
     """Those of a picture's rays, or of some spread over it, that end on water unless clouds hide it; None without."""
-    some = rays[:: max(1, len(rays) // _ASKED)]
+    each = max(1, len(rays) // _ASKED)
+    some = rays[::each]
     direction = some.directions()
     if relief is not None:
         distance = relief.meet(eye[None], direction)
@@ -175,7 +181,8 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
         left[here] = False
     if not water.any():
         return None
-    return WetRays(place[water], direction[water], float(variance[water].mean()))
+    beyond = 4 * each * float(np.max(rays.width_rad))  # it may end between rays that are asked
+    return WetRays(place[water], direction[water], float(variance[water].mean()), beyond)
 
 
 def _within(level: LitGrid, place: F64) -> NDArray[np.bool_]:
