@@ -15,8 +15,8 @@ SOURCE = Path(__file__).parents[1] / "src"
 ORDER = (
     "errors",
     "progress",
-    "system",
     "arguments",
+    "system",
     "tables",
     "srgb",
     "scene",

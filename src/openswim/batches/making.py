@@ -7,16 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from openswim.arguments import whole
 from openswim.batches import ensembles
 from openswim.batches.plan import Plan, read_plan
 from openswim.batches.records import Records
 from openswim.batches.tasks import Task, part_of, tasks_of
 from openswim.batches.working import Outcome
-from openswim.errors import UserError
 from openswim.progress import job
-
-MOST_JOBS = 1024
+from openswim.system.side_by_side import jobs_of
 
 
 @dataclass(frozen=True)
@@ -90,17 +87,6 @@ def batch(
     it under ``if __name__ == "__main__":`` in a script, since the processes import that.
     """
     return Work.of(plan if isinstance(plan, Plan) else read_plan(plan), part).run(jobs, threads, scheduler, tell)
-
-
-def jobs_of(jobs: int | None, threads: int) -> int:
-    """How many processes: one a core and so many threads, unless it is said."""
-    if not 1 <= whole("threads", threads) <= MOST_JOBS:
-        raise UserError(f"threads {threads}: give 1 or more")
-    if jobs is None:
-        return max(1, (os.cpu_count() or 1) // threads)
-    if not 1 <= whole("jobs", jobs) <= MOST_JOBS:
-        raise UserError(f"jobs {jobs}: give 1 to {MOST_JOBS}")
-    return jobs
 
 
 def _outcomes(

@@ -1,6 +1,5 @@
 """`openswim batch`: the pictures of many files, times, members and cameras."""
 
-import os
 import re
 import time as clock
 from contextlib import suppress
@@ -46,9 +45,9 @@ class TasksFailed(Exception):
 def run(request: BatchRequest) -> None:
     """Check the request, say what it will take, make the pictures, and list what failed."""
     from openswim.batches import Work, read_plan
-    from openswim.batches.making import jobs_of
     from openswim.batches.plan import ENSEMBLE
     from openswim.readers import files_of
+    from openswim.system.side_by_side import jobs_of
 
     jobs = jobs_of(request.jobs, request.threads)
     if request.watch is not None:
@@ -133,7 +132,7 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     if request.scheduler is not None:
         click.echo(f"{told}; {pictures} files by {request.scheduler}; one of them: {one}", err=True)
         return
-    from openswim.system.machine import free_memory
+    from openswim.system.machine import cores, free_memory
     from openswim.system.side_by_side import SURE
 
     free = free_memory()
@@ -141,7 +140,7 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
         raise UserError(f"a time of this plan takes about {one.memory_bytes / 1e9:.1f} GB of memory, and "
                         f"{free / 1e9:.1f} GB are free: use smaller pictures or a smaller domain")  # fmt: skip
     workers = max(1, min(jobs, waiting, int(SURE * free / one.memory_bytes)))
-    busy = min(workers * request.threads, os.cpu_count() or 1)
+    busy = min(workers * request.threads, cores())
     seconds = 2 * one.seconds * waiting / busy  # the estimate is for two cores
     whole = type(one)(seconds, workers * one.memory_bytes)
     fewer = f" (memory holds no more than {workers})" if workers < min(jobs, waiting) else ""

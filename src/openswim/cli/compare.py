@@ -1,6 +1,5 @@
 """`openswim compare`: from a model, a camera's file and frames to pages and files of scores."""
 
-import os
 import time as clock
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from openswim.cameras.files import CameraFile
 
 MUCH = 0.8  # of the sky, below which it is said how much is used
-MOST_JOBS = 1024
 PATIENCE_S, FEWEST = 10.0, 5  # what is left is told from so long and, for the first frame starts everything, so many on
 FAR_HOURS = 3.0  # between a frame and a model's time
 _SETTINGS = ("size", "sun_mask_deg", "lowest_deg", "encoding", "ghi_w_m2", "dhi_w_m2")
@@ -64,9 +62,9 @@ def run(request: CompareRequest) -> None:
     from openswim.ground.earth import preload
     from openswim.readers import files_of
     from openswim.solver import Solver
+    from openswim.system.side_by_side import jobs_of
 
-    if request.jobs is not None and not 1 <= request.jobs <= MOST_JOBS:
-        raise UserError(f"--jobs {request.jobs}: give 1 to {MOST_JOBS}")
+    jobs = jobs_of(request.jobs)
     model, frames = (None, request.files) if request.clear else (request.files[0], request.files[1:])
     if not frames:
         raise UserError("frames missing: write openswim compare MODEL FRAME... (or --clear FRAME...)")
@@ -82,19 +80,13 @@ def run(request: CompareRequest) -> None:
     preload()
     skies = skies_of(model, solver, request.aod, request.albedo, table=len(listed) > 1)
     known = known_camera(content, settings, request.clear_frame, solver, skies)
-    jobs = 1 if len(listed) == 1 else request.jobs or cores()
+    jobs = 1 if len(listed) == 1 else jobs
     progress = Progress(jobs)
     done = compare_into(skies, listed, content, settings, known, request.output, request.time, progress.tell,
                         progress.tell_failed, jobs, progress.begin)  # fmt: skip
     click.echo(f"{done}")
     if progress.failed:
         raise UserError(f"{progress.failed} of {len(listed)} frames are left out, as said above")
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    allowed = getattr(os, "sched_getaffinity", None)
-    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
 
 
 @dataclass

@@ -15,6 +15,12 @@ _CGROUPS = (  # limit and use of a container, of both versions
 )  # fmt: skip
 
 
+def cores() -> int:
+    """How many cores this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
+
+
 def free_memory() -> float:
     """Bytes that this process may still take: of the machine, of its container, and of its own limit of addresses."""
     return max(0.0, min(_of_machine(), _of_container(), _of_process()))

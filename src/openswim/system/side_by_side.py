@@ -19,11 +19,13 @@ from contextlib import suppress
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, TypeVar
 
+from openswim.arguments import whole
 from openswim.errors import UserError
-from openswim.system.machine import free_memory
+from openswim.system.machine import cores, free_memory
 from openswim.system.workshops import abandon
 
 SURE = 0.8  # of the free memory
+MOST_JOBS = 1024
 KILLED = "its process was killed, as where memory runs out: use smaller pictures or a smaller domain"
 _NONE_LIVES = (
     "the processes that should work are killed, or end as they begin: use smaller pictures or a smaller domain where "
@@ -89,6 +91,17 @@ def outcomes(
                 running.clear()
     finally:
         _end(pool)
+
+
+def jobs_of(jobs: int | None, threads: int = 1) -> int:
+    """How many processes: one a core and so many threads, unless it is said."""
+    if not 1 <= whole("threads", threads) <= MOST_JOBS:
+        raise UserError(f"threads {threads}: give 1 or more")
+    if jobs is None:
+        return max(1, cores() // threads)
+    if not 1 <= whole("jobs", jobs) <= MOST_JOBS:
+        raise UserError(f"jobs {jobs}: give 1 to {MOST_JOBS}")
+    return jobs
 
 
 def fitting(jobs: int, there: int, peak_bytes: float) -> int:
