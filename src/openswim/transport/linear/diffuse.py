@@ -14,18 +14,10 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.linear.course import Grid
 from openswim.transport.linear.moments import emit, gather
-from openswim.transport.linear.sweep import (
-    Bars,
-    Changes,
-    Grid,
-    Lit,
-    Sources,
-    carry,
-    carry_tangent,
-    carry_transposed,
-    weigh,
-)
+from openswim.transport.linear.sweep import Changes, Sources, carry, carry_tangent, weigh
+from openswim.transport.linear.transposed import Bars, Lit, carry_transposed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
