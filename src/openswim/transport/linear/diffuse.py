@@ -5,9 +5,11 @@ Ordinates are swept a few at a time, each by one thread; no field of all ordinat
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import get_num_threads
@@ -23,13 +25,16 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 _BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
 KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
+_LINE = 64  # bytes of a cache's line
+_PAGE, _APART = 64, 17  # lines: by how many rows of scratch begin apart, or they would displace each other from caches
+_here = threading.local()  # of each thread the scratch of its sweeps
 
 
 @dataclass(eq=False)
 class Filled:
     """What is at the nodes at one term: ext (nodes,) scaled extinction, 1/m; scattering (M, nodes): its Legendre
     moments, 1/m; lit (nodes,): the beam as it lights what is around them; albedo and direct (columns,): of the ground,
-    and the flux of the beam there; inflow (n, nz). steps (n, 4, nodes): what `sweep.weigh` makes of ext, where kept."""
+    and the flux of the beam there; inflow (n, nz). steps (n, 4, width): what `sweep.weigh` makes of ext, where kept."""
 
     ext: F64
     scattering: F64
@@ -69,6 +74,9 @@ class Sweeps:
             np.array(world.shape, np.int64), world.levels_m, np.array(world.cell_m, float), world.ground_node
         )
         self._harmonics, self._gathered = world.harmonics.astype(element), world.gathered.astype(element)
+        per_line = _LINE // np.dtype(element).itemsize
+        lines = -(-world.nodes // per_line)
+        self._width = (lines + (_APART - lines) % _PAGE) * per_line  # of rows of scratch, the nodes' and what is unused
 
     @property
     def _size(self) -> int:
@@ -80,8 +88,14 @@ class Sweeps:
             yield slice(n, min(n + size, last))
 
     def _fields(self, count: int) -> list[F64]:
-        """Scratch of finite numbers: a step without a fourth corner reads its own node with weight 0."""
-        return [np.zeros((self._size, self.world.nodes), self.element) for _ in range(count)]
+        """Scratch (b, width) each, with what the thread's last sweep left there: a system is slow to give new memory."""
+        if not hasattr(_here, "fields"):
+            _here.fields = WeakKeyDictionary()
+        kept: list[F64] = _here.fields.setdefault(self, [])
+        if kept and len(kept[0]) != self._size:
+            kept.clear()
+        kept += [np.zeros((self._size, self._width), self.element) for _ in range(count - len(kept))]
+        return kept[:count]
 
     def _around(self, of_columns: F64) -> F64:
         """Values (K, columns) of columns at all nodes."""
@@ -90,12 +104,12 @@ class Sweeps:
     def keep_steps(self, f: Filled) -> None:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
-        if 4 * count * f.ext.nbytes <= KEEP_BYTES:
-            f.steps = np.empty((count, 4, self.world.nodes), self.element)
+        if 4 * count * self._width * f.ext.itemsize <= KEEP_BYTES:
+            f.steps = np.empty((count, 4, self._width), self.element)
             in_threads(weigh, self._grid, self.world.direction, f.ext, f.steps)
 
     def _steps(self, f: Filled, some: slice) -> F64:
-        return np.empty((0, 4, self.world.nodes), self.element) if f.steps is None else f.steps[some]
+        return np.empty((0, 4, self._width), self.element) if f.steps is None else f.steps[some]
 
     def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
@@ -180,12 +194,12 @@ class Sweeps:
         by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
         source_bar = np.zeros((len(w.ell), w.nodes), self.element)
-        light_bar, mean_bar, emission_bar = self._fields(3)
+        light_bar, mean_bar, emission_bar, *more = self._fields(3 if value is None else 7)
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
             scattered = self._scattered(f, value.moments, f.lit)
-            emission, light, mean, ext_bars = self._fields(4)
+            emission, light, mean, ext_bars = more
         for first, last in ((w.down, len(w.weight)), (0, w.down)):
             if not first:
                 by_flux += f.albedo / w.unit * by_ground
@@ -209,7 +223,7 @@ class Sweeps:
                     lit = Lit(emission[:n], light[:n], ext_bars[:n])
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, lit)
                     for b in range(n):
-                        ext_bar += ext_bars[b]
+                        ext_bar += ext_bars[b, : w.nodes]
                 in_threads(gather, self._harmonics[some].T.copy(), emission_bar[:n], source_bar)
                 for b in range(n if first else 0):
                     by_ground += ground_bars[b]
