@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_FALL = 0.3  # of changes from one step to the next, before that is known
+_FALL = 0.3  # of changes from one step to the next, before that is known, and the strongest that is counted on
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -47,12 +47,13 @@ def added(x: F64, more: F64) -> F64:
 
 
 def fixed_point(
-    apply: Callable[[F64, bool], F64], start: F64, wanted: float, most: int, memory: int = 3
+    apply: Callable[[F64, float], F64], start: F64, wanted: float, most: int, memory: int = 3
 ) -> tuple[F64, F64]:
     """x = apply(x), until a step changes it by less than ``wanted``; the last image, and of what it is the image.
 
-    apply is linear and something more; it is told whether this may be the last time. Of the last ``memory`` steps that
-    combination is gone on with whose changes would cancel best (Walker & Ni 2011).
+    apply is linear and something more; it is told by how much it is expected to change x, 0 where it is the last time
+    in any case. Of the last ``memory`` steps that combination is gone on with whose changes would cancel best (Walker &
+    Ni 2011).
     """
     x = start.copy()
     images: list[F64] = []
@@ -60,11 +61,11 @@ def fixed_point(
     products = np.zeros((0, 0))  # of the residuals with each other
     left, fall = np.inf, _FALL
     for n in range(1, most + 1):
-        image = apply(x, left * fall < 2 * wanted or n == most)
+        image = apply(x, left * fall if n < most else 0.0)
         _away(image.reshape(-1), x.reshape(-1))
         residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
         own = np.array([_dot(one, residuals[-1]) for one in residuals])
-        fall, left = (own[-1] ** 0.5 / left if n > 1 else _FALL), own[-1] ** 0.5
+        fall, left = max(own[-1] ** 0.5 / left, _FALL), own[-1] ** 0.5
         if left <= wanted or n == most:
             return image, image - x
         if memory == 0:

@@ -88,7 +88,7 @@ class Sweeps:
             yield slice(n, min(n + size, last))
 
     def _fields(self, count: int) -> list[F64]:
-        """Scratch (b, width) each, with what the thread's last sweep left there: a system is slow to give new memory."""
+        """Scratch (b, width) each, with what the thread's last sweep left there: new memory is slow to come by."""
         if not hasattr(_here, "fields"):
             _here.fields = WeakKeyDictionary()
         kept: list[F64] = _here.fields.setdefault(self, [])
