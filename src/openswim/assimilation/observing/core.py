@@ -55,9 +55,7 @@ class Core(Protocol):
         """What is seen, and a state for the two below, each by itself; start: a state that is near."""
         ...
 
-    def tangent(
-        self, state: Any, d_extinction: F64, d_albedo: F64 | None, tolerance: float | None = None
-    ) -> Images:
+    def tangent(self, state: Any, d_extinction: F64, d_albedo: F64 | None, tolerance: float | None = None) -> Images:
         """J v."""
         ...
 

@@ -1,8 +1,13 @@
-"""A linear fixed point by Anderson's mixing of the last steps."""
+"""A linear fixed point by Anderson's mixing of the last steps, and where to begin it.
+
+What an adjoint finds is linear in its residual. A search goes from state to state in short steps: its residuals are
+nearly sums of those before, and so is what they find, as far as the sweeps are the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,6 +16,8 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 _FALL = 0.3  # of changes from one step to the next, before that is known, and the strongest that is counted on
+MOST_ASKED = 6  # of earlier adjoints that are gone on from
+_ALIKE = 1e-6  # of the greatest singular value: residuals that are told apart
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -83,3 +90,23 @@ def fixed_point(
         for share, earlier in zip(c, images[:-1], strict=True):
             _add(x.reshape(-1), share, earlier.reshape(-1))
     raise AssertionError("there is at least one sweep")
+
+
+class Asked(NamedTuple):
+    """A residual, in one row; size: how large is what eyes and ground ask of the moments, before it is scattered
+    (``asked``) and after it is scattered once (``size``); found (K, nodes): what is asked of them in all."""
+
+    residual: F64
+    asked: float
+    size: float
+    found: F64
+
+
+def begun(earlier: Sequence[Asked], residual: F64) -> F64:
+    """That sum (K, nodes) of what was found whose residuals come nearest."""
+    known = np.stack([one.residual for one in earlier], axis=1)
+    shares = np.linalg.lstsq(known, residual, rcond=_ALIKE)[0]
+    out = np.zeros_like(earlier[0].found)
+    for share, one in zip(shares, earlier, strict=True):
+        out += out.dtype.type(share) * one.found
+    return out

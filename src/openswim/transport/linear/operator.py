@@ -32,12 +32,12 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.transport.engine.threads import in_threads
-from openswim.transport.linear import asked, beam_taken
-from openswim.transport.linear.anderson import added, fixed_point, norm
-from openswim.transport.linear.asked import Asked
+from openswim.transport.linear import beam_taken
+from openswim.transport.linear.anderson import MOST_ASKED, Asked, added, begun, fixed_point, norm
 from openswim.transport.linear.diffuse import KEEP_BYTES, Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
-from openswim.transport.linear.march import Matter, march, march_tangent, march_transposed
+from openswim.transport.linear.march import Matter, channels, march
+from openswim.transport.linear.march_slopes import march_tangent, march_transposed
 from openswim.transport.linear.moments import Eye, toward, toward_transposed, ways_to
 from openswim.transport.linear.optics import Optics, Scatterer, optics_of
 from openswim.transport.linear.rays import View
@@ -105,7 +105,7 @@ class LinearCore:
         self._sweeps = Sweeps(world, element)
         self._kept_ways: dict[View, F64] = {}
         bytes_asked = count * len(world.ell) * world.nodes * np.dtype(element).itemsize
-        self._most_asked = max(1, min(asked.MOST, KEEP_BYTES // bytes_asked))
+        self._most_asked = max(1, min(MOST_ASKED, KEEP_BYTES // bytes_asked))
         self._shape = np.array(world.shape, np.int64)
         self._columns, self._shares = _corners(np.zeros((0, 2)) if points is None else np.asarray(points, float), world)
 
@@ -263,7 +263,7 @@ class LinearCore:
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
         fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes), self._sweeps.element)
-        by_team, ground_by_team = np.zeros((TEAMS, *fields.shape)), np.zeros((TEAMS, w.columns))
+        by_team, ground_by_team = channels(TEAMS, w.nodes, kinds), np.zeros((TEAMS, w.columns))
         assert one.swept.seen is not None
         for view, bar in zip(self.views, bars, strict=True):
             self._toward(view, term, one.swept.seen, fields)
@@ -294,15 +294,13 @@ class LinearCore:
         extinction_bar += self._depth_transposed(optics, depth_bar)
         return extinction_bar, change.albedo, sweeps
 
-    def _asked(
-        self, one: OneState, bars: tuple[F64, F64, F64], residual: F64, tolerance: float
-    ) -> tuple[Change, int]:
+    def _asked(self, one: OneState, bars: tuple[F64, F64, F64], residual: F64, tolerance: float) -> tuple[Change, int]:
         """What is asked of `Filled`, through all sweeps, by bars of what eyes see at nodes, of the ground and of the
         flux; and how many sweeps that took, of which the last one, that gathers it, is as dear as two or three."""
         f, change, sweeps, asked_for = one.filled, None, 0, norm(bars[0])
         before = one.earlier[-1] if one.earlier and one.earlier[-1].asked > 0 else None
         if before is not None:
-            start, size = asked.begun(one.earlier, residual), before.size * asked_for / before.asked
+            start, size = begun(one.earlier, residual), before.size * asked_for / before.asked
         else:
             start, _ = self._sweeps.transposed(f, None, *bars)
             size, sweeps = norm(start), 1
@@ -342,9 +340,9 @@ class LinearCore:
         return np.repeat(self.world.gas[term], self.world.columns)
 
     def _fields(self, extinction: F64, root: F64, forward_depth: F64) -> F64:
-        """Channels (nodes, 2 k + 2) of eye rays, without what is scattered toward an eye."""
+        """Channels of eye rays, without what is scattered toward an eye."""
         kinds = len(extinction)
-        out = np.zeros((self.world.nodes, 2 * kinds + 2))
+        out = channels(self.world.nodes, kinds)
         out[:, :kinds], out[:, 2 * kinds], out[:, 2 * kinds + 1] = extinction.T, root, forward_depth
         return out
 
