@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 
 _FALL = 0.3  # of changes from one step to the next, before that is known, and the strongest that is counted on
 MOST_ASKED = 6  # of earlier adjoints that are gone on from
-_ALIKE = 1e-6  # of the greatest singular value: residuals that are told apart
+_ALIKE = 1e-10  # of the square of a residual: some may be nearly alike
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -104,9 +104,11 @@ class Asked(NamedTuple):
 
 def begun(earlier: Sequence[Asked], residual: F64) -> F64:
     """That sum (K, nodes) of what was found whose residuals come nearest."""
-    known = np.stack([one.residual for one in earlier], axis=1)
-    shares = np.linalg.lstsq(known, residual, rcond=_ALIKE)[0]
+    gram = np.array([[_dot(a.residual, b.residual) for b in earlier] for a in earlier])
+    size, told = np.sqrt(np.diag(gram)), np.array([_dot(a.residual, residual) for a in earlier])
+    gram = gram / np.outer(size, size) + _ALIKE * np.eye(len(earlier))
+    shares = np.linalg.solve(gram, told / size) / size
     out = np.zeros_like(earlier[0].found)
     for share, one in zip(shares, earlier, strict=True):
-        out += out.dtype.type(share) * one.found
+        _add(out.reshape(-1), out.dtype.type(share), one.found.reshape(-1))
     return out

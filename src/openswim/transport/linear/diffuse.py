@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.course import Grid
-from openswim.transport.linear.moments import emit, gather
+from openswim.transport.linear.moments import emit, gather, scatter, scatter_transposed
 from openswim.transport.linear.sweep import Changes, Sources, carry, carry_tangent, weigh
 from openswim.transport.linear.transposed import Bars, Lit, carry_transposed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 _BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
 KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
 _LINE = 64  # bytes of a cache's line
@@ -74,6 +75,7 @@ class Sweeps:
             np.array(world.shape, np.int64), world.levels_m, np.array(world.cell_m, float), world.ground_node
         )
         self._harmonics, self._gathered = world.harmonics.astype(element), world.gathered.astype(element)
+        self._sun = world.sun_harmonics.reshape(len(world.ell), -1).astype(element)
         per_line = _LINE // np.dtype(element).itemsize
         lines = -(-world.nodes // per_line)
         self._width = (lines + (_APART - lines) % _PAGE) * per_line  # of rows of scratch, the nodes' and what is unused
@@ -97,10 +99,6 @@ class Sweeps:
         kept += [np.zeros((self._size, self._width), self.element) for _ in range(count - len(kept))]
         return kept[:count]
 
-    def _around(self, of_columns: F64) -> F64:
-        """Values (K, columns) of columns at all nodes."""
-        return np.broadcast_to(of_columns, (self.world.shape[0], of_columns.size)).ravel()
-
     def keep_steps(self, f: Filled) -> None:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
@@ -111,20 +109,26 @@ class Sweeps:
     def _steps(self, f: Filled, some: slice) -> F64:
         return np.empty((0, 4, self._width), self.element) if f.steps is None else f.steps[some]
 
-    def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
+    def _scattered(self, scattering: F64, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
-        w = self.world
-        out = np.zeros((len(w.ell), w.nodes), self.element) if moments is None else moments.copy()
-        for k, ell in enumerate(w.ell):
-            if lit is not None:
-                out[k].reshape(w.shape)[:] += w.sun_harmonics[k] * lit.reshape(w.shape)
-            out[k] *= f.scattering[ell]
+        out = np.empty((len(self.world.ell), self.world.nodes), self.element)
+        moments = np.zeros_like(out) if moments is None else moments
+        lit = np.zeros(self.world.nodes, self.element) if lit is None else lit
+        in_threads(scatter, *self._lighting(lit, scattering), self._levels(moments), self._levels(out))
         return out
+
+    def _levels(self, field: F64) -> F64:
+        """(..., nz, columns) of (..., nodes)."""
+        return field.reshape(*field.shape[:-1], self.world.shape[0], -1)
+
+    def _lighting(self, lit: F64, scattering: F64) -> tuple[I64, F64, F64, F64]:
+        """What `moments.scatter` is told besides the moments."""
+        return self.world.ell, self._sun, self._levels(lit), self._levels(scattering)
 
     def sweep(self, f: Filled, moments: F64 | None, lit: bool, see: bool = False) -> Swept:
         """The light after a sweep; lit by beam and inflow, or the linear part alone. moments: before it; None: dark."""
         w = self.world
-        scattered = self._scattered(f, moments, f.lit if lit else None)
+        scattered = self._scattered(f.scattering, moments, f.lit if lit else None)
         out, flux = np.zeros_like(scattered), np.zeros(w.columns)
         seen = np.zeros_like(scattered) if see else None
         emission, light, mean = self._fields(3)
@@ -150,14 +154,10 @@ class Sweeps:
     def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
         """Change of a lit sweep with what is at the nodes; the moments before it stay."""
         w = self.world
-        scattered = self._scattered(f, moments, f.lit)
-        d = d._replace(ext=d.ext.astype(self.element))
-        d_scattered = np.zeros_like(scattered)
-        for k, ell in enumerate(w.ell):
-            sun = w.sun_harmonics[k].ravel()
-            before = moments[k] + (sun * f.lit.reshape(w.shape[0], -1)).ravel()
-            d_scattered[k] = d.scattering[ell] * before
-            d_scattered[k] += f.scattering[ell] * (sun * d.lit.reshape(w.shape[0], -1)).ravel()
+        ext, scattering, lit = (a.astype(self.element) for a in d[:3])
+        d = d._replace(ext=ext, scattering=scattering, lit=lit)
+        scattered, d_scattered = (self._scattered(a, moments, f.lit) for a in (f.scattering, d.scattering))
+        d_scattered += self._scattered(f.scattering, None, d.lit)
         out, seen = np.zeros_like(scattered), np.zeros_like(scattered)
         flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
         emission, d_emission, light, d_light, d_mean = self._fields(5)
@@ -198,7 +198,7 @@ class Sweeps:
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
-            scattered = self._scattered(f, value.moments, f.lit)
+            scattered = self._scattered(f.scattering, value.moments, f.lit)
             emission, light, mean, ext_bars = more
         for first, last in ((w.down, len(w.weight)), (0, w.down)):
             if not first:
@@ -230,13 +230,13 @@ class Sweeps:
         if value is None:
             return self._before(f, source_bar), None
         scattering_bar, lit_bar = np.zeros(f.scattering.shape), np.zeros(w.nodes)
-        for k, ell in enumerate(w.ell):
-            sun = self._around(w.sun_harmonics[k].ravel())
-            scattering_bar[ell] += source_bar[k] * (value.moments[k] + sun * f.lit)
-            lit_bar += f.scattering[ell] * source_bar[k] * sun
+        in_threads(
+            scatter_transposed, *self._lighting(f.lit, f.scattering), *map(self._levels, (value.moments, source_bar)),
+            *map(self._levels, (scattering_bar, lit_bar)),
+        )  # fmt: skip
         albedo_bar = (value.flux + f.direct) / w.unit * by_ground
         change = Change(ext_bar, scattering_bar, lit_bar, albedo_bar, f.albedo / w.unit * by_ground)
-        return self._before(f, source_bar), change
+        return source_bar, change
 
     def _before(self, f: Filled, source_bar: F64) -> F64:
         """Bars of moments from those of what they make nodes scatter."""

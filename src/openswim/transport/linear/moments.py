@@ -77,6 +77,31 @@ def emit(t: int, threads: int, of_ordinates: F64, moments: F64, out: F64) -> Non
         into[:, whole:] = of_ordinates @ rows[:, whole:]
 
 
+@njit(**_FLAGS)
+def scatter(t, threads, ell, sun, lit, scattering, moments, out):
+    """out (K, nz, columns): what nodes scatter, (moments + sun lit) scattering[ell]; sun (K, columns), lit (nz,
+    columns), scattering (M, nz, columns)."""
+    for k in range(t, out.shape[1], threads):
+        for n in range(out.shape[0]):
+            share = scattering[ell[n]]
+            for p in range(out.shape[2]):
+                out[n, k, p] = (moments[n, k, p] + sun[n, p] * lit[k, p]) * share[k, p]
+
+
+@njit(**_FLAGS)
+def scatter_transposed(t, threads, ell, sun, lit, scattering, moments, bar, scattering_bar, lit_bar):
+    """Transpose of `scatter` by all that it is given: bar of what it makes becomes that of its moments, the others are
+    added to."""
+    for k in range(t, bar.shape[1], threads):
+        for n in range(bar.shape[0]):
+            share, of_share = scattering[ell[n]], scattering_bar[ell[n]]
+            for p in range(bar.shape[2]):
+                own = np.float64(bar[n, k, p])
+                of_share[k, p] += own * (moments[n, k, p] + sun[n, p] * lit[k, p])
+                lit_bar[k, p] += own * share[k, p] * sun[n, p]
+                bar[n, k, p] = own * share[k, p]
+
+
 class Eye(NamedTuple):
     """Where nodes lie, and where they are seen from."""
 

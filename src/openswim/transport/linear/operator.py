@@ -39,7 +39,7 @@ from openswim.transport.linear.images import Images
 from openswim.transport.linear.march import Matter, channels, march
 from openswim.transport.linear.march_slopes import march_tangent, march_transposed
 from openswim.transport.linear.moments import Eye, toward, toward_transposed, ways_to
-from openswim.transport.linear.optics import Optics, Scatterer, optics_of
+from openswim.transport.linear.optics import Optics, Scatterer, mixed, optics_of
 from openswim.transport.linear.rays import View
 from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
 from openswim.transport.linear.world import World
@@ -126,7 +126,8 @@ class LinearCore:
     def _solve(self, term: int, extinction: F64, albedo: F64, start: OneState | None) -> OneState:
         w, optics, element = self.world, self.optics[term], self._sweeps.element
         filled = Filled(
-            (optics.scaled @ extinction + self._gas(term)).astype(element), (optics.low.T @ extinction).astype(element),
+            (mixed(optics.scaled, extinction) + self._gas(term)).astype(element),
+            mixed(optics.low.T, extinction).astype(element),
             np.zeros(w.nodes, element), albedo, np.zeros(w.columns), w.inflow[term],
         )  # fmt: skip
         depth = self._depth(optics, extinction)
@@ -195,12 +196,12 @@ class LinearCore:
     ) -> tuple[tuple[list[F64], F64], int]:
         w, optics, f = self.world, self.optics[term], one.filled
         d_depth = self._depth(optics, d_extinction)
-        d_ext, d_beam = optics.scaled @ d_extinction, -one.beam * d_depth[:, 0]
+        d_ext, d_beam = mixed(optics.scaled, d_extinction), -one.beam * d_depth[:, 0]
         d_lit = beam_taken.lit_tangent(
             self._grid(one.beam), self._grid(f.ext), *self._cells, self._grid(d_beam), self._grid(d_ext)
         ).ravel()  # fmt: skip
         d_direct = w.per_beam_on_slopes(term) * d_beam[w.ground_nodes]
-        change = Change(d_ext, optics.low.T @ d_extinction, d_lit, d_albedo, d_direct)
+        change = Change(d_ext, mixed(optics.low.T, d_extinction), d_lit, d_albedo, d_direct)
         by_values = self._sweeps.tangent(f, one.swept.moments, change)
         by_moments, sweeps = self._changed(f, by_values.moments, tolerance)
         assert by_values.seen is not None
@@ -290,7 +291,7 @@ class LinearCore:
         depth_bar = np.empty((w.nodes, 2))
         depth_bar[:, 0] = -one.beam * beam_bar - 0.5 * root * fields_bar[:, 2 * kinds]
         depth_bar[:, 1] = fields_bar[:, 2 * kinds + 1]
-        extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + optics.low @ change.scattering
+        extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + mixed(optics.low, change.scattering)
         extinction_bar += self._depth_transposed(optics, depth_bar)
         return extinction_bar, change.albedo, sweeps
 
@@ -323,7 +324,8 @@ class LinearCore:
     # -- parts -----------------------------------------------------------------------------------------------------
     def _depth(self, optics: Optics, extinction: F64) -> F64:
         """Depths (nodes, 2) to the sun through matter: scaled, and what delta scaling takes off."""
-        return depths(self.world, np.stack([optics.scaled @ extinction, optics.forward @ extinction], axis=-1))
+        both = np.stack([optics.scaled, optics.forward])
+        return depths(self.world, np.ascontiguousarray(mixed(both, extinction).T))
 
     def _depth_transposed(self, optics: Optics, bar: F64) -> F64:
         both = depths_transposed(self.world, bar)
