@@ -41,7 +41,8 @@ from openswim.readers.grib.fields import (
     wind,
 )
 from openswim.readers.grib.file import Field, GRIBFile
-from openswim.readers.grib.grid import NAMES, grid_of
+from openswim.readers.grib.grid import NAMES, GribGrid, grid_of
+from openswim.readers.grib.order import check_order
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -206,6 +207,7 @@ def _columns(
     if chosen is None:
         notes.append("no temperature on levels in the file: no clouds, only the ground and what stands above it")
     layout = grid_of(file, next(one for one in fields if one.kind == (kind or one.kind)), notes)
+    _check_order(file, layout, fields, kind)
     selection = select(layout.mesh, around)
     ny, nx = selection.shape
     levels = len({one.level for one in fields if one.kind == kind and one.name == "temperature"}) or _FLAT_LEVELS_M.size
@@ -217,6 +219,14 @@ def _columns(
     if selection.note:
         notes.append(selection.note)
     return Columns(file, fields, layout, selection, kind, notes), valid
+
+
+def _check_order(file: GRIBFile, layout: GribGrid, fields: list[Field], kind: str) -> None:
+    """Of the ground, which is rough where it is not sea, and of a temperature."""
+    terrain = [one for one in fields if one.kind in ("surface", "hybrid") and one.name in ("height", "geopotential")]
+    warm = [one for one in fields if one.kind == kind and one.name == "temperature"]
+    for one in (*terrain[:1], *warm[len(warm) // 2 :][:1]):
+        check_order(f"{file.path}: {one.name} (message {one.number})", layout, file.values(one))
 
 
 def _is_place(one: Field) -> bool:
