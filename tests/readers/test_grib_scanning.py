@@ -7,6 +7,7 @@ import pytest
 from tests.readers import grib_files as gf
 
 from openswim.errors import UserError
+from openswim.ground import earth
 from openswim.readers import open_scene
 
 
@@ -49,3 +50,15 @@ def test_noise_is_in_no_order(tmp_path):
         if one.level == (1, 0):
             one.values = lambda lat, lon: 500 * random.random(lat.shape)
     assert open_scene(gf.write(tmp_path / "file", product)).grid.shape == (12, 31, 41)
+
+
+@pytest.mark.parametrize("key", ["", "jScansPositively", "iScansNegatively"])
+def test_a_projection_that_is_turned_is_told_by_its_land(tmp_path, key):
+    """Nothing else in such a message tells where it ends. North America, with the land that it has."""
+    product = gf.hrrr(gf.HRRR | {"Dx": 180_000_000, "Dy": 180_000_000}, levels=2)
+    for one in product.messages:
+        if one.parameter == (2, 0, 0):
+            one.values = lambda lat, lon: earth.water_at_nearest(lat, lon) == 0
+    path = gf.write(tmp_path / "file", product) if not key else _turned(tmp_path, product, key, key[0] == "i")
+    told = [note for note in open_scene(path).notes if "where the Earth has sea" in note]
+    assert bool(told) == bool(key)

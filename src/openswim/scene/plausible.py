@@ -62,7 +62,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
                 notes += uneven_air(pressure, data["air_temperature"].values, heights_m, max(grid.spacing_m()))
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
     notes += _water(data, heights, min(grid.size_m())) + odd_values(data, (grid.shape[1], grid.shape[2])) + _cover(data)
-    notes += damaged_fields(data, max(grid.spacing_m()))
+    notes += damaged_fields(data, max(grid.spacing_m()), grid.height_m)
     return notes + below_the_sea(terrain) + high_bottom(grid.height_m[0], terrain)
 
 
