@@ -50,6 +50,7 @@ from openswim.scene.plausible import high_bottom
 from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
+_LATE_DAYS = 17.0  # GFS and ensembles go to 16; what goes on is climate
 _FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
 _KG_PER_DOBSON = 2.1415e-5
 _MODELS = {  # (centre, generating process): ON388 table A
@@ -191,7 +192,7 @@ def _columns(
     fields = [one for one in file.fields if one.valid == valid]
     # terrain, land and heights of levels may come once, with the analysis
     fields += [one for one in file.fields if one.valid != valid and (one.name == "land" or _is_place(one))]
-    notes: list[str] = []
+    notes = _late(file, fields[0], valid)
     members = sorted({one.member for one in fields if one.kind != "surface"} or {0})
     if len(members) > 1 or member is not None:
         shown = members[picked(file.path, members, member, notes)]
@@ -219,6 +220,19 @@ def _columns(
     if selection.note:
         notes.append(selection.note)
     return Columns(file, fields, layout, selection, kind, notes), valid
+
+
+def _late(file: GRIBFile, one: Field, valid: np.datetime64) -> list[str]:
+    """A note on a forecast for longer than weather is forecast, as a damaged step makes one."""
+    keys = file.keys(one, ("dataDate", "dataTime"))
+    try:
+        day, clock = f"{int(keys['dataDate']):08d}", int(keys["dataTime"])
+        minutes = np.timedelta64(60 * (clock // 100) + clock % 100, "m")
+        begun = np.datetime64(f"{day[:4]}-{day[4:6]}-{day[6:]}") + minutes
+    except (TypeError, ValueError):
+        return []
+    days = float((valid - begun) / np.timedelta64(1, "D"))
+    return [f"valid {days:.0f} days after its analysis: is that what the file means?"] if days > _LATE_DAYS else []
 
 
 def _check_order(file: GRIBFile, layout: GribGrid, fields: list[Field], kind: str) -> None:
