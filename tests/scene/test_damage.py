@@ -8,6 +8,7 @@ import xarray as xr
 from scipy.ndimage import gaussian_filter
 
 from openswim.scene.oddities.damage import damaged_fields, held_values
+from openswim.scene.oddities.ground import loose_ground
 from openswim.scene.oddities.roughness import rough_levels
 
 LEVELS = ("z", "y", "x")
@@ -109,3 +110,17 @@ def test_ground_of_noise_is_told_and_mountains_are_not():
     noise = ridges.copy()
     noise[6:9] = 5000 * np.random.default_rng(3).random((3, 24))
     assert any("surface_altitude jumps up and down" in note for note in _told(_cloud(), noise))
+
+
+def test_ground_that_leaves_the_levels_is_told():
+    """Levels that follow the ground at 20 m, and at a few metres less over mountains."""
+    y, x = np.mgrid[:24, :24]
+    ridges = 800 + 700 * np.sin(0.3 * x) * np.cos(0.2 * y)
+    lowest = 1.0 + ridges + 20 * (1 - 1e-4 * ridges)
+    assert loose_ground(ridges, lowest) == []
+    spoilt = ridges.copy()
+    spoilt[3, 4:9] = 100.0
+    (note,) = loose_ground(spoilt, lowest)
+    assert "at 5 nodes" in note
+    plain = np.where((x == 5) & (y > 20), 900.0, 10 + 0.1 * y)  # a mountain in a level that follows nothing
+    assert loose_ground(plain, np.full((24, 24), 110.0)) == []

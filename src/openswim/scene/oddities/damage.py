@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.scene.oddities.ground import loose_ground, rough_ground
 from openswim.scene.oddities.roughness import rough_levels
 
 F32 = NDArray[np.float32]
@@ -29,9 +30,6 @@ _VALUES = 16  # ... beside at least so many others ...
 _OFTEN = 4.0  # ... and so many times as often as those are, in the mean
 _NEXT_TO_NOTHING = 0.01  # of the highest value
 _WITHOUT_A_FLOOR = ("_content", "height", "pressure", "temperature")  # sizes and numbers have one in many models
-_STEP_M, _STEP_PER_M = 1200.0, 0.05  # of ground to both neighbours, and of that per metre between them
-_FAR_M = 1e5  # between nodes, over which any ground may lie
-_STEPS, _STEPS_SHARE = 4, 0.002
 
 
 def damaged_fields(data: xr.Dataset, cell_m: float, height_m: NDArray[Any]) -> list[str]:
@@ -51,8 +49,9 @@ def damaged_fields(data: xr.Dataset, cell_m: float, height_m: NDArray[Any]) -> l
             notes += _lost(str(name), columns)
         elif on_levels and name in ("air_pressure", "air_temperature"):
             notes += rough_levels(str(name), field.values)
-    if "surface_altitude" in data and cell_m < _FAR_M:
-        notes += _rough_ground(data["surface_altitude"].values, cell_m)
+    if "surface_altitude" in data:
+        terrain = data["surface_altitude"].values
+        notes += rough_ground(terrain, cell_m) + (loose_ground(terrain, height_m[0]) if height_m.ndim == 3 else [])
     return notes
 
 
@@ -104,20 +103,3 @@ def held_values(name: str, levels: F32) -> list[str]:
                     held = f"its {end} value, {value:.3g}, {count} times"
                     return [f"{name} of level {k + 1} holds {held}: cut, or damaged?"]
     return []
-
-
-def _rough_ground(height_m: F32, cell_m: float) -> list[str]:
-    """Ground (y, x) that is far above, or far below, both of its neighbours in a row."""
-    allowed = _STEP_M + _STEP_PER_M * cell_m
-    found = np.zeros(height_m.shape, bool)
-    for axis in (0, 1):
-        if height_m.shape[axis] < 3:
-            continue
-        step = np.diff(height_m.astype(np.float64), axis=axis)
-        excess = np.sign(step) * np.maximum(np.abs(step) - allowed, 0.0)
-        inner = (slice(None),) * axis + (slice(1, -1),)
-        found[inner] |= np.delete(excess, -1, axis) * np.delete(excess, 0, axis) < 0
-    count = int(found.sum())
-    if count <= max(_STEPS, _STEPS_SHARE * found.size):
-        return []
-    return [f"surface_altitude jumps up and down by over {allowed:.0f} m at {count} nodes: a damaged field?"]
