@@ -88,17 +88,14 @@ def held_values(name: str, levels: F32) -> list[str]:
     """A note on a level (z, y, x) many of whose nodes hold the highest, or the lowest, of many values, as read: bits
     that are all set, or none, or a cut. NaN is no value; zero is no lowest one, nor what is next to it."""
     for k, level in enumerate(levels):
-        known = level[level > 0]
-        if known.size <= _HIGHEST:
-            continue
-        ends = [("highest", known.max())]
-        floor = not name.endswith(_WITHOUT_A_FLOOR) or known.size < level.size
-        if not floor and known.min() > _NEXT_TO_NOTHING * ends[0][1]:
-            ends.append(("lowest", known.min()))
+        high, low = np.fmax.reduce(level, axis=None), np.fmin.reduce(level, axis=None)
+        ends = [("highest", high)] if high > 0 else []
+        if name.endswith(_WITHOUT_A_FLOOR) and low > _NEXT_TO_NOTHING * high:
+            ends.append(("lowest", low))
         for end, value in ends:
-            count = int((known == value).sum())
+            count = int((level == value).sum())
             if count > max(_HIGHEST, _HIGHEST_SHARE * level.size):
-                values = np.unique(known).size
+                values = np.unique(level[level > 0]).size
                 if values > _VALUES and count > _OFTEN * level.size / values:
                     held = f"its {end} value, {value:.3g}, {count} times"
                     return [f"{name} of level {k + 1} holds {held}: cut, or damaged?"]

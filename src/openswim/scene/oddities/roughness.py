@@ -31,7 +31,7 @@ def rough_levels(name: str, levels: NDArray[Any], roots: bool = False) -> list[s
     if min(levels.shape[1:]) < 4:
         return []
     rows = np.arange(1, levels.shape[1] - 1, -(-levels[0].size // _NODES))
-    least = _OF_ALL * float(np.abs(levels).max())
+    least = _OF_ALL * max(float(levels.max()), -float(levels.min()))
     spikes = np.array([_spike(level, rows, roots, least) for level in levels])
     known = np.isfinite(spikes)
     found = []
