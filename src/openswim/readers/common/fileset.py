@@ -21,7 +21,7 @@ from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
-from openswim.readers.common.units import conversion
+from openswim.readers.common.units import check_decimals, conversion
 from openswim.scene.times import Time, rounded
 
 _SINGLES = (*MEMBER_DIMS, "bnds")
@@ -154,6 +154,7 @@ def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
         raw = np.asarray(field.values)
         if raw.dtype.kind not in "fiub":
             raise UserError(f"{path}: {field.name} holds no numbers")
+        check_decimals(f"{path}: {field.name}", raw.dtype.kind, units)
         found = raw.astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         found[~(np.abs(found) < 1e19)] = np.nan
