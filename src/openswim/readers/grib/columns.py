@@ -31,6 +31,7 @@ from openswim.readers.grib.codes import CONTENT
 from openswim.readers.grib.file import Field, GRIBFile
 from openswim.readers.grib.grid import GribGrid
 from openswim.scene.checks import checked_values
+from openswim.scene.oddities.damage import held_values
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -342,6 +343,7 @@ def _extend_down(height: F32, pressure: F32, temperature: F32) -> None:
 
 def _completed(columns: Columns, name: str, values: F32) -> F32:
     """Gaps below the terrain take the value above them; whole columns without data the mean of their level."""
+    columns.notes += held_values(name, values)
     gaps = sum(int(np.isnan(level).sum()) for level in values)
     if not gaps:
         return values
