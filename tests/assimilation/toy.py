@@ -40,6 +40,7 @@ class ToyCore:
     points: NDArray[np.int64]
     cell_m: float
     bright: F64 = field(default_factory=lambda: np.array([0.5]))
+    tolerance: float = 0.0
 
     def forward(self, extinction: F64, albedo: F64, start: object = None) -> tuple[Images, tuple[F64, F64]]:
         total, ground = extinction.sum(axis=1).reshape(len(extinction), -1), albedo.reshape(len(albedo), -1)
@@ -49,7 +50,9 @@ class ToyCore:
             views.append(self.bright[:, None] * (1 - through) + ground[:, column] * through)
         return Images(views, np.exp(-self._column(total)) + ground[:, self.points] / 9), (total, ground)
 
-    def tangent(self, state: tuple[F64, F64], d_extinction: F64, d_albedo: F64 | None) -> Images:
+    def tangent(
+        self, state: tuple[F64, F64], d_extinction: F64, d_albedo: F64 | None, tolerance: float | None = None
+    ) -> Images:
         total, ground = state
         d_total = d_extinction.sum(axis=1).reshape(total.shape)
         d_ground = np.zeros_like(ground) if d_albedo is None else d_albedo.reshape(ground.shape)
@@ -61,7 +64,9 @@ class ToyCore:
         d_ghi = -np.exp(-self._column(total)) * self._column(d_total) + d_ground[:, self.points] / 9
         return Images(views, d_ghi)
 
-    def adjoint(self, state: tuple[F64, F64], residual: Images) -> tuple[F64, F64]:
+    def adjoint(
+        self, state: tuple[F64, F64], residual: Images, tolerance: float | None = None
+    ) -> tuple[F64, F64]:
         total, ground = state
         total_bar, ground_bar = np.zeros_like(total), np.zeros_like(ground)
         for (way, column), bar in zip(self.ways, residual.radiance, strict=True):

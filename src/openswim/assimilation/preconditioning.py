@@ -23,6 +23,7 @@ F64 = NDArray[np.float64]
 
 PROBES = 6
 POWER = 0.25
+_LOOSELY = 300.0  # times the light's tolerance: probes of random signs tell their mean square roughly anyway
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def cosines_of(cost: Cost, v: F64, probes: int = PROBES, seed: int = 0) -> Cosin
         rng, lin = np.random.default_rng(seed), cost.linearized(v)
         for _ in range(probes):
             signs = rng.choice([-1.0, 1.0], cost.weight.size)
-            row = cost.space.adjoint(v, lin.vjp(cost.weight * signs))
+            row = cost.space.adjoint(v, lin.vjp(cost.weight * signs, _LOOSELY))
             for square, p in zip(squares, pieces, strict=True):
                 square += in_cosines(row[p.here].reshape(square.shape)) ** 2 / probes
     smooth = [gaussian_filter(each, 1.0, mode="nearest") if each.ndim else each for each in squares]

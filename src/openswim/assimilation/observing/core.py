@@ -30,8 +30,11 @@ class Core(Protocol):
     """Linear light of one scene; all but extinction and albedo is held fixed.
 
     names: of the classes (k,) of what scatters. extinction (w, k, nz, ny, nx), 1/m, and albedo (w, ny, nx): of the
-    scene that it was made from.
+    scene that it was made from. tolerance: to which its light is solved, where nothing else is asked for.
     """
+
+    @property
+    def tolerance(self) -> float: ...
 
     @property
     def names(self) -> tuple[str, ...]: ...
@@ -52,10 +55,10 @@ class Core(Protocol):
         """What is seen, and a state for the two below, each by itself; start: a state that is near."""
         ...
 
-    def tangent(self, state: Any, d_extinction: F64, d_albedo: F64 | None) -> Images:
+    def tangent(self, state: Any, d_extinction: F64, d_albedo: F64 | None, tolerance: float | None = None) -> Images:
         """J v."""
         ...
 
-    def adjoint(self, state: Any, residual: Images) -> tuple[F64, F64]:
+    def adjoint(self, state: Any, residual: Images, tolerance: float | None = None) -> tuple[F64, F64]:
         """J^T r: bars of extinction and albedo."""
         ...

@@ -54,22 +54,23 @@ class Linearization:
         """H(x), a row of observations."""
         return self.operator.row(self.operator.values(self.images, self._scale))
 
-    def jvp(self, change: xr.Dataset) -> xr.DataArray:
-        """J v: what a change of the state changes, to first order. Controls that are left out do not change."""
+    def jvp(self, change: xr.Dataset, loosely: float = 1.0) -> xr.DataArray:
+        """J v: what a change of the state changes, to first order. Controls that are left out do not change. loosely:
+        times the tolerance of the light, to which that of the change is solved."""
         self._check_fresh()
         op = self.operator
         whole = op.controls.checked(self._whole(change))
         fill = op.controls.tangent(self.slopes, whole)
-        images = op.light_tangent(self._light, fill)
+        images = op.light_tangent(self._light, fill, loosely)
         return op.row(op.tangent_values(self.images, images, self._scale, fill.scale))
 
-    def vjp(self, bar: ArrayLike) -> xr.Dataset:
+    def vjp(self, bar: ArrayLike, loosely: float = 1.0) -> xr.Dataset:
         """J^T r: the gradient by the state of r . H(x)."""
         self._check_fresh()
         op = self.operator
         row = op.row(np.asarray(bar, float)).values
         images, scale = op.adjoint_values(self.images, row, self._scale)
-        fill = op.light_adjoint(self._light, images)
+        fill = op.light_adjoint(self._light, images, loosely)
         return op.controls.adjoint(self.slopes, replace(fill, scale=scale))
 
     def jacobian(self, pixels: Iterable[int]) -> xr.Dataset:

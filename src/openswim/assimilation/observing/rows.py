@@ -96,13 +96,13 @@ class Rows:
         """What is seen of a fill, and what the core keeps of it; start: the same of a fill that is near."""
         return self.core.forward(*self.filled(fill), start=start)
 
-    def light_tangent(self, light: Any, change: Fill) -> Images:
-        """J v."""
-        return self.core.tangent(light, *self.filled(change, change=True))
+    def light_tangent(self, light: Any, change: Fill, loosely: float = 1.0) -> Images:
+        """J v. loosely: times the core's tolerance."""
+        return self.core.tangent(light, *self.filled(change, change=True), loosely * self.core.tolerance)
 
-    def light_adjoint(self, light: Any, residual: Images) -> Fill:
+    def light_adjoint(self, light: Any, residual: Images, loosely: float = 1.0) -> Fill:
         """J^T r."""
-        return self.gathered(*self.core.adjoint(light, residual))
+        return self.gathered(*self.core.adjoint(light, residual, loosely * self.core.tolerance))
 
     # rows of observations
 

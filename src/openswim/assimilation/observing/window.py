@@ -37,12 +37,12 @@ class Window(Operator):
         both = [one.light(fill, near) for one, near in zip(self.of_times, starts, strict=True)]
         return _joined([images for images, _ in both]), [light for _, light in both]
 
-    def light_tangent(self, light: Any, change: Fill) -> Images:
-        return _joined([one.light_tangent(own, change) for one, own in zip(self.of_times, light, strict=True)])
+    def light_tangent(self, light: Any, change: Fill, loosely: float = 1.0) -> Images:
+        return _joined([one.light_tangent(own, change, loosely) for one, own in zip(self.of_times, light, strict=True)])
 
-    def light_adjoint(self, light: Any, residual: Images) -> Fill:
+    def light_adjoint(self, light: Any, residual: Images, loosely: float = 1.0) -> Fill:
         fills = [
-            one.light_adjoint(own, part)
+            one.light_adjoint(own, part, loosely)
             for one, own, part in zip(self.of_times, light, self._parted(residual), strict=True)
         ]
         extinction = {name: np.sum([fill.extinction[name] for fill in fills], axis=0) for name in fills[0].extinction}

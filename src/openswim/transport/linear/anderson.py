@@ -1,8 +1,13 @@
-"""A linear fixed point by Anderson's mixing of the last steps."""
+"""A linear fixed point by Anderson's mixing of the last steps, and where to begin it.
+
+What an adjoint finds is linear in its residual. A search goes from state to state in short steps: its residuals are
+nearly sums of those before, and so is what they find, as far as the sweeps are the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,7 +15,9 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_FALL = 0.3  # of changes from one step to the next, before that is known
+_FALL = 0.3  # of changes from one step to the next, before that is known, and the strongest that is counted on
+MOST_ASKED = 6  # of earlier adjoints that are gone on from
+_ALIKE = 1e-10  # of the square of a residual: some may be nearly alike
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -47,12 +54,13 @@ def added(x: F64, more: F64) -> F64:
 
 
 def fixed_point(
-    apply: Callable[[F64, bool], F64], start: F64, wanted: float, most: int, memory: int = 3
+    apply: Callable[[F64, float], F64], start: F64, wanted: float, most: int, memory: int = 3
 ) -> tuple[F64, F64]:
     """x = apply(x), until a step changes it by less than ``wanted``; the last image, and of what it is the image.
 
-    apply is linear and something more; it is told whether this may be the last time. Of the last ``memory`` steps that
-    combination is gone on with whose changes would cancel best (Walker & Ni 2011).
+    apply is linear and something more; it is told by how much it is expected to change x, 0 where it is the last time
+    in any case. Of the last ``memory`` steps that combination is gone on with whose changes would cancel best (Walker &
+    Ni 2011).
     """
     x = start.copy()
     images: list[F64] = []
@@ -60,11 +68,11 @@ def fixed_point(
     products = np.zeros((0, 0))  # of the residuals with each other
     left, fall = np.inf, _FALL
     for n in range(1, most + 1):
-        image = apply(x, left * fall < 2 * wanted or n == most)
+        image = apply(x, left * fall if n < most else 0.0)
         _away(image.reshape(-1), x.reshape(-1))
         residuals = [*residuals[-memory:], x.ravel()] if memory else [x.ravel()]
         own = np.array([_dot(one, residuals[-1]) for one in residuals])
-        fall, left = (own[-1] ** 0.5 / left if n > 1 else _FALL), own[-1] ** 0.5
+        fall, left = max(own[-1] ** 0.5 / left, _FALL), own[-1] ** 0.5
         if left <= wanted or n == most:
             return image, image - x
         if memory == 0:
@@ -82,3 +90,25 @@ def fixed_point(
         for share, earlier in zip(c, images[:-1], strict=True):
             _add(x.reshape(-1), share, earlier.reshape(-1))
     raise AssertionError("there is at least one sweep")
+
+
+class Asked(NamedTuple):
+    """A residual, in one row; size: how large is what eyes and ground ask of the moments, before it is scattered
+    (``asked``) and after it is scattered once (``size``); found (K, nodes): what is asked of them in all."""
+
+    residual: F64
+    asked: float
+    size: float
+    found: F64
+
+
+def begun(earlier: Sequence[Asked], residual: F64) -> F64:
+    """That sum (K, nodes) of what was found whose residuals come nearest."""
+    gram = np.array([[_dot(a.residual, b.residual) for b in earlier] for a in earlier])
+    size, told = np.sqrt(np.diag(gram)), np.array([_dot(a.residual, residual) for a in earlier])
+    gram = gram / np.outer(size, size) + _ALIKE * np.eye(len(earlier))
+    shares = np.linalg.solve(gram, told / size) / size
+    out = np.zeros_like(earlier[0].found)
+    for share, one in zip(shares, earlier, strict=True):
+        _add(out.reshape(-1), out.dtype.type(share), one.found.reshape(-1))
+    return out

@@ -63,7 +63,8 @@ def set_out(q, grid, course, against):
 def upstream(q, grid, offset, weight, length):
     """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,).
 
-    A corner in the same row as the node is the first.
+    A corner in the same row as the node is the first. Where there are fewer than four, it stands for those that lack,
+    with no weight: light is known there, while at the node itself it is not yet.
     """
     shape, levels, cell, _ = grid
     nx, plane = shape[2], shape[1] * shape[2]
@@ -85,7 +86,7 @@ def upstream(q, grid, offset, weight, length):
                 offset[k, n] = a * step_x + b * step_y + d * step_z
                 n += 1
         for m in range(n, 4):
-            weight[k, m], offset[k, m] = 0.0, 0
+            weight[k, m], offset[k, m] = 0.0, offset[k, 0]
 
 
 @njit(**PART)

@@ -5,9 +5,11 @@ Ordinates are swept a few at a time, each by one thread; no field of all ordinat
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import get_num_threads
@@ -15,21 +17,25 @@ from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.course import Grid
-from openswim.transport.linear.moments import emit, gather
+from openswim.transport.linear.moments import emit, gather, scatter, scatter_transposed
 from openswim.transport.linear.sweep import Changes, Sources, carry, carry_tangent, weigh
 from openswim.transport.linear.transposed import Bars, Lit, carry_transposed
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 _BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
 KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
+_LINE = 64  # bytes of a cache's line
+_PAGE, _APART = 64, 17  # lines: by how many rows of scratch begin apart, or they would displace each other from caches
+_here = threading.local()  # of each thread the scratch of its sweeps
 
 
 @dataclass(eq=False)
 class Filled:
     """What is at the nodes at one term: ext (nodes,) scaled extinction, 1/m; scattering (M, nodes): its Legendre
     moments, 1/m; lit (nodes,): the beam as it lights what is around them; albedo and direct (columns,): of the ground,
-    and the flux of the beam there; inflow (n, nz). steps (n, 4, nodes): what `sweep.weigh` makes of ext, where kept."""
+    and the flux of the beam there; inflow (n, nz). steps (n, 4, width): what `sweep.weigh` makes of ext, where kept."""
 
     ext: F64
     scattering: F64
@@ -69,6 +75,10 @@ class Sweeps:
             np.array(world.shape, np.int64), world.levels_m, np.array(world.cell_m, float), world.ground_node
         )
         self._harmonics, self._gathered = world.harmonics.astype(element), world.gathered.astype(element)
+        self._sun = world.sun_harmonics.reshape(len(world.ell), -1).astype(element)
+        per_line = _LINE // np.dtype(element).itemsize
+        lines = -(-world.nodes // per_line)
+        self._width = (lines + (_APART - lines) % _PAGE) * per_line  # of rows of scratch, the nodes' and what is unused
 
     @property
     def _size(self) -> int:
@@ -80,37 +90,45 @@ class Sweeps:
             yield slice(n, min(n + size, last))
 
     def _fields(self, count: int) -> list[F64]:
-        """Scratch of finite numbers: a step without a fourth corner reads its own node with weight 0."""
-        return [np.zeros((self._size, self.world.nodes), self.element) for _ in range(count)]
-
-    def _around(self, of_columns: F64) -> F64:
-        """Values (K, columns) of columns at all nodes."""
-        return np.broadcast_to(of_columns, (self.world.shape[0], of_columns.size)).ravel()
+        """Scratch (b, width) each, with what the thread's last sweep left there: new memory is slow to come by."""
+        if not hasattr(_here, "fields"):
+            _here.fields = WeakKeyDictionary()
+        kept: list[F64] = _here.fields.setdefault(self, [])
+        if kept and len(kept[0]) != self._size:
+            kept.clear()
+        kept += [np.zeros((self._size, self._width), self.element) for _ in range(count - len(kept))]
+        return kept[:count]
 
     def keep_steps(self, f: Filled) -> None:
         """All steps' weights, for all sweeps through what there is, unless they are too many."""
         count = len(self.world.weight)
-        if 4 * count * f.ext.nbytes <= KEEP_BYTES:
-            f.steps = np.empty((count, 4, self.world.nodes), self.element)
+        if 4 * count * self._width * f.ext.itemsize <= KEEP_BYTES:
+            f.steps = np.empty((count, 4, self._width), self.element)
             in_threads(weigh, self._grid, self.world.direction, f.ext, f.steps)
 
     def _steps(self, f: Filled, some: slice) -> F64:
-        return np.empty((0, 4, self.world.nodes), self.element) if f.steps is None else f.steps[some]
+        return np.empty((0, 4, self._width), self.element) if f.steps is None else f.steps[some]
 
-    def _scattered(self, f: Filled, moments: F64 | None, lit: F64 | None) -> F64:
+    def _scattered(self, scattering: F64, moments: F64 | None, lit: F64 | None) -> F64:
         """Moments (K, nodes) of what nodes scatter per length."""
-        w = self.world
-        out = np.zeros((len(w.ell), w.nodes), self.element) if moments is None else moments.copy()
-        for k, ell in enumerate(w.ell):
-            if lit is not None:
-                out[k].reshape(w.shape)[:] += w.sun_harmonics[k] * lit.reshape(w.shape)
-            out[k] *= f.scattering[ell]
+        out = np.empty((len(self.world.ell), self.world.nodes), self.element)
+        moments = np.zeros_like(out) if moments is None else moments
+        lit = np.zeros(self.world.nodes, self.element) if lit is None else lit
+        in_threads(scatter, *self._lighting(lit, scattering), self._levels(moments), self._levels(out))
         return out
+
+    def _levels(self, field: F64) -> F64:
+        """(..., nz, columns) of (..., nodes)."""
+        return field.reshape(*field.shape[:-1], self.world.shape[0], -1)
+
+    def _lighting(self, lit: F64, scattering: F64) -> tuple[I64, F64, F64, F64]:
+        """What `moments.scatter` is told besides the moments."""
+        return self.world.ell, self._sun, self._levels(lit), self._levels(scattering)
 
     def sweep(self, f: Filled, moments: F64 | None, lit: bool, see: bool = False) -> Swept:
         """The light after a sweep; lit by beam and inflow, or the linear part alone. moments: before it; None: dark."""
         w = self.world
-        scattered = self._scattered(f, moments, f.lit if lit else None)
+        scattered = self._scattered(f.scattering, moments, f.lit if lit else None)
         out, flux = np.zeros_like(scattered), np.zeros(w.columns)
         seen = np.zeros_like(scattered) if see else None
         emission, light, mean = self._fields(3)
@@ -136,14 +154,10 @@ class Sweeps:
     def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
         """Change of a lit sweep with what is at the nodes; the moments before it stay."""
         w = self.world
-        scattered = self._scattered(f, moments, f.lit)
-        d = d._replace(ext=d.ext.astype(self.element))
-        d_scattered = np.zeros_like(scattered)
-        for k, ell in enumerate(w.ell):
-            sun = w.sun_harmonics[k].ravel()
-            before = moments[k] + (sun * f.lit.reshape(w.shape[0], -1)).ravel()
-            d_scattered[k] = d.scattering[ell] * before
-            d_scattered[k] += f.scattering[ell] * (sun * d.lit.reshape(w.shape[0], -1)).ravel()
+        ext, scattering, lit = (a.astype(self.element) for a in d[:3])
+        d = d._replace(ext=ext, scattering=scattering, lit=lit)
+        scattered, d_scattered = (self._scattered(a, moments, f.lit) for a in (f.scattering, d.scattering))
+        d_scattered += self._scattered(f.scattering, None, d.lit)
         out, seen = np.zeros_like(scattered), np.zeros_like(scattered)
         flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
         emission, d_emission, light, d_light, d_mean = self._fields(5)
@@ -180,12 +194,12 @@ class Sweeps:
         by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
         source_bar = np.zeros((len(w.ell), w.nodes), self.element)
-        light_bar, mean_bar, emission_bar = self._fields(3)
+        light_bar, mean_bar, emission_bar, *more = self._fields(3 if value is None else 7)
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
-            scattered = self._scattered(f, value.moments, f.lit)
-            emission, light, mean, ext_bars = self._fields(4)
+            scattered = self._scattered(f.scattering, value.moments, f.lit)
+            emission, light, mean, ext_bars = more
         for first, last in ((w.down, len(w.weight)), (0, w.down)):
             if not first:
                 by_flux += f.albedo / w.unit * by_ground
@@ -209,20 +223,20 @@ class Sweeps:
                     lit = Lit(emission[:n], light[:n], ext_bars[:n])
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, lit)
                     for b in range(n):
-                        ext_bar += ext_bars[b]
+                        ext_bar += ext_bars[b, : w.nodes]
                 in_threads(gather, self._harmonics[some].T.copy(), emission_bar[:n], source_bar)
                 for b in range(n if first else 0):
                     by_ground += ground_bars[b]
         if value is None:
             return self._before(f, source_bar), None
         scattering_bar, lit_bar = np.zeros(f.scattering.shape), np.zeros(w.nodes)
-        for k, ell in enumerate(w.ell):
-            sun = self._around(w.sun_harmonics[k].ravel())
-            scattering_bar[ell] += source_bar[k] * (value.moments[k] + sun * f.lit)
-            lit_bar += f.scattering[ell] * source_bar[k] * sun
+        in_threads(
+            scatter_transposed, *self._lighting(f.lit, f.scattering), *map(self._levels, (value.moments, source_bar)),
+            *map(self._levels, (scattering_bar, lit_bar)),
+        )  # fmt: skip
         albedo_bar = (value.flux + f.direct) / w.unit * by_ground
         change = Change(ext_bar, scattering_bar, lit_bar, albedo_bar, f.albedo / w.unit * by_ground)
-        return self._before(f, source_bar), change
+        return source_bar, change
 
     def _before(self, f: Filled, source_bar: F64) -> F64:
         """Bars of moments from those of what they make nodes scatter."""

@@ -16,6 +16,7 @@ F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 _BLOCK = 64  # nodes, whose rows stay in a core's nearest cache
+_STRETCH = 512  # nodes that are gathered at a time: far rows are read and written along such stretches
 _SMALL = 128  # nodes: a product so small that the library for it takes one thread, and adds in one order
 _GROUP = 32 * _SMALL  # of nodes, that a thread takes at a time and that stays in a core's cache
 
@@ -48,11 +49,11 @@ def _four(shares, first, last, near, at, out, p, one, two):
 
 @njit(**_FLAGS)
 def gather(t, threads, shares, rows, out):
-    """out (n, nodes) += shares (n, m) @ rows (m, nodes)."""
+    """out (n, nodes) += shares (n, m) @ rows (m, nodes or more)."""
     nodes, last = out.shape[1], shares.shape[0] - 1
-    near = np.zeros((rows.shape[0], _BLOCK), rows.dtype)
-    for first in range(t * _BLOCK, nodes, threads * _BLOCK):
-        count = min(_BLOCK, nodes - first)
+    near = np.zeros((rows.shape[0], _STRETCH), rows.dtype)
+    for first in range(t * _STRETCH, nodes, threads * _STRETCH):
+        count = min(_STRETCH, nodes - first)
         for m in range(rows.shape[0]):
             for i in range(count):
                 near[m, i] = rows[m, first + i]
@@ -66,13 +67,39 @@ def gather(t, threads, shares, rows, out):
 
 
 def emit(t: int, threads: int, of_ordinates: F64, moments: F64, out: F64) -> None:
-    """out (b, nodes) = of_ordinates (b, K) @ moments (K, nodes)."""
-    for first in range(t * _GROUP, out.shape[1], threads * _GROUP):
-        rows, into = moments[:, first : first + _GROUP], out[:, first : first + _GROUP]
+    """out (b, nodes or more) = of_ordinates (b, K) @ moments (K, nodes)."""
+    for first in range(t * _GROUP, moments.shape[1], threads * _GROUP):
+        rows = moments[:, first : first + _GROUP]
+        into = out[:, first : first + rows.shape[1]]
         whole = into.shape[1] // _SMALL * _SMALL
         blocks, made = (a[:, :whole].reshape(len(a), -1, _SMALL).transpose(1, 0, 2) for a in (rows, into))  # views
         np.matmul(of_ordinates, blocks, out=made)
         into[:, whole:] = of_ordinates @ rows[:, whole:]
+
+
+@njit(**_FLAGS)
+def scatter(t, threads, ell, sun, lit, scattering, moments, out):
+    """out (K, nz, columns): what nodes scatter, (moments + sun lit) scattering[ell]; sun (K, columns), lit (nz,
+    columns), scattering (M, nz, columns)."""
+    for k in range(t, out.shape[1], threads):
+        for n in range(out.shape[0]):
+            share = scattering[ell[n]]
+            for p in range(out.shape[2]):
+                out[n, k, p] = (moments[n, k, p] + sun[n, p] * lit[k, p]) * share[k, p]
+
+
+@njit(**_FLAGS)
+def scatter_transposed(t, threads, ell, sun, lit, scattering, moments, bar, scattering_bar, lit_bar):
+    """Transpose of `scatter` by all that it is given: bar of what it makes becomes that of its moments, the others are
+    added to."""
+    for k in range(t, bar.shape[1], threads):
+        for n in range(bar.shape[0]):
+            share, of_share = scattering[ell[n]], scattering_bar[ell[n]]
+            for p in range(bar.shape[2]):
+                own = np.float64(bar[n, k, p])
+                of_share[k, p] += own * (moments[n, k, p] + sun[n, p] * lit[k, p])
+                lit_bar[k, p] += own * share[k, p] * sun[n, p]
+                bar[n, k, p] = own * share[k, p]
 
 
 class Eye(NamedTuple):

@@ -17,10 +17,9 @@ from openswim.transport.engine.ordinates import Ordinates, ordinates_for
 from openswim.transport.engine.pack import PACK
 from openswim.transport.ground_light.fluxes import Lighting, sky_flux
 from openswim.transport.linear.air import OfAir, air_at, air_kinds
-from openswim.transport.linear.drawn import Drawn
+from openswim.transport.linear.drawn import Drawn, ground_under, locate_in
 from openswim.transport.linear.operator import TOLERANCE, LinearCore, State
 from openswim.transport.linear.optics import Scatterer, optics_of
-from openswim.transport.linear.place import ground_under, locate_in
 from openswim.transport.linear.rays import View, view_of, ways_of
 from openswim.transport.linear.sun_depth import depths
 from openswim.transport.linear.world import World

@@ -24,7 +24,7 @@ Tangent linear and adjoint differentiate the fixed point implicitly: they solve 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,12 +33,13 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear import beam_taken
-from openswim.transport.linear.anderson import added, fixed_point, norm
+from openswim.transport.linear.anderson import MOST_ASKED, Asked, added, begun, fixed_point, norm
 from openswim.transport.linear.diffuse import KEEP_BYTES, Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
-from openswim.transport.linear.march import Matter, march, march_tangent, march_transposed
+from openswim.transport.linear.march import Matter, channels, march
+from openswim.transport.linear.march_slopes import march_tangent, march_transposed
 from openswim.transport.linear.moments import Eye, toward, toward_transposed, ways_to
-from openswim.transport.linear.optics import Optics, Scatterer, optics_of
+from openswim.transport.linear.optics import Optics, Scatterer, mixed, optics_of
 from openswim.transport.linear.rays import View
 from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
 from openswim.transport.linear.world import World
@@ -46,13 +47,16 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 
 TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once
+_STRICTLY = 0.1  # times it: of changes and bars, which are those of x where x = K x + given, not of its image
+_NEARLY = 2.0  # times the tolerance: where less is expected of a sweep, what eyes see is made as well
 
 
 @dataclass(eq=False)
 class OneState:
     """A forward run at one term: extinction (k, nodes), what it fills nodes with, beam and forward depth (nodes,), the
     converged sweep with the moments before it, how many sweeps that took, and how much is scattered after one sweep
-    from the dark, to which its tolerance is."""
+    from the dark, to which its tolerance is. earlier: what adjoints of the states that it was begun from were asked;
+    asked: the last of its own."""
 
     extinction: F64
     filled: Filled
@@ -61,6 +65,8 @@ class OneState:
     swept: Swept
     sweeps: int
     size: float
+    earlier: tuple[Asked, ...] = ()
+    asked: Asked | None = None
 
 
 @dataclass(eq=False)
@@ -98,6 +104,8 @@ class LinearCore:
         self._which = self.terms.argmax(axis=1)
         self._sweeps = Sweeps(world, element)
         self._kept_ways: dict[View, F64] = {}
+        bytes_asked = count * len(world.ell) * world.nodes * np.dtype(element).itemsize
+        self._most_asked = max(1, min(MOST_ASKED, KEEP_BYTES // bytes_asked))
         self._shape = np.array(world.shape, np.int64)
         self._columns, self._shares = _corners(np.zeros((0, 2)) if points is None else np.asarray(points, float), world)
 
@@ -118,7 +126,8 @@ class LinearCore:
     def _solve(self, term: int, extinction: F64, albedo: F64, start: OneState | None) -> OneState:
         w, optics, element = self.world, self.optics[term], self._sweeps.element
         filled = Filled(
-            (optics.scaled @ extinction + self._gas(term)).astype(element), (optics.low.T @ extinction).astype(element),
+            (mixed(optics.scaled, extinction) + self._gas(term)).astype(element),
+            mixed(optics.low.T, extinction).astype(element),
             np.zeros(w.nodes, element), albedo, np.zeros(w.columns), w.inflow[term],
         )  # fmt: skip
         depth = self._depth(optics, extinction)
@@ -132,20 +141,25 @@ class LinearCore:
         self._sweeps.keep_steps(filled)
         swept, sweeps = self._sweeps.sweep(filled, None, lit=True) if start is None else start.swept, 0
 
-        def lit_sweep(moments: F64, nearly: bool) -> F64:
-            nonlocal swept, sweeps
-            swept, sweeps = self._sweeps.sweep(filled, moments, lit=True, see=nearly), sweeps + 1
-            return swept.moments
-
         first = swept.moments
         size = norm(first) if start is None else start.size
-        image, before = fixed_point(lit_sweep, first, self.tolerance * size, self.most_sweeps, self.memory)
+        wanted = self.tolerance * size
+
+        def lit_sweep(moments: F64, expected: float) -> F64:
+            nonlocal swept, sweeps
+            swept = self._sweeps.sweep(filled, moments, lit=True, see=expected <= _NEARLY * wanted)
+            sweeps += 1
+            return swept.moments
+
+        image, before = fixed_point(lit_sweep, first, wanted, self.most_sweeps, self.memory)
         if swept.seen is None:
             before = image
-            lit_sweep(image, True)
+            lit_sweep(image, 0.0)
         swept = swept._replace(moments=before)
+        earlier = () if start is None else (*start.earlier, *([start.asked] if start.asked else []))
         return OneState(
-            extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size
+            extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size,
+            earlier[-self._most_asked :],
         )  # fmt: skip
 
     def observe(self, term: int, one: OneState, views: Sequence[View] | None = None) -> tuple[list[F64], F64]:
@@ -182,17 +196,14 @@ class LinearCore:
     ) -> tuple[tuple[list[F64], F64], int]:
         w, optics, f = self.world, self.optics[term], one.filled
         d_depth = self._depth(optics, d_extinction)
-        d_ext, d_beam = optics.scaled @ d_extinction, -one.beam * d_depth[:, 0]
+        d_ext, d_beam = mixed(optics.scaled, d_extinction), -one.beam * d_depth[:, 0]
         d_lit = beam_taken.lit_tangent(
             self._grid(one.beam), self._grid(f.ext), *self._cells, self._grid(d_beam), self._grid(d_ext)
         ).ravel()  # fmt: skip
         d_direct = w.per_beam_on_slopes(term) * d_beam[w.ground_nodes]
-        change = Change(d_ext, optics.low.T @ d_extinction, d_lit, d_albedo, d_direct)
+        change = Change(d_ext, mixed(optics.low.T, d_extinction), d_lit, d_albedo, d_direct)
         by_values = self._sweeps.tangent(f, one.swept.moments, change)
-        d_moments, sweeps = self._solved(
-            lambda x: self._sweeps.sweep(f, x, lit=False).moments, by_values.moments, tolerance
-        )
-        by_moments = self._sweeps.sweep(f, d_moments, lit=False, see=True)
+        by_moments, sweeps = self._changed(f, by_values.moments, tolerance)
         assert by_values.seen is not None
         assert by_moments.seen is not None
         assert one.swept.seen is not None
@@ -210,7 +221,23 @@ class LinearCore:
                 by_values.ground + by_moments.ground, out,
             )  # fmt: skip
             found.append(out)
-        return (found, self._at_points(w.per_beam(term) * d_beam[w.ground_nodes] + d_flux)), sweeps + 2
+        return (found, self._at_points(w.per_beam(term) * d_beam[w.ground_nodes] + d_flux)), sweeps + 1
+
+    def _changed(self, f: Filled, given: F64, tolerance: float) -> tuple[Swept, int]:
+        """The sweep of the change of moments x = K x + given, and how many sweeps that took."""
+        wanted, sweeps, swept = _STRICTLY * tolerance * norm(given), 0, None
+
+        def sweep(x: F64, expected: float) -> F64:
+            nonlocal sweeps, swept
+            swept = self._sweeps.sweep(f, x, lit=False, see=expected <= _NEARLY * wanted)
+            sweeps += 1
+            return added(swept.moments, given)
+
+        image, _ = fixed_point(sweep, given, wanted, self.most_sweeps, self.memory)
+        assert swept is not None
+        if swept.seen is None:
+            sweep(image, 0.0)
+        return swept, sweeps
 
     # -- adjoint ---------------------------------------------------------------------------------------------------
     def adjoint(self, state: State, residual: Images, tolerance: float | None = None) -> tuple[F64, F64]:
@@ -237,7 +264,7 @@ class LinearCore:
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
         fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes), self._sweeps.element)
-        by_team, ground_by_team = np.zeros((TEAMS, *fields.shape)), np.zeros((TEAMS, w.columns))
+        by_team, ground_by_team = channels(TEAMS, w.nodes, kinds), np.zeros((TEAMS, w.columns))
         assert one.swept.seen is not None
         for view, bar in zip(self.views, bars, strict=True):
             self._toward(view, term, one.swept.seen, fields)
@@ -254,10 +281,8 @@ class LinearCore:
         flux_bar, beam_bar = np.zeros(w.columns), np.zeros(w.nodes)
         np.add.at(flux_bar, self._columns, self._shares * ghi_bar[:, None])
         beam_bar[w.ground_nodes] += w.per_beam(term) * flux_bar
-        given, _ = self._sweeps.transposed(f, None, seen_bar, ground_bar, flux_bar)
-        bar, sweeps = self._solved(lambda x: self._sweeps.transposed(f, x)[0], given, tolerance)
-        _, change = self._sweeps.transposed(f, bar, seen_bar, ground_bar, flux_bar, one.swept)
-        assert change is not None
+        bars_of = seen_bar, ground_bar, flux_bar
+        change, sweeps = self._asked(one, bars_of, np.concatenate([*bars, ghi_bar]), tolerance)
         by_lit, ext_bar = beam_taken.lit_transposed(
             self._grid(one.beam), self._grid(f.ext), *self._cells, self._grid(change.lit)
         )  # fmt: skip
@@ -266,26 +291,41 @@ class LinearCore:
         depth_bar = np.empty((w.nodes, 2))
         depth_bar[:, 0] = -one.beam * beam_bar - 0.5 * root * fields_bar[:, 2 * kinds]
         depth_bar[:, 1] = fields_bar[:, 2 * kinds + 1]
-        extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + optics.low @ change.scattering
+        extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + mixed(optics.low, change.scattering)
         extinction_bar += self._depth_transposed(optics, depth_bar)
-        return extinction_bar, change.albedo, sweeps + 2
+        return extinction_bar, change.albedo, sweeps
 
-    def _solved(self, linear: Callable[[F64], F64], given: F64, tolerance: float) -> tuple[F64, int]:
-        """x = linear(x) + given, and the sweeps."""
-        sweeps = 0
+    def _asked(self, one: OneState, bars: tuple[F64, F64, F64], residual: F64, tolerance: float) -> tuple[Change, int]:
+        """What is asked of `Filled`, through all sweeps, by bars of what eyes see at nodes, of the ground and of the
+        flux; and how many sweeps that took, of which the last one, that gathers it, is as dear as two or three."""
+        f, change, sweeps, asked_for = one.filled, None, 0, norm(bars[0])
+        before = one.earlier[-1] if one.earlier and one.earlier[-1].asked > 0 else None
+        if before is not None:
+            start, size = begun(one.earlier, residual), before.size * asked_for / before.asked
+        else:
+            start, _ = self._sweeps.transposed(f, None, *bars)
+            size, sweeps = norm(start), 1
+        wanted = _STRICTLY * tolerance * size
 
-        def affine(x: F64, _: bool) -> F64:
-            nonlocal sweeps
+        def ask(x: F64, expected: float) -> F64:
+            nonlocal change, sweeps
+            last = one.swept if expected <= wanted else None
+            image, change = self._sweeps.transposed(f, x, *bars, last)
             sweeps += 1
-            return added(linear(x), given)
+            return image
 
-        found, _ = fixed_point(affine, given, tolerance * norm(given), self.most_sweeps, self.memory)
-        return found, sweeps
+        found, _ = fixed_point(ask, start, wanted, self.most_sweeps, self.memory)
+        if change is None:
+            ask(found, 0.0)
+        assert change is not None
+        one.asked = Asked(residual, asked_for, size, found)
+        return change, sweeps
 
     # -- parts -----------------------------------------------------------------------------------------------------
     def _depth(self, optics: Optics, extinction: F64) -> F64:
         """Depths (nodes, 2) to the sun through matter: scaled, and what delta scaling takes off."""
-        return depths(self.world, np.stack([optics.scaled @ extinction, optics.forward @ extinction], axis=-1))
+        both = np.stack([optics.scaled, optics.forward])
+        return depths(self.world, np.ascontiguousarray(mixed(both, extinction).T))
 
     def _depth_transposed(self, optics: Optics, bar: F64) -> F64:
         both = depths_transposed(self.world, bar)
@@ -302,9 +342,9 @@ class LinearCore:
         return np.repeat(self.world.gas[term], self.world.columns)
 
     def _fields(self, extinction: F64, root: F64, forward_depth: F64) -> F64:
-        """Channels (nodes, 2 k + 2) of eye rays, without what is scattered toward an eye."""
+        """Channels of eye rays, without what is scattered toward an eye."""
         kinds = len(extinction)
-        out = np.zeros((self.world.nodes, 2 * kinds + 2))
+        out = channels(self.world.nodes, kinds)
         out[:, :kinds], out[:, 2 * kinds], out[:, 2 * kinds + 1] = extinction.T, root, forward_depth
         return out
 

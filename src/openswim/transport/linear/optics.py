@@ -49,3 +49,9 @@ def optics_of(scatterers: Sequence[Scatterer], term: int, degree: int) -> Optics
         low.append(omega * (chi[:degree] - f))
         tables.append(omega * peak_table(one.phase[term], own, degree).astype(float))
     return Optics(np.array(scaled), np.array(forward), np.array(low), np.stack(tables))
+
+
+def mixed(shares: F64, fields: F64) -> F64:
+    """Sums (..., nodes) of fields (k, nodes) by shares (..., k). A library would give long ones to threads of
+    its own, which wait busily for more."""
+    return np.asarray(np.einsum("...k,kp->...p", shares, fields))
