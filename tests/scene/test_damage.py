@@ -59,6 +59,7 @@ def test_many_nodes_at_the_lowest_value_are_told():
     assert held_values("liquid_content", deck) == []
     deck[2, 5:8, :20] = deck[2].min() * np.float32(0.99)
     assert held_values("liquid_content", deck)[0].startswith("liquid_content of level 3 holds its lowest value")
+    assert held_values("surface pressure", deck[2:3])[0].startswith("surface pressure holds its lowest value")
     assert held_values("liquid_number", deck) == []  # of which models keep a least one
     coarse = 1e-5 * np.round(1e5 * deck)  # some 20 values, each of which many nodes share
     assert held_values("liquid_content", coarse.astype("f4")) == []

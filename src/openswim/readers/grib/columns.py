@@ -191,6 +191,7 @@ def _surface_pressure(columns: Columns) -> F32 | None:
             f"{columns.file.path}: surface pressure runs from {np.nanmin(pressure):.4g} to {np.nanmax(pressure):.4g} "
             "Pa, or is missing in places: damaged, or in other units"
         )
+    columns.notes += [] if pressure is None else held_values("surface pressure", pressure[None])
     return pressure
 
 

@@ -98,5 +98,6 @@ def held_values(name: str, levels: F32) -> list[str]:
                 values = np.unique(level[level > 0]).size
                 if values > _VALUES and count > _OFTEN * level.size / values:
                     held = f"its {end} value, {value:.3g}, {count} times"
-                    return [f"{name} of level {k + 1} holds {held}: cut, or damaged?"]
+                    where = f" of level {k + 1}" if len(levels) > 1 else ""
+                    return [f"{name}{where} holds {held}: cut, or damaged?"]
     return []
