@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from scipy.ndimage import gaussian_filter
 
-from openswim.scene.oddities.damage import damaged_fields, held_values
+from openswim.scene.oddities.damage import copied_levels, damaged_fields, held_values
 from openswim.scene.oddities.ground import loose_ground
 from openswim.scene.oddities.roughness import rough_levels
 
@@ -89,6 +89,16 @@ def test_roughness_that_levels_share_is_weather():
     falling = _smooth() * np.exp(-1.2 * np.arange(8.0))[:, None, None]
     step = falling.max() / 65535
     assert rough_levels("it", np.round(falling / step) * step, roots=True) == []
+
+
+def test_a_level_that_comes_twice_is_told():
+    field = _smooth().astype("f4")
+    assert copied_levels("it", field) == []
+    field[6] = field[3]
+    assert copied_levels("it", field) == ["it of levels 4 and 7 is the same to the last bit: copied?"]
+    assert copied_levels("it", np.repeat(field[:1], 8, axis=0)) == []  # made so
+    field[[3, 6]] = 2.0
+    assert copied_levels("it", field) == []
 
 
 def test_a_level_that_is_lost_is_told():
