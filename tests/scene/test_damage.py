@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from scipy.ndimage import gaussian_filter
 
-from openswim.scene.oddities.damage import damaged_fields, held_values
+from openswim.scene.oddities.damage import copied_levels, damaged_fields, held_values
 from openswim.scene.oddities.ground import loose_ground
 from openswim.scene.oddities.roughness import rough_levels
 
@@ -59,6 +59,7 @@ def test_many_nodes_at_the_lowest_value_are_told():
     assert held_values("liquid_content", deck) == []
     deck[2, 5:8, :20] = deck[2].min() * np.float32(0.99)
     assert held_values("liquid_content", deck)[0].startswith("liquid_content of level 3 holds its lowest value")
+    assert held_values("surface pressure", deck[2:3])[0].startswith("surface pressure holds its lowest value")
     assert held_values("liquid_number", deck) == []  # of which models keep a least one
     coarse = 1e-5 * np.round(1e5 * deck)  # some 20 values, each of which many nodes share
     assert held_values("liquid_content", coarse.astype("f4")) == []
@@ -88,6 +89,16 @@ def test_roughness_that_levels_share_is_weather():
     falling = _smooth() * np.exp(-1.2 * np.arange(8.0))[:, None, None]
     step = falling.max() / 65535
     assert rough_levels("it", np.round(falling / step) * step, roots=True) == []
+
+
+def test_a_level_that_comes_twice_is_told():
+    field = _smooth().astype("f4")
+    assert copied_levels("it", field) == []
+    field[6] = field[3]
+    assert copied_levels("it", field) == ["it of levels 4 and 7 is the same to the last bit: copied?"]
+    assert copied_levels("it", np.repeat(field[:1], 8, axis=0)) == []  # made so
+    field[[3, 6]] = 2.0
+    assert copied_levels("it", field) == []
 
 
 def test_a_level_that_is_lost_is_told():

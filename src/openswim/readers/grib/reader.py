@@ -208,7 +208,8 @@ def _columns(
     if chosen is None:
         notes.append("no temperature on levels in the file: no clouds, only the ground and what stands above it")
     layout = grid_of(file, next(one for one in fields if one.kind == (kind or one.kind)), notes)
-    _check_order(file, layout, fields, kind)
+    if not only_index:
+        _check_order(file, layout, fields, kind)
     selection = select(layout.mesh, around)
     ny, nx = selection.shape
     levels = len({one.level for one in fields if one.kind == kind and one.name == "temperature"}) or _FLAT_LEVELS_M.size

@@ -6,6 +6,7 @@ Damaged bytes of a packed field (GRIB) are read as any other values within its r
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ _FEW_NODES, _FEW_HELD = 100, 30  # of a level, and with something in them: fewer
 _UNLIKE = 0.35
 _FULL = 0.5  # of the nodes hold something; between two decks of cloud there are several levels without, as a rule
 _FALLING = ("rain", "snow", "graupel")
+_FEW_COPIES, _VARIED = 0.05, 0.1  # of all levels, and of a level's nodes that values are to be as many as
 _HIGHEST, _HIGHEST_SHARE = 16, 0.01  # nodes of one level that share its highest value ...
 _VALUES = 16  # ... beside at least so many others ...
 _OFTEN = 4.0  # ... and so many times as often as those are, in the mean
@@ -84,6 +86,24 @@ def _lost(name: str, columns: F32) -> list[str]:
     return [f"{name} holds nothing on {levels}, though what is next to it is full of it: lost?"]
 
 
+def copied_levels(name: str, levels: F32) -> list[str]:
+    """A note on a level (z, y, x) that holds, as read, the many values of another to the last bit. Where more than a
+    few do, the field was made so."""
+    rows: dict[bytes, list[int]] = {}  # a row tells most levels from each other
+    for k, level in enumerate(levels):
+        rows.setdefault(level[len(level) // 2].tobytes(), []).append(k)
+    copied = [
+        f"{j + 1} and {k + 1}"
+        for alike in rows.values()
+        for j, k in pairwise(alike)
+        if np.array_equal(levels[j], levels[k])
+        and np.unique(levels[k]).size > max(_VALUES, _VARIED * np.count_nonzero(levels[k]))
+    ]
+    if not 0 < len(copied) <= max(1, _FEW_COPIES * len(levels)):
+        return []
+    return [f"{name} of levels {', '.join(copied)} is the same to the last bit: copied?"]
+
+
 def held_values(name: str, levels: F32) -> list[str]:
     """A note on a level (z, y, x) many of whose nodes hold the highest, or the lowest, of many values, as read: bits
     that are all set, or none, or a cut. NaN is no value; zero is no lowest one, nor what is next to it."""
@@ -98,5 +118,6 @@ def held_values(name: str, levels: F32) -> list[str]:
                 values = np.unique(level[level > 0]).size
                 if values > _VALUES and count > _OFTEN * level.size / values:
                     held = f"its {end} value, {value:.3g}, {count} times"
-                    return [f"{name} of level {k + 1} holds {held}: cut, or damaged?"]
+                    where = f" of level {k + 1}" if len(levels) > 1 else ""
+                    return [f"{name}{where} holds {held}: cut, or damaged?"]
     return []
