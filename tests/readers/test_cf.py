@@ -15,6 +15,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
 from openswim.readers.common.units import conversion
+from openswim.scene import Scene
 from openswim.scene.procedural import demo_scene
 
 LEVELS = np.array([100.0, 600.0, 1500.0])
@@ -434,7 +435,9 @@ def test_readers_of_other_packages_come_first(tmp_path, monkeypatch):
             return path.suffix == ".txt"
 
         def read(self, path, time=None):
-            return f"read {path.name} at {time}"
+            scene = Scene.clear(0.0, 0.0)
+            scene.source = f"read {path.name} at {time}"
+            return scene
 
         def describe(self, path):
             return "a text"
@@ -449,7 +452,7 @@ def test_readers_of_other_packages_come_first(tmp_path, monkeypatch):
     readers.readers.cache_clear()
     (tmp_path / "scene.txt").write_text("clouds")
     try:
-        assert open_scene(tmp_path / "scene.txt", "now") == "read scene.txt at now"
+        assert open_scene(tmp_path / "scene.txt", "now").source == "read scene.txt at now"
         assert readers.readers()[0].name == "texts"
     finally:
         readers.readers.cache_clear()

@@ -101,7 +101,7 @@ def test_description_tells_what_opening_will_assume(case):
     """But for what only the values of a time can tell."""
     truth, scene = case
     said = describe(truth.paths).assumed
-    of_values = ("values below 0", "set to 0", "missing values", "are zero")
+    of_values = ("values below 0", "set to 0", "missing values", "are zero", "where the Earth has sea")
     assert [note for note in scene.notes if note not in said and not any(text in note for text in of_values)] == []
 
 

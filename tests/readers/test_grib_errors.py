@@ -262,3 +262,12 @@ def test_a_png_has_a_pixel_for_each_value():
     for template, count, fit in ((41, 713, True), (41, 712, False), (40, 713, False), (0, 712, True)):
         section5 = b"\0\0\0\0\5" + count.to_bytes(4, "big") + template.to_bytes(2, "big")
         assert fits(section5, b"\0\0\0\0\7" + head) is fit
+
+
+@pytest.mark.parametrize(("edition", "hours", "told"), [(1, 240, ""), (1, 1000, "42"), (2, 384, ""), (2, 1000, "42")])
+def test_a_forecast_for_longer_than_weather_is_told(tmp_path, edition, hours, told):
+    product = gf.on_pressure(gf.AROME, edition=edition)
+    for one in product.messages:
+        one.keys = {"stepRange" if edition == 1 else "forecastTime": hours}
+    notes = [note for note in open_scene(gf.write(tmp_path / "file", product)).notes if "after its analysis" in note]
+    assert notes == ([f"valid {told} days after its analysis: is that what the file means?"] if told else [])

@@ -392,3 +392,22 @@ def test_units_of_two_kinds_are_told(analysis, tmp_path):
     told = "crwc is per volume of air and clwc per mass"
     assert any(told in note for note in open_scene(tmp_path / "b.nc").notes)
     assert not any("per volume" in note for note in open_scene(analysis).notes)
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [("ERA5 (new CDS)", "clwc"), ("RAMS without header", "RCP"), ("COSP", "fl_lsrain"), ("WRF", "QCLOUD")],
+)
+def test_contents_that_lost_their_decimals_are_refused(tmp_path, wrf_file, model, name):
+    """As whole numbers they are zero: a clear sky."""
+    import xarray as xr
+
+    path = wrf_file() if model == "WRF" else MAKERS[model](tmp_path).paths[0]
+    with xr.open_dataset(path, decode_cf=False, engine="netcdf4") as opened:
+        data = opened.load()
+    for each in data.variables.values():
+        each.encoding = {}
+    attrs = {key: value for key, value in data[name].attrs.items() if key not in ("_FillValue", "missing_value")}
+    data[name] = data[name].dims, data[name].values.astype("i2"), attrs
+    data.to_netcdf(path)
+    _refused(path, f"{name} holds whole numbers")

@@ -351,6 +351,24 @@ def test_a_global_field_around_the_date_line_and_a_pole(tmp_path):
     assert np.isfinite(open_scene(tmp_path / "a.nc", around=(89.0, 0.0)).data.liquid_content).all()
 
 
+@pytest.mark.parametrize(("hours", "told"), [(-9999.0, True), (12.0, False)])
+def test_a_time_before_the_clock_begins_is_told(tmp_path, hours, told):
+    path = era5(tmp_path / "a.nc", new=True).paths[0]
+    with netCDF4.Dataset(path, "a") as file:
+        file["valid_time"].units = "hours since 2024-06-21"
+        file["valid_time"][:] = hours
+    assert any("the date that the file counts from" in note for note in open_scene(path).notes) == told
+
+
+@pytest.mark.parametrize("turn", [-360.0, 360.0])
+def test_longitudes_a_turn_too_far_are_those_that_they_mean(tmp_path, turn):
+    path = era5(tmp_path / "a.nc", new=True).paths[0]
+    expected = open_scene(path).grid.x
+    with netCDF4.Dataset(path, "a") as file:
+        file["longitude"][:] += turn
+    np.testing.assert_allclose(open_scene(path).grid.x, expected, atol=1e-4)
+
+
 @pytest.mark.parametrize("container", ["zarr", "kerchunk", "icechunk"])
 def test_one_model_in_every_container(tmp_path, container):
     path = era5(tmp_path / "a.nc", new=True).paths[0]

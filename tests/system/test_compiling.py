@@ -24,11 +24,11 @@ with spoken():
 """
 
 
-def _run(folder: Path) -> tuple[int, bool, str]:
+def _run(folder: Path, before: str = "", after: str = "") -> tuple[int, bool, str]:
     """What the kernel gives, whether it was found on disk, and what was said."""
     beside = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}  # the kernel's source
     done = subprocess.run(
-        [sys.executable, "-c", RUN], cwd=folder, env=beside, capture_output=True, text=True, check=True
+        [sys.executable, "-c", before + RUN + after], cwd=folder, env=beside, capture_output=True, text=True, check=True
     )
     value, hits = map(int, done.stdout.split())
     return value, bool(hits), done.stderr
@@ -50,6 +50,17 @@ def test_what_is_damaged_is_made_anew(tmp_path):
         value, kept, _ = _run(tmp_path)
         assert (value, kept) == (42, False)
     assert _run(tmp_path) == (42, True, "")
+
+
+def test_only_numba_unpickles(tmp_path):
+    """So that who watches a process for files that bring programs with them sees none of ours."""
+    (tmp_path / "kernels.py").write_text(KERNEL)
+    _run(tmp_path)
+    watch = (
+        "import sys\nseen = set()\nsys.addaudithook(lambda event, _: event == 'pickle.find_class' and seen.add("
+        "sys._getframe(1).f_globals['__name__'].partition('.')[0]))"
+    )
+    assert _run(tmp_path, watch, "sys.stderr.write(' '.join(seen))") == (42, True, "numba")
 
 
 def test_a_place_for_kernels(tmp_path, monkeypatch):

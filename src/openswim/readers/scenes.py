@@ -21,6 +21,7 @@ from openswim.readers.common.members import OneMember
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
+from openswim.readers.domain.shores import astray
 from openswim.readers.registry import by_reader
 from openswim.scene import Grid, Ground, Scene
 
@@ -65,6 +66,7 @@ def open_scene(
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
+    scene.notes += [note for note in astray(scene) if note not in scene.notes]  # of one that was kept with it
     if member is not None:
         scene.source = f"{scene.source}, member {member}"
     if place is not None and scene.cut and scene.wider is None and not place.from_space:

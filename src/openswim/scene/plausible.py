@@ -17,7 +17,7 @@ from openswim.errors import UserError
 from openswim.scene.grid import Grid
 from openswim.scene.oddities.damage import damaged_fields
 from openswim.scene.oddities.neighbours import uneven_air
-from openswim.scene.oddities.values import odd_values
+from openswim.scene.oddities.values import odd_phases, odd_values
 from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
 from openswim.scene.variables import HYDROMETEORS
 
@@ -54,6 +54,8 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
     if _EARTHS_M[0] < grid.earth_radius_m < _EARTHS_M[1]:
         if "air_temperature" in data:
             check_temperature(data["air_temperature"].values, grid.height_m)
+            contents = {s: sampled(data[f"{s}_content"].values) for s in HYDROMETEORS if f"{s}_content" in data}
+            notes += odd_phases(sampled(data["air_temperature"].values), contents)
         if "air_pressure" in data:
             pressure = data["air_pressure"].values
             check_pressure(pressure, grid.height_m, heights)
@@ -62,7 +64,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
                 notes += uneven_air(pressure, data["air_temperature"].values, heights_m, max(grid.spacing_m()))
     terrain = data["surface_altitude"].values if "surface_altitude" in data else None
     notes += _water(data, heights, min(grid.size_m())) + odd_values(data, (grid.shape[1], grid.shape[2])) + _cover(data)
-    notes += damaged_fields(data, max(grid.spacing_m()))
+    notes += damaged_fields(data, max(grid.spacing_m()), grid.height_m)
     return notes + below_the_sea(terrain) + high_bottom(grid.height_m[0], terrain)
 
 

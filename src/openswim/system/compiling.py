@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
@@ -88,7 +87,7 @@ class _Healing(IndexDataCacheFile):
             body, mark, digest = kept[: -_DIGEST - len(_MARK)], kept[-_DIGEST - len(_MARK) : -_DIGEST], kept[-_DIGEST:]
             if mark == _MARK and hashlib.sha256(body).digest() != digest:
                 raise ValueError("damaged")
-            return pickle.loads(kept)  # which stops before the digest
+            return super()._load_data(name)  # which stops before the digest; nothing but Numba unpickles
         except Exception as error:
             _remove(path)
             raise OSError(f"{path}: damaged") from error

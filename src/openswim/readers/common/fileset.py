@@ -21,7 +21,7 @@ from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
-from openswim.readers.common.units import conversion
+from openswim.readers.common.units import check_decimals, conversion
 from openswim.scene.times import Time, rounded
 
 _SINGLES = (*MEMBER_DIMS, "bnds")
@@ -42,6 +42,7 @@ class Part:
     times: Times
     elapsed: bool = False  # times count from a start that the file does not date
     clock: str = ""  # the variable that times are read from
+    early: frozenset[Any] = frozenset()  # of these times, before the date that they are counted from
 
 
 class FileSet:
@@ -88,7 +89,8 @@ class FileSet:
             self.time = times[pick_time(self.path, times, time)]
         self._fields = None
         self._chosen = [_choice(part, self.time) for part in self.parts]
-        notes: list[str] = []
+        early = any(self.time in part.early for part in self.parts)
+        notes = [f"{self.time} is before the date that the file counts from: is it what it means?"] if early else []
         ensembles = [any(dim in part.data.dims for dim in MEMBER_DIMS) for part in self.parts]
         if member is not None and not any(ensembles):
             raise UserError(f"{self.path}: no ensemble members in it: leave out member (--member)")
@@ -154,6 +156,7 @@ def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
         raw = np.asarray(field.values)
         if raw.dtype.kind not in "fiub":
             raise UserError(f"{path}: {field.name} holds no numbers")
+        check_decimals(f"{path}: {field.name}", raw.dtype.kind, units)
         found = raw.astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         found[~(np.abs(found) < 1e19)] = np.nan
@@ -176,7 +179,7 @@ def _part(path: Path, data: xr.Dataset) -> Part:
     if "since" not in units:
         units = f"{units or 'seconds'} since {origin[:19]}"
     times = dates_of(path, stamps, units, str(clock.attrs.get("calendar", "standard")))
-    return Part(path, data, dims, times, clock=str(clock.name))
+    return Part(path, data, dims, times, clock=str(clock.name), early=frozenset(times[stamps.astype(np.float64) < 0]))
 
 
 def _choice(part: Part, time: np.datetime64 | None) -> dict[Any, int] | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from openswim.errors import UserError
+
 # canonical unit: {spelling: (factor, offset)}
 _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
     "kg m-3": {"g m-3": (1e-3, 0.0), "mg m-3": (1e-6, 0.0), "ug m-3": (1e-9, 0.0)},
@@ -108,3 +110,12 @@ def conversion(found: str, expected: str) -> tuple[float, float] | None:
     if plain == expected:
         return 1.0, 0.0
     return _CONVERSIONS.get(expected, {}).get(plain)
+
+
+def check_decimals(what: str, kind: str, units: str) -> None:
+    """UserError where a ratio, density or flux of water, far below 1, is stored in whole numbers (a NumPy kind)."""
+    if kind in "iub" and units in ("kg kg-1", "kg m-3", "kg m-2 s-1"):
+        raise UserError(
+            f"{what} holds whole numbers, but {units} of water are far below one: its decimals or its scale_factor are "
+            "lost: write it as floating-point numbers"
+        )

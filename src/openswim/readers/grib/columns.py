@@ -31,6 +31,7 @@ from openswim.readers.grib.codes import CONTENT
 from openswim.readers.grib.file import Field, GRIBFile
 from openswim.readers.grib.grid import GribGrid
 from openswim.scene.checks import checked_values
+from openswim.scene.oddities.damage import copied_levels, held_values
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -91,6 +92,7 @@ class Columns:
         out = np.empty((len(levels), *self.selection.shape), np.float32)
         for k, level in enumerate(levels):
             out[k] = self.read(fields[level]) if level in fields else np.nan
+        self.notes += copied_levels(next(iter(fields.values())).name, out) if fields else []
         return out
 
 
@@ -190,6 +192,7 @@ def _surface_pressure(columns: Columns) -> F32 | None:
             f"{columns.file.path}: surface pressure runs from {np.nanmin(pressure):.4g} to {np.nanmax(pressure):.4g} "
             "Pa, or is missing in places: damaged, or in other units"
         )
+    columns.notes += [] if pressure is None else held_values("surface pressure", pressure[None])
     return pressure
 
 
@@ -342,6 +345,7 @@ def _extend_down(height: F32, pressure: F32, temperature: F32) -> None:
 
 def _completed(columns: Columns, name: str, values: F32) -> F32:
     """Gaps below the terrain take the value above them; whole columns without data the mean of their level."""
+    columns.notes += held_values(name, values)
     gaps = sum(int(np.isnan(level).sum()) for level in values)
     if not gaps:
         return values

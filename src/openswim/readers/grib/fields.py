@@ -15,7 +15,7 @@ from openswim.readers.fields.particles import known_sizes
 from openswim.readers.grib.codes import CONTENT, FNMOC, NCEP, NUMBER, RADIUS, TOTAL
 from openswim.readers.grib.columns import Air, Columns
 from openswim.readers.grib.file import Field
-from openswim.scene.oddities.damage import highest_values
+from openswim.scene.oddities.damage import held_values
 from openswim.scene.variables import HYDROMETEORS
 
 F32 = NDArray[np.float32]
@@ -105,7 +105,7 @@ def taken(columns: Columns, name: str, fields: dict[float, Field], levels: Seque
     if gaps:
         columns.notes.append(f"{name}: {gaps} missing values (bitmap, fill or NaN) taken as none")
     if name != COVER:  # of which many nodes have all that there can be
-        columns.notes += highest_values(name, values)
+        columns.notes += held_values(name, values)
     return values
 
 

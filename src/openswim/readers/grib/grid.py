@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.domain.mesh import Mesh
 from openswim.readers.grib.file import MAX_POINTS, Field, GRIBFile
+from openswim.readers.grib.scanning import check_scanning
 from openswim.scene.grid import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
@@ -102,6 +103,8 @@ def grid_of(file: GRIBFile, one: Field, notes: list[str]) -> GribGrid:
     if nx < 2 or ny < 2 or nx * ny > MAX_POINTS or expected != points:
         raise UserError(f"{file.path}: {one.name} has {points} points on a grid of {nx} x {ny}: damaged, or one column")
     try:
+        if kind.endswith(("_ll", "_gg")):
+            check_scanning(f"{file.path}: {one.name}", keys, nx)
         crs, radius = _crs(keys, kind, notes)
         x, y = _axes(file, one, keys, kind, crs, nx, ny, notes)
     except (TypeError, ValueError) as error:

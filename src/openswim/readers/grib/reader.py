@@ -41,7 +41,8 @@ from openswim.readers.grib.fields import (
     wind,
 )
 from openswim.readers.grib.file import Field, GRIBFile
-from openswim.readers.grib.grid import NAMES, grid_of
+from openswim.readers.grib.grid import NAMES, GribGrid, grid_of
+from openswim.readers.grib.order import check_order
 from openswim.readers.grib.sections import is_grib
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -49,6 +50,7 @@ from openswim.scene.plausible import high_bottom
 from openswim.scene.variables import HYDROMETEORS
 
 MAX_NODES = 2_000_000_000
+_LATE_DAYS = 17.0  # GFS and ensembles go to 16; what goes on is climate
 _FLAT_LEVELS_M = np.linspace(0.0, 10_000.0, 21)  # of files without fields on levels
 _KG_PER_DOBSON = 2.1415e-5
 _MODELS = {  # (centre, generating process): ON388 table A
@@ -190,7 +192,7 @@ def _columns(
     fields = [one for one in file.fields if one.valid == valid]
     # terrain, land and heights of levels may come once, with the analysis
     fields += [one for one in file.fields if one.valid != valid and (one.name == "land" or _is_place(one))]
-    notes: list[str] = []
+    notes = _late(file, fields[0], valid)
     members = sorted({one.member for one in fields if one.kind != "surface"} or {0})
     if len(members) > 1 or member is not None:
         shown = members[picked(file.path, members, member, notes)]
@@ -206,6 +208,8 @@ def _columns(
     if chosen is None:
         notes.append("no temperature on levels in the file: no clouds, only the ground and what stands above it")
     layout = grid_of(file, next(one for one in fields if one.kind == (kind or one.kind)), notes)
+    if not only_index:
+        _check_order(file, layout, fields, kind)
     selection = select(layout.mesh, around)
     ny, nx = selection.shape
     levels = len({one.level for one in fields if one.kind == kind and one.name == "temperature"}) or _FLAT_LEVELS_M.size
@@ -217,6 +221,27 @@ def _columns(
     if selection.note:
         notes.append(selection.note)
     return Columns(file, fields, layout, selection, kind, notes), valid
+
+
+def _late(file: GRIBFile, one: Field, valid: np.datetime64) -> list[str]:
+    """A note on a forecast for longer than weather is forecast, as a damaged step makes one."""
+    keys = file.keys(one, ("dataDate", "dataTime"))
+    try:
+        day, clock = f"{int(keys['dataDate']):08d}", int(keys["dataTime"])
+        minutes = np.timedelta64(60 * (clock // 100) + clock % 100, "m")
+        begun = np.datetime64(f"{day[:4]}-{day[4:6]}-{day[6:]}") + minutes
+    except (TypeError, ValueError):
+        return []
+    days = float((valid - begun) / np.timedelta64(1, "D"))
+    return [f"valid {days:.0f} days after its analysis: is that what the file means?"] if days > _LATE_DAYS else []
+
+
+def _check_order(file: GRIBFile, layout: GribGrid, fields: list[Field], kind: str) -> None:
+    """Of the ground, which is rough where it is not sea, and of a temperature."""
+    terrain = [one for one in fields if one.kind in ("surface", "hybrid") and one.name in ("height", "geopotential")]
+    warm = [one for one in fields if one.kind == kind and one.name == "temperature"]
+    for one in (*terrain[:1], *warm[len(warm) // 2 :][:1]):
+        check_order(f"{file.path}: {one.name} (message {one.number})", layout, file.values(one))
 
 
 def _is_place(one: Field) -> bool:

@@ -15,6 +15,7 @@ from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.gaps import Gaps
 from openswim.readers.gridded.horizontal import Horizontal, horizontal
 from openswim.readers.gridded.names import CONTENTS, RADII, STATE, Quantity, matches
+from openswim.scene.oddities.damage import copied_levels
 
 F32 = NDArray[np.float32]
 PER_VOLUME = ("kg m-3",)
@@ -85,9 +86,11 @@ class Columns:
         self.used.setdefault(what, []).append(_called(found))
         found = found.transpose(self.z_dim, self.laid.y_dim, self.laid.x_dim)
         levels = self.levels
+        field = self.laid.read(self.path, found, units, cloud)
         if levels.size != self.nz or not np.array_equal(levels, np.arange(self.nz)):
-            return self.laid.read(self.path, found, units, cloud)[levels]
-        return self.laid.read(self.path, found, units, cloud)
+            field = field[levels]
+        self.notes += copied_levels(_called(found), field)
+        return field
 
     @property
     def read_names(self) -> set[str]:

@@ -15,6 +15,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Time
 from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
+from openswim.readers.common.units import check_decimals
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
@@ -78,6 +79,7 @@ class RAMSReader(GriddedReader):
             return np.asarray(data[name].transpose(z, y, x).values[levels], np.float32)
 
         def mass(name: str) -> F32:
+            check_decimals(f"{path}: {name}", data[name].dtype.kind, "kg kg-1")
             return checked_content(name, field(name), "kg kg-1", notes)
 
         def number(name: str) -> F32:

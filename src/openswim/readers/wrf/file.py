@@ -16,6 +16,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
+from openswim.readers.common.units import check_decimals
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
 FULL_LEVELS = ("bottom_top_stag", "south_north", "west_east")
@@ -142,7 +143,9 @@ class WRFFile:
             )
         check_size(self.path, name, tuple(self.size(dim) for dim in dims))
         where = self.time_index if timeless != variable.dimensions else ...
-        values = np.asarray(self._raw(name, where), dtype=np.float32)
+        raw = np.asarray(self._raw(name, where))
+        check_decimals(f"{self.path}: {name}", raw.dtype.kind, units)
+        values = raw.astype(np.float32)
         missing = values.size - int(np.count_nonzero(np.abs(values) < 1e19))
         if missing:
             raise UserError(

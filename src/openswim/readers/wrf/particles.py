@@ -13,6 +13,7 @@ from openswim.readers.fields.particles import Category, known_sizes, together
 from openswim.readers.wrf.file import MASS_LEVELS, WRFFile
 from openswim.scene import Optics
 from openswim.scene.checks import checked_values
+from openswim.scene.oddities.damage import copied_levels
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.scene.variables import Variable
 
@@ -46,7 +47,9 @@ _MIXING_RATIO = Variable("kg kg-1", "", 0.0, 0.1, clip=True, hint="is it in g/kg
 
 def mixing_ratio(file: WRFFile, name: str, notes: list[str]) -> F32:
     """A mixing ratio, noise below zero clipped."""
-    return checked_values(name, file.field(name, MASS_LEVELS, "kg kg-1"), _MIXING_RATIO, notes)
+    field = file.field(name, MASS_LEVELS, "kg kg-1")
+    notes += copied_levels(name, field)
+    return checked_values(name, field, _MIXING_RATIO, notes)
 
 
 def hydrometeors(file: WRFFile, dry_density: F32, notes: list[str]) -> dict[str, F32]:

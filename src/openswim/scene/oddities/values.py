@@ -6,15 +6,23 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+F32 = NDArray[np.float32]
+
 _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is next to nothing
     "liquid": 2e-6, "ice": 1e-8, "rain": 1e-7, "snow": 1e-8, "graupel": 1e-9,
 }  # fmt: skip
+_MOST_DROPS = 2e10  # in m3, four times as many as in clouds of fires
 _FEW_NODES = 16  # so small fields may be even
 _FEW_ROWS = 4
 _UNEVEN_WINDS = 300.0  # times as strong along one axis as along the other
 _WHOLE_K = 3.0  # temperatures that spread less may be whole numbers by chance
 _ICE_K = 273.15
 _ROUNDING_K = 1e-4  # of temperatures in single precision
+_NOT_AT = {
+    "liquid": (0.0, 235.0, "colder than -38 degC"), "rain": (0.0, 235.0, "colder than -38 degC"),
+    "ice": (276.0, 400.0, "warmer than 3 degC"), "snow": (278.0, 400.0, "warmer than 5 degC"),
+}  # fmt: skip
+_MISPLACED = 0.03  # of a content; real files (ERA5, GFS, IFS, UM, WRF) have up to 0.003
 _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
 _CLOCKS_START, _CLOCKS_FILLED = np.datetime64("1970-01-01", "ms"), np.timedelta64(3, "h")  # -9999 s is a fill value
 
@@ -28,6 +36,9 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
         most = float(data[name].max()) if name in data else 0.0
         if 0 < most < faint:
             notes.append(f"{name} is {most:.2g} kg m-3 at most, next to nothing: is it in the unit that the file says?")
+    drops = float(data["liquid_number"].max()) if "liquid_number" in data else 0.0
+    if drops > _MOST_DROPS:
+        notes.append(f"liquid_number is {drops:.2g} m-3 at most; clouds in smoke have 5e9: is it per m3?")
     for field in map(str, data.data_vars):
         if field.endswith(("_content", "cloud_area_fraction", "_10m")) and data[field].size > _FEW_NODES:
             low, high = float(data[field].min()), float(data[field].max())
@@ -44,6 +55,21 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
     ny, nx = columns
     if 1 < min(ny, nx) < _FEW_ROWS and max(ny, nx) >= 2 * min(ny, nx):
         notes.append(f"a strip of {nx} x {ny} columns: is it the whole domain?")
+    return notes
+
+
+def odd_phases(temperature_k: F32, contents: dict[str, F32]) -> list[str]:
+    """Notes on water that is liquid where all of it freezes, and on ice where it melts, of contents (z, y, x)."""
+    notes = []
+    for species, content in contents.items():
+        total = float(content.sum(dtype=np.float64))
+        if species not in _NOT_AT or not total > 0:
+            continue
+        low_k, high_k, where = _NOT_AT[species]
+        there = (temperature_k > low_k) & (temperature_k < high_k)
+        share = float(content[there].sum(dtype=np.float64)) / total
+        if share > _MISPLACED:
+            notes.append(f"{100 * share:.0f} % of {species}_content is in air {where}: is it what it is called?")
     return notes
 
 

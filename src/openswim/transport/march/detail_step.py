@@ -134,12 +134,12 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
             ahead += (last_forward + forward_here) * (_HALF * way_m)
             trans = transmission(depth)
             radiance += through * step_emission(depth, trans, way_m, last_source, source, last, here)
+            left = largest(through)
             through *= trans
         if next_m >= end_m:
             break
         last, last_forward, last_source = here, forward_here, source
-        left = largest(through)
-        longer = _ONE + _HASTE * (_ONE - left)
+        longer = _ONE + _HASTE * (_ONE - left)  # by what was left before this part: the next need not wait for it
         at_m = next_m
         next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
     write(scratch, HERE, here)
