@@ -205,7 +205,6 @@ def test_a_whole_turn_has_no_seam() -> None:
     assert np.abs(np.diff(seen, append=seen[0])).max() < 5.2e-3 * seen.max()
 
 
-@pytest.mark.slow
 def valley_lake(liquid_content):
     """A valley whose lake lies 200 m lower than the ground beyond, seen at a glance from its shore: eye and rays."""
     n = 25
@@ -231,6 +230,7 @@ def valley_lake(liquid_content):
     return seen
 
 
+@pytest.mark.slow
 def test_a_lake_below_the_rim_mirrors_the_sky_as_reference_has_it() -> None:
     seen = valley_lake(4e-4)
     found, true = (

@@ -50,7 +50,7 @@ _LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
 
 @dataclass(frozen=True)
 class Estimate:
-    """Wall-clock seconds and peak memory of a rendering, right within a factor of two or so."""
+    """Wall-clock seconds and peak memory of a rendering, mostly right within a factor of 1.5 (docs/running.md)."""
 
     seconds: float
     memory_bytes: float

@@ -1,7 +1,8 @@
 """A linear fixed point by Anderson's mixing of the last steps, and where to begin it.
 
-What an adjoint finds is linear in its residual. A search goes from state to state in short steps: its residuals are
-nearly sums of those before, and so is what they find, as far as the sweeps are the same.
+A search goes from state to state in short steps. Light changes nearly as extinction does, so that earlier states tell
+what it will be. What an adjoint finds is linear in its residual: its residuals are nearly sums of those before, and so
+is what they find, as far as the sweeps are the same.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 _FALL = 0.3  # of changes from one step to the next, before that is known, and the strongest that is counted on
-MOST_ASKED = 6  # of earlier adjoints that are gone on from
-_ALIKE = 1e-10  # of the square of a residual: some may be nearly alike
+MOST = 6  # of earlier solutions that are gone on from
+_ALIKE = 1e-6  # of the square of a row: some may be nearly alike
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
@@ -92,6 +93,13 @@ def fixed_point(
     raise AssertionError("there is at least one sweep")
 
 
+class Solved(NamedTuple):
+    """A solved fixed point: the scaled extinction (nodes,) for which it is, and its moments (K, nodes)."""
+
+    ext: F64
+    moments: F64
+
+
 class Asked(NamedTuple):
     """A residual, in one row; size: how large is what eyes and ground ask of the moments, before it is scattered
     (``asked``) and after it is scattered once (``size``); found (K, nodes): what is asked of them in all."""
@@ -104,11 +112,28 @@ class Asked(NamedTuple):
 
 def begun(earlier: Sequence[Asked], residual: F64) -> F64:
     """That sum (K, nodes) of what was found whose residuals come nearest."""
-    gram = np.array([[_dot(a.residual, b.residual) for b in earlier] for a in earlier])
-    size, told = np.sqrt(np.diag(gram)), np.array([_dot(a.residual, residual) for a in earlier])
-    gram = gram / np.outer(size, size) + _ALIKE * np.eye(len(earlier))
-    shares = np.linalg.solve(gram, told / size) / size
-    out = np.zeros_like(earlier[0].found)
-    for share, one in zip(shares, earlier, strict=True):
-        _add(out.reshape(-1), out.dtype.type(share), one.found.reshape(-1))
+    shares = _shares([one.residual for one in earlier], residual)
+    return _sum(shares, [one.found for one in earlier], np.zeros_like(earlier[0].found))
+
+
+def ahead(earlier: Sequence[Solved], ext: F64) -> F64:
+    """Moments (K, nodes) of an extinction, as far as those before tell how they change with it."""
+    *before, last = earlier
+    shares = _shares([one.ext - last.ext for one in before], ext - last.ext)
+    start = last.moments * last.moments.dtype.type(1.0 - shares.sum())
+    return _sum(shares, [one.moments for one in before], start)
+
+
+def _shares(known: Sequence[F64], wanted: F64) -> F64:
+    """Of rows those whose sum comes nearest to another; what is alike counts once."""
+    gram = np.array([[_dot(a, b) for b in known] for a in known]).reshape(len(known), len(known))
+    size = np.maximum(np.sqrt(np.diag(gram)), 1e-300)
+    told = np.array([_dot(a, wanted) for a in known]) / size
+    gram = gram / np.outer(size, size) + _ALIKE * np.eye(len(known))
+    return np.linalg.solve(gram, told) / size
+
+
+def _sum(shares: F64, fields: Sequence[F64], out: F64) -> F64:
+    for share, one in zip(shares, fields, strict=True):
+        _add(out.reshape(-1), out.dtype.type(share), one.reshape(-1))
     return out

@@ -109,13 +109,14 @@ def aim_of(table):
 
 @njit(**FLAGS)
 def take_aim(cosine, share, matter, aim):
+    """Fill an `Aim`; where the forward peak does not broaden, with its first depth alone."""
     row, once = aim
     table, low = matter.table, matter.low
     u = peak_row(math.acos(min(1.0, max(-1.0, cosine))), table.shape[1])
     i = min(int(u), table.shape[1] - 2)
     a = u - i
     for kind in range(table.shape[0]):
-        for d in range(table.shape[2]):
+        for d in range(table.shape[2] if share > 0.0 else 1):
             row[kind, d] = (1.0 - a) * table[kind, i, d] + a * table[kind, i + 1, d]
         p0, p1, total = 1.0, cosine, (1.0 - share) * row[kind, 0]
         for ell in range(low.shape[1]):

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear import beam_taken
-from openswim.transport.linear.anderson import MOST_ASKED, Asked, added, begun, fixed_point, norm
+from openswim.transport.linear.anderson import MOST, Asked, Solved, added, ahead, begun, fixed_point, norm
 from openswim.transport.linear.diffuse import KEEP_BYTES, Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
 from openswim.transport.linear.march import Matter, channels, march
@@ -55,8 +55,8 @@ _NEARLY = 2.0  # times the tolerance: where less is expected of a sweep, what ey
 class OneState:
     """A forward run at one term: extinction (k, nodes), what it fills nodes with, beam and forward depth (nodes,), the
     converged sweep with the moments before it, how many sweeps that took, and how much is scattered after one sweep
-    from the dark, to which its tolerance is. earlier: what adjoints of the states that it was begun from were asked;
-    asked: the last of its own."""
+    from the dark, to which its tolerance is. solved: it and the states that it was begun from; earlier: what adjoints
+    of these were asked; asked: the last of its own."""
 
     extinction: F64
     filled: Filled
@@ -65,6 +65,7 @@ class OneState:
     swept: Swept
     sweeps: int
     size: float
+    solved: tuple[Solved, ...]
     earlier: tuple[Asked, ...] = ()
     asked: Asked | None = None
 
@@ -104,8 +105,8 @@ class LinearCore:
         self._which = self.terms.argmax(axis=1)
         self._sweeps = Sweeps(world, element)
         self._kept_ways: dict[View, F64] = {}
-        bytes_asked = count * len(world.ell) * world.nodes * np.dtype(element).itemsize
-        self._most_asked = max(1, min(MOST_ASKED, KEEP_BYTES // bytes_asked))
+        bytes_each = count * len(world.ell) * world.nodes * np.dtype(element).itemsize
+        self._most = max(1, min(MOST, KEEP_BYTES // bytes_each))
         self._shape = np.array(world.shape, np.int64)
         self._columns, self._shares = _corners(np.zeros((0, 2)) if points is None else np.asarray(points, float), world)
 
@@ -141,7 +142,8 @@ class LinearCore:
         self._sweeps.keep_steps(filled)
         swept, sweeps = self._sweeps.sweep(filled, None, lit=True) if start is None else start.swept, 0
 
-        first = swept.moments
+        solved = () if start is None else start.solved
+        first = ahead(solved, filled.ext) if solved else swept.moments
         size = norm(first) if start is None else start.size
         wanted = self.tolerance * size
 
@@ -159,7 +161,7 @@ class LinearCore:
         earlier = () if start is None else (*start.earlier, *([start.asked] if start.asked else []))
         return OneState(
             extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size,
-            earlier[-self._most_asked :],
+            (*solved, Solved(filled.ext, image))[-self._most :], earlier[-self._most :],
         )  # fmt: skip
 
     def observe(self, term: int, one: OneState, views: Sequence[View] | None = None) -> tuple[list[F64], F64]:
