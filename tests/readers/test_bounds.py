@@ -141,6 +141,20 @@ def test_too_many_references(tmp_path):
     _refused(path, "coordinate x lies in 20000 pieces")
 
 
+@pytest.mark.parametrize("zarr_format", [2, 3])
+def test_chunks_without_values(tmp_path, zarr_format):
+    """Which divide nothing: the metadata of a store of format 3 lie in one file, too."""
+    data = xr.load_dataset(era5(tmp_path / "a.nc", new=True).paths[0], decode_times=False).drop_vars("expver")
+    path = tmp_path / "a.zarr"
+    data.drop_encoding().to_zarr(path, zarr_format=zarr_format, consolidated=False)
+    file = path / "q" / (".zarray" if zarr_format == 2 else "zarr.json")
+    found = json.loads(file.read_text())
+    chunks = found["chunks"] if zarr_format == 2 else found["chunk_grid"]["configuration"]["chunk_shape"]
+    chunks[-1] = 0
+    file.write_text(json.dumps(found))
+    _refused(path, "q has chunks without values")
+
+
 @pytest.mark.parametrize("kind", ["external", "virtual", "link"])
 def test_hdf5_whose_data_lies_elsewhere(tmp_path, kind):
     h5py = pytest.importorskip("h5py")

@@ -42,6 +42,14 @@ def test_a_field_that_is_torn_apart_is_refused(tmp_path, make, key):
         open_scene(path)
 
 
+@pytest.mark.parametrize(("last", "told"), [(16.0, False), (16.5, False), (30.0, True)])
+def test_columns_that_do_not_end_where_the_file_says_are_told(tmp_path, last, told):
+    """By more than a column, that is: what is less may be rounding. The step is believed."""
+    path = _turned(tmp_path, gf.on_pressure(gf.AROME), "longitudeOfLastGridPointInDegrees", last)
+    notes = open_scene(path).notes
+    assert any("do not end where the file says, at longitude 30" in note for note in notes) == told
+
+
 def test_noise_is_in_no_order(tmp_path):
     """Which is as rough in one as in the other: nothing is refused for it."""
     product = gf.on_pressure(gf.AROME)

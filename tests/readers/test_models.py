@@ -360,9 +360,9 @@ def test_a_time_before_the_clock_begins_is_told(tmp_path, hours, told):
     assert any("the date that the file counts from" in note for note in open_scene(path).notes) == told
 
 
-@pytest.mark.parametrize("turn", [-360.0, 360.0])
-def test_longitudes_a_turn_too_far_are_those_that_they_mean(tmp_path, turn):
-    path = era5(tmp_path / "a.nc", new=True).paths[0]
+@pytest.mark.parametrize(("first", "turn"), [(6.0, -360.0), (6.0, 360.0), (-1.0, 360.0), (179.0, 360.0)])
+def test_longitudes_a_turn_too_far_are_those_that_they_mean(tmp_path, first, turn):
+    path = era5(tmp_path / "a.nc", new=True, first_lon=first).paths[0]
     expected = open_scene(path).grid.x
     with netCDF4.Dataset(path, "a") as file:
         file["longitude"][:] += turn

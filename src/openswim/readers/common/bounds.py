@@ -185,6 +185,8 @@ def check_group(path: Path, group: zarr.Group) -> None:
             _check_axis(path, name, array.shape[0])
             if array.nchunks > _MOST_PIECES:
                 raise UserError(f"{path}: coordinate {name} lies in {array.nchunks} pieces: write it in one")
+        if min(array.chunks, default=1) < 1:
+            raise UserError(f"{path}: {name} has chunks without values: damaged metadata: copy or download it again")
         chunk = prod(array.chunks) * array.dtype.itemsize
         if chunk > max(_LARGEST_CHUNK, 4 * prod(array.shape) * array.dtype.itemsize) or chunk > free_memory():
             raise UserError(f"{path}: {name} has chunks of {chunk / 1e9:.1f} GB: damaged, or write smaller ones")

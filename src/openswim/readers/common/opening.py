@@ -47,7 +47,7 @@ def reading(path: Path | str, remedy: str = "damaged, or not as docs/models.md d
         yield
     except MemoryError as error:
         raise UserError(f"{path}: takes more memory than there is: damaged, or open a part of it") from error
-    except (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError) as error:
+    except (OSError, RuntimeError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UserError(f"{path}: cannot be read{said(error)}: {remedy}") from error
 
 

@@ -188,7 +188,7 @@ def _axes(
         y = np.sort(file.array(one, "distinctLatitudes"))
         if y.size != ny:
             raise UserError(f"{file.path}: a Gaussian grid of {ny} rows with {y.size} latitudes: damaged")
-        span = 360.0 * (1 - 1 / nx) if kind == "reduced_gg" else _span(keys, nx)
+        span = 360.0 * (1 - 1 / nx) if kind == "reduced_gg" else _span(keys, nx, notes)
         if kind == "reduced_gg" and abs((keys["longitudeOfLastGridPointInDegrees"] - lon) % 360.0 - span) > 1.0:
             raise UserError(f"{file.path}: a reduced Gaussian grid that is not global: regrid it to even longitudes")
         return lon + np.linspace(0.0, span, nx), y
@@ -203,7 +203,7 @@ def _axes(
         if off > 0.5:  # a part that was cut out of a larger grid, GEFS-Aerosols for one
             last = lat + math.copysign(step * (ny - 1), last - lat)
             notes.append(f"{ny} rows of {step:g} degrees end a row beside where the file says: at latitude {last:g}")
-        span = _span(keys, nx)
+        span = _span(keys, nx, notes)
         west = lon - span if keys["iScansNegatively"] else lon
         return west + np.linspace(0.0, span, nx), np.linspace(min(lat, last), max(lat, last), ny)
     from pyproj import Transformer
@@ -221,13 +221,17 @@ def _axes(
     return x, y
 
 
-def _span(keys: dict[str, Any], nx: int) -> float:
-    """Longitudes from the first to the last column, from these and the increment (either may be rounded)."""
+def _span(keys: dict[str, Any], nx: int, notes: list[str]) -> float:
+    """Longitudes from the first to the last column, from these and the increment (either may be rounded); a note where
+    they differ by a column or more."""
     first, last = (float(keys[f"longitudeOf{end}GridPointInDegrees"]) for end in ("First", "Last"))
     if keys["iScansNegatively"]:
         first, last = last, first
     step = keys["iDirectionIncrementInDegrees"]
     span = (last - first) % 360.0 or 360.0
     if step and 0 < step < 360.0 and abs(step * (nx - 1) - span) > 0.5 * step:
+        beside = abs(((step * (nx - 1) - span) + 180.0) % 360.0 - 180.0)
+        if beside > step:
+            notes.append(f"{nx} columns of {step:g} degrees do not end where the file says, at longitude {last:g}")
         span = float(step) * (nx - 1)
     return span

@@ -156,7 +156,8 @@ def _nodes(path: Path, coordinate: xr.DataArray | None, unwrap: bool) -> tuple[F
         raise UserError(
             f"{path}: the coordinate {coordinate.name} does not run one way (repeated or missing values): damaged"
         )
-    if unwrap and (360.0 <= nodes[0] < 540.0 or -540.0 <= nodes[0] <= nodes[-1] < -180.0):  # a turn too far
+    far_east, far_west = 180.0 <= nodes[0] < 540.0 and nodes[-1] > 360.0, nodes[0] >= -540.0 and nodes[-1] < -180.0
+    if unwrap and (far_east or far_west):  # a turn too far
         nodes = nodes - math.copysign(360.0, nodes[0])
     if unwrap and nodes[-1] - nodes[0] > 360.0 - 1e-3:
         raise UserError(f"{path}: {coordinate.name} runs over more than 360 degrees: drop the repeated columns")
