@@ -258,3 +258,12 @@ def test_what_is_begun_from_earlier_states_finds_the_same_sooner():
     wanted, found = (core.adjoint(each, residual)[0] for each in (alone, after))
     assert np.linalg.norm(found - wanted) < 4.9e-6 * np.linalg.norm(wanted)  # 4.1e-6
     assert sum(after.adjoint_sweeps) <= sum(alone.adjoint_sweeps) - 2 * len(alone.adjoint_sweeps)
+
+
+def test_what_is_no_number_leaves_nothing_behind(linearised):
+    core, extinction, albedo, images, state = linearised
+    with np.errstate(all="ignore"):
+        core.adjoint(core.forward(np.full_like(extinction, np.nan), albedo)[1], images)
+    again, other = core.forward(extinction, albedo)
+    assert (again.flat() == images.flat()).all()
+    assert (core.adjoint(other, images)[0] == core.adjoint(state, images)[0]).all()

@@ -149,7 +149,7 @@ class LinearCore:
 
         def lit_sweep(moments: F64, expected: float) -> F64:
             nonlocal swept, sweeps
-            swept = self._sweeps.sweep(filled, moments, lit=True, see=expected <= _NEARLY * wanted)
+            swept = self._sweeps.sweep(filled, moments, lit=True, see=not expected > _NEARLY * wanted)
             sweeps += 1
             return swept.moments
 
@@ -231,7 +231,7 @@ class LinearCore:
 
         def sweep(x: F64, expected: float) -> F64:
             nonlocal sweeps, swept
-            swept = self._sweeps.sweep(f, x, lit=False, see=expected <= _NEARLY * wanted)
+            swept = self._sweeps.sweep(f, x, lit=False, see=not expected > _NEARLY * wanted)
             sweeps += 1
             return added(swept.moments, given)
 
@@ -311,7 +311,7 @@ class LinearCore:
 
         def ask(x: F64, expected: float) -> F64:
             nonlocal change, sweeps
-            last = one.swept if expected <= wanted else None
+            last = None if expected > wanted else one.swept
             image, change = self._sweeps.transposed(f, x, *bars, last)
             sweeps += 1
             return image

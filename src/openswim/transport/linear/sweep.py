@@ -180,6 +180,7 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
         set_out(q, grid, course, False)
         ny, nx, rising, turn = shape[1], shape[2], q[2] < 0.0, way[2, 2]
         first, count = within(entry, nx)
+        out[:] = 0.0  # light along a row is read, with no weight, before it is known
         amended[:] = 0.0
         told_row[:] = 0.0
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
