@@ -14,12 +14,12 @@ def subdivided(field: F32, fineness: int) -> F32:
     """Cubic B-spline subdivision of the last two axes, ``fineness`` (a power of two) nodes per node: smooth edges."""
     while fineness > 1:
         for axis in (-2, -1):
-            f = np.moveaxis(field, axis, -1)
+            f = field.swapaxes(axis, -1)
             out = np.empty((*f.shape[:-1], 2 * f.shape[-1] - 1), FLOAT)
             out[..., ::2] = f
             out[..., 2:-1:2] = (f[..., :-2] + 6 * f[..., 1:-1] + f[..., 2:]) / 8
             out[..., 1::2] = (f[..., :-1] + f[..., 1:]) / 2
-            field = np.moveaxis(out, -1, axis)
+            field = out.swapaxes(-1, axis)
         fineness //= 2
     return np.ascontiguousarray(field)
 
@@ -56,8 +56,8 @@ def around_nodes(fine: F32, fineness: int) -> F32:
     mean = fine
     while fineness > 1:
         for axis in (-2, -1):
-            m = np.moveaxis(mean, axis, -1)
+            m = mean.swapaxes(axis, -1)
             padded = np.concatenate([m[..., 1:2], m, m[..., -2:-1]], axis=-1)
-            mean = np.moveaxis((padded[..., :-2:2] + 2 * padded[..., 1:-1:2] + padded[..., 2::2]) / 4, -1, axis)
+            mean = ((padded[..., :-2:2] + 2 * padded[..., 1:-1:2] + padded[..., 2::2]) / 4).swapaxes(-1, axis)
         fineness //= 2
     return np.ascontiguousarray(mean)

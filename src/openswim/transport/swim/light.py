@@ -59,6 +59,7 @@ def light_grid(
         medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
     )  # fmt: skip
     told = volume.fields[..., 2 * PACK + volume.species : volume.cloud_channel]
+    absorbed = _absorbed_depths(medium, local_sun, light.count)
     for w in range(len(medium.wavelengths_nm)):
         if w >= light.count:  # padding
             volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
@@ -69,9 +70,9 @@ def light_grid(
         backscatter_depth = told @ np.ascontiguousarray(volume.forward_factors[:, w])
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
-        path = _sun_path(medium, local_sun, w)
         volume.fields[..., w] = 0
-        if path is not None:
+        if w in absorbed:
+            path = _sun_path(absorbed[w], local_sun)
             left = absorbed_transmittance(*path).astype(FLOAT)
             volume.fields[..., w] = -np.log(np.maximum(left, _LEAST_LEFT))
             transmittance *= left
@@ -103,20 +104,31 @@ def _with_bends(medium: Medium, volume: Volume, backscatter_depth: F32, local_su
     return volume
 
 
-def _sun_path(medium: Medium, local_sun: F64, w: int) -> tuple[F64, F64, F64, F64] | None:
-    """Mean omega and g of what lies between every node and the sun, its vertical depth, and mu0; None if all conserve.
+def _absorbed_depths(medium: Medium, local_sun: F64, count: int) -> dict[int, F32]:
+    """Depths (3, nz, ny, nx) to the sun of extinction, of scattering and of that times g, at those of ``count``
+    wavelengths at which any species absorbs.
 
     Absorption is what the paper announces ("how dark it becomes ... when heavy smoke and/or thick dust is present").
     """
-    omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
-    if (omegas > _CONSERVATIVE).all():
-        return None
+    weights = {}
+    for w in range(count):
+        omegas = np.array([s.single_scattering_albedo[w] for s in medium.species])
+        if (omegas > _CONSERVATIVE).all():
+            continue
+        relative = np.array([s.relative_extinction[w] for s in medium.species])
+        asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
+        weights[w] = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
+    if not weights:
+        return {}
     exact = beside(occupied(medium.extinction, medium.levels_m, medium.terrain_m), medium.periodic)
-    relative = np.array([s.relative_extinction[w] for s in medium.species])
-    asymmetry = np.array([s.phase[w].asymmetry for s in medium.species])
-    weights = np.stack([relative, relative * omegas, relative * omegas * asymmetry])
-    whole, scattered, forward = inside(depths_to_sun(medium, weights, exact, local_sun))
-    mu0 = np.broadcast_to(np.clip(local_sun[..., 2], 0.02, 1), medium.shape)
+    depths = inside(depths_to_sun(medium, np.concatenate(list(weights.values())), exact, local_sun))
+    return dict(zip(weights, np.split(depths, len(weights)), strict=True))
+
+
+def _sun_path(depths: F32, local_sun: F64) -> tuple[F64, F64, F64, F64]:
+    """Mean omega and g of what lies between every node and the sun, its vertical depth, and mu0."""
+    whole, scattered, forward = depths
+    mu0 = np.broadcast_to(np.clip(local_sun[..., 2], 0.02, 1), whole.shape)
     omega = np.where(whole > 0, scattered / np.maximum(whole, 1e-12), 1.0)
     g = np.where(scattered > 0, forward / np.maximum(scattered, 1e-12), 0.0)
     return omega, g, whole * mu0, mu0
