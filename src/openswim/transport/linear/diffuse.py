@@ -25,7 +25,7 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 _BATCH = 32  # ordinates at a time, or a multiple of it where there are more threads: sums stay the same
-KEEP_BYTES = 2**28  # of steps' weights, and of light; where there are more, they are found anew
+KEEP_BYTES = 2**28  # of steps' weights; where there are more, they are found anew row by row
 _LINE = 64  # bytes of a cache's line
 _PAGE, _APART = 64, 17  # lines: by how many rows of scratch begin apart, or they would displace each other from caches
 _here = threading.local()  # of each thread the scratch of its sweeps
@@ -58,14 +58,12 @@ class Change(NamedTuple):
 
 class Swept(NamedTuple):
     """moments (K, nodes) of what is scattered around the nodes, ``seen`` of the light at them; flux and ground
-    (columns,): down through the ground over E_TOA, and L' of it. kept (2, n, width): what ordinates emit and carry,
-    where that is not too much."""
+    (columns,): down through the ground over E_TOA, and L' of it."""
 
     moments: F64
     seen: F64 | None
     flux: F64
     ground: F64
-    kept: F64 | None = None
 
 
 class Sweeps:
@@ -133,8 +131,7 @@ class Sweeps:
         scattered = self._scattered(f.scattering, moments, f.lit if lit else None)
         out, flux = np.zeros_like(scattered), np.zeros(w.columns)
         seen = np.zeros_like(scattered) if see else None
-        *scratch, mean = self._fields(3)
-        kept = self._kept() if lit and see else None
+        emission, light, mean = self._fields(3)
         inflow = f.inflow if lit else np.zeros_like(f.inflow)
         ground = np.zeros(w.columns)
         for first, last in ((0, w.down), (w.down, len(w.weight))):
@@ -142,25 +139,17 @@ class Sweeps:
                 ground = f.albedo * (flux + f.direct if lit else flux) / w.unit
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                emission, light = (a[:n] for a in scratch) if kept is None else (a[some] for a in kept)
-                in_threads(emit, self._harmonics[some], scattered, emission)
-                light_from = Sources(emission, inflow[some], ground)
+                in_threads(emit, self._harmonics[some], scattered, emission[:n])
+                light_from = Sources(emission[:n], inflow[some], ground)
                 in_threads(
-                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light, mean[:n]
+                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], mean[:n]
                 )
                 in_threads(gather, self._gathered[some].T.copy(), mean[:n], out)
                 if seen is not None:
-                    in_threads(gather, self._gathered[some].T.copy(), light, seen)
+                    in_threads(gather, self._gathered[some].T.copy(), light[:n], seen)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
-        return Swept(out, seen, flux, ground, kept)
-
-    def _kept(self) -> F64 | None:
-        """Room for what ordinates emit and carry, if there is enough for all terms."""
-        w = self.world
-        shape = 2, len(w.weight), self._width
-        fits = len(w.inflow) * int(np.prod(shape)) * np.dtype(self.element).itemsize <= KEEP_BYTES
-        return np.empty(shape, self.element) if fits else None
+        return Swept(out, seen, flux, ground)
 
     def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
         """Change of a lit sweep with what is at the nodes; the moments before it stay."""
@@ -209,8 +198,8 @@ class Sweeps:
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
-            scattered = None if value.kept is not None else self._scattered(f.scattering, value.moments, f.lit)
-            *again, mean, ext_bars = more
+            scattered = self._scattered(f.scattering, value.moments, f.lit)
+            emission, light, mean, ext_bars = more
         for first, last in ((w.down, len(w.weight)), (0, w.down)):
             if not first:
                 by_flux += f.albedo / w.unit * by_ground
@@ -228,14 +217,10 @@ class Sweeps:
                 if value is None:
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, None)
                 else:
-                    if value.kept is not None:
-                        emission, light = (a[some] for a in value.kept)
-                    else:
-                        emission, light = (a[:n] for a in again)
-                        in_threads(emit, self._harmonics[some], scattered, emission)
-                        light_from = Sources(emission, f.inflow[some], value.ground)
-                        in_threads(carry, *given, self._steps(f, some), light_from, light, mean[:n])
-                    lit = Lit(emission, light, ext_bars[:n])
+                    in_threads(emit, self._harmonics[some], scattered, emission[:n])
+                    light_from = Sources(emission[:n], f.inflow[some], value.ground)
+                    in_threads(carry, *given, self._steps(f, some), light_from, light[:n], mean[:n])
+                    lit = Lit(emission[:n], light[:n], ext_bars[:n])
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, lit)
                     for b in range(n):
                         ext_bar += ext_bars[b, : w.nodes]
