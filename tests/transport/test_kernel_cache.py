@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -59,6 +60,19 @@ def test_only_what_other_sources_were_compiled_to_is_removed(tmp_path: Path) -> 
     assert _kept(tmp_path) == ALL - {"march.nbi", "march.nbc"}
     kernel_cache._drop(tmp_path, {"march": "2"})  # a module that is no more
     assert _kept(tmp_path) == {"march.pyc", "walk.pyc"}
+
+
+def test_kernels_of_a_room_that_is_imported_late_are_looked_at(tmp_path: Path) -> None:
+    """Those of the linear core once stayed as they were when `cell.py`, which they inline, had changed."""
+    run = "import openswim.transport.linear.operator as o; print(o.__file__)"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", run], env=env, check=True, capture_output=True, text=True)
+    room = Path(done.stdout.strip()).parent
+    with_kernels = {file.stem for file in room.glob("*.py") if "@njit(" in file.read_text()}
+    stamps = [stamp for stamp in tmp_path.rglob("openswim-sources.json") if stamp.parent.name.startswith("linear_")]
+    assert {name for stamp in stamps for name in json.loads(stamp.read_text())} == with_kernels
+    marches = [stamp for stamp in tmp_path.rglob("openswim-sources.json") if stamp.parent.name.startswith("march_")]
+    assert "sample" in json.loads(marches[0].read_text())  # other rooms' are as `transport` left them
 
 
 def test_nothing_is_done_where_nothing_may_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,16 +21,20 @@ _STAMP = "openswim-sources.json"
 _IMPORT = re.compile(r"^[ ]*from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
-def drop_stale(package: str) -> None:
+def drop_stale(package: str, alone: bool = False) -> None:
     """Remove what Numba keeps of those kernels of a package, whose own file or any that it imports of the same
     distribution has changed since; where nothing may be written, nothing is done.
 
-    package: dotted name, such as "openswim.transport"; its modules with kernels have been imported.
+    package: dotted name, such as "openswim.transport"; its modules with kernels have been imported. alone: without what
+    it holds of other rooms, for a room that is imported late, when the others' kernels have been looked at.
     """
     digests = _Digests()
     kernels = list(_kernels(package))
+    if alone:
+        kernels = [kernel for kernel in kernels if str(kernel.__module__).startswith(f"{package}.")]
+    else:
+        tell_first_time(kernels)
     heal(kernels)
-    tell_first_time(kernels)
     for folder, modules in _cache_folders(kernels).items():
         _drop(folder, {name.rpartition(".")[2]: digests.of(name) for name in modules})
 

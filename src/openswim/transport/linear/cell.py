@@ -111,7 +111,7 @@ def _hermite(row, depth):
     """Index and place in its interval, and the cubic's coefficients there."""
     last = row.shape[0] - 1
     u = depth / (1.0 + depth) * last
-    i = min(int(u), last - 1)
+    i = max(min(int(u), last - 1), 0)  # of no number, too
     a, b = row[i], row[i + 1]
     da = 0.5 * (b - row[i - 1]) if i > 0 else b - a
     db = 0.5 * (row[i + 2] - a) if i + 2 <= last else b - a

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.transport.engine.kernel_cache import drop_stale
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear import beam_taken
 from openswim.transport.linear.anderson import MOST, Asked, Solved, added, ahead, begun, fixed_point, norm
@@ -43,6 +44,8 @@ from openswim.transport.linear.optics import Optics, Scatterer, mixed, optics_of
 from openswim.transport.linear.rays import View
 from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
 from openswim.transport.linear.world import World
+
+drop_stale("openswim.transport.linear", alone=True)  # `transport` has not seen these kernels: it does not import them
 
 F64 = NDArray[np.float64]
 
