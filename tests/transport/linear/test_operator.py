@@ -260,6 +260,18 @@ def test_what_is_begun_from_earlier_states_finds_the_same_sooner():
     assert sum(after.adjoint_sweeps) <= sum(alone.adjoint_sweeps) - 2 * len(alone.adjoint_sweeps)
 
 
+def test_a_state_that_is_asked_for_again_is_begun_from_itself():
+    """Steps of no length tell nothing; two of them once made numbers that are none."""
+    core, extinction, albedo = lumpy(tolerance=1e-4)
+    images, state = core.forward(extinction, albedo)
+    bar, _ = core.adjoint(state, images)
+    for _ in range(3):
+        again, state = core.forward(extinction, albedo, start=state)
+        core.adjoint(state, images.like(0.0 * images.flat()))
+    np.testing.assert_allclose(again.flat(), images.flat(), rtol=1e-4)
+    np.testing.assert_allclose(core.adjoint(state, images)[0], bar, atol=1e-4 * np.abs(bar).max())
+
+
 def test_what_is_no_number_leaves_nothing_behind(linearised):
     core, extinction, albedo, images, state = linearised
     with np.errstate(all="ignore"):

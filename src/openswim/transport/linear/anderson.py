@@ -129,7 +129,7 @@ def _shares(known: Sequence[F64], wanted: F64) -> F64:
     gram = np.array([[_dot(a, b) for b in known] for a in known]).reshape(len(known), len(known))
     size = np.maximum(np.sqrt(np.diag(gram)), 1e-300)
     told = np.array([_dot(a, wanted) for a in known]) / size
-    gram = gram / np.outer(size, size) + _ALIKE * np.eye(len(known))
+    gram = gram / size[:, None] / size + _ALIKE * np.eye(len(known))
     return np.linalg.solve(gram, told) / size
 
 
