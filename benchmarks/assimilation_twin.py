@@ -159,8 +159,10 @@ def main() -> None:
         "1 above, 3 cameras, 60, lean": {"cameras": 3, "satellites": 1, "iterations": 60, "lean": True},
         "1 above, 3 cameras, 40": {"cameras": 3, "satellites": 1, "iterations": 40},
         "1 above, 9 cameras, 60": {"cameras": 9, "satellites": 1, "iterations": 60},
-        "81 pyranometers, 60": {"cameras": 0, "satellites": 0, "pyranometers": 81, "iterations": 60},
-        "1 above, 9 cameras, 250": {"cameras": 9, "satellites": 1, "iterations": 250},
+        "81 pyranometers, 60, lean": {
+            "cameras": 0, "satellites": 0, "pyranometers": 81, "iterations": 60, "lean": True,
+        },
+        "1 above, 9 cameras, 250, lean": {"cameras": 9, "satellites": 1, "iterations": 250, "lean": True},
         "1 above, 3 cameras, Gauss-Newton": {"cameras": 3, "satellites": 1, "iterations": 60, "method": "gauss-newton"},
     }
     for name, settings in cases.items():
