@@ -60,7 +60,7 @@ def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):
 
     def light(scene, *arguments):
         solved.append(scene)
-        return SimpleNamespace(scene=scene, viewpoint=lambda camera: SimpleNamespace(view=lambda: camera))
+        return SimpleNamespace(scene=scene, viewpoint=lambda camera: SimpleNamespace(view=lambda **_: camera))
 
     monkeypatch.setattr(skies, "light", light)
     cameras = [Camera.allsky(lat, 8.0, size=4) for lat in (47.0, 47.1)]
@@ -69,6 +69,19 @@ def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):
         these = Skies(model)
         assert [these.simulated(camera, TIME) for camera in cameras] == cameras
         assert len(solved) == count
+
+
+def test_a_series_reckons_irradiance_where_it_is_asked_for():
+    """In a single comparison it is there."""
+    camera = Camera.allsky(47.0, 8.0, size=8)
+    single, series = (Skies(Scene.clear(47, 8), table=table) for table in (False, True))
+    image = series.simulated(camera, TIME)
+    assert not [name for name in image.attrs if "irradiance" in name]
+    expected = single.simulated(camera, TIME).attrs
+    found = series.with_irradiance(image).attrs
+    for name in ("diffuse_horizontal_irradiance_w_m2", "global_horizontal_irradiance_w_m2"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-6)
+    assert series.with_irradiance(expected) is expected  # another's picture
 
 
 def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):

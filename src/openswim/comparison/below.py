@@ -28,11 +28,7 @@ def below_scores(
     Snow is where the apparent albedo pi L / E in the green exceeds .4 and its blue over red .7; observed light goes
     through the response that the sky has given.
     """
-    pixels = frame.pixels
-    with np.errstate(invalid="ignore"):
-        valid = pixels.inside & (pixels.altitude_deg < -0.5) & ~frame.saturated
-    if frame.camera.mask is not None:
-        valid &= ~frame.camera.mask.hidden
+    valid = _land(frame)
     simulated = np.asarray(image.radiance.values, float)
     if simulated.shape[-1] != frame.linear.shape[-1]:
         simulated = simulated[..., 1:2]
@@ -56,6 +52,18 @@ def below_scores(
     scores.add("r_below", ("score_channel",), found, "correlation of the light of the land")
     for name, interval in zip(_NAMES, snow, strict=True):
         scores.add(name, (), np.array(interval, object), "snow on the land: " + name.removeprefix("snow_"))
+
+
+def sees_land(frame: Prepared) -> bool:
+    """Whether there is enough of it for a score."""
+    return bool(np.count_nonzero(_land(frame)) >= FEWEST)
+
+
+def _land(frame: Prepared) -> NDArray[np.bool_]:
+    pixels = frame.pixels
+    with np.errstate(invalid="ignore"):
+        valid = pixels.inside & (pixels.altitude_deg < -0.5) & ~frame.saturated
+    return valid if frame.camera.mask is None else valid & ~frame.camera.mask.hidden
 
 
 def _irradiance(image: xr.Dataset) -> F64 | None:

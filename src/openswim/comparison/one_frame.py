@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.cameras.files import CameraFile
-from openswim.comparison.below import below_scores
+from openswim.comparison.below import below_scores, sees_land
 from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, log_red_blue
 from openswim.comparison.encoding import encoded
 from openswim.comparison.prepared import Prepared, open_pixels, prepared, valid_pixels
@@ -32,6 +32,8 @@ def compare_frame(
                         "clear frame of the same kind, or none")  # fmt: skip
     sun = skies.sun_at(camera, ready.time)
     image = skies.simulated(camera, ready.time)
+    if settings.ghi_w_m2 is not None or settings.dhi_w_m2 is not None or sees_land(ready):
+        image = skies.with_irradiance(image)
     simulated = np.asarray(image.radiance.values, float)
     clear = simulated if skies.model is None else skies.clear(camera, ready.time)
     part = slice(None) if colours == 3 else slice(1, 2)

@@ -17,7 +17,7 @@ from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
-from openswim.pictures.viewpoint import LitScene
+from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.readers import Neighbourhood, open_scene, states_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
@@ -26,6 +26,7 @@ from openswim.solver import Solver
 F64 = NDArray[np.float64]
 Model = Scene | LitScene | str | Path | Sequence[str | Path] | None
 LIGHT_MINUTES = 5.0  # light of a model serves frames so near in time
+SPARSE = 0.1  # spread of neighbours between which no ray is followed: r is off by 3e-5
 DEFAULT_ALBEDO = 0.15
 _EPOCH, _LIGHT = np.datetime64("1970-01-01", "ms"), np.timedelta64(int(60_000 * LIGHT_MINUTES), "ms")
 
@@ -45,7 +46,7 @@ class Skies:
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
     _states: list[tuple[np.datetime64 | None, list[Path]]] | None = field(default=None, repr=False)
-    _picture: tuple[LitScene, Camera, xr.Dataset] | None = field(default=None, repr=False)
+    _picture: tuple[LitScene, Camera, Viewpoint, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
         """Azimuth and altitude (degrees) at which the sun is seen."""
@@ -62,8 +63,15 @@ class Skies:
             return self._clear_lit(camera, time, self.aod).viewpoint(camera).view()
         lit, kept = self._model_lit(camera, time), self._picture
         if kept is None or kept[0] is not lit or kept[1] is not camera:  # what has the same light looks the same
-            kept = self._picture = lit, camera, lit.viewpoint(camera).view()
-        return kept[2]
+            eye = lit.viewpoint(camera)
+            kept = self._picture = lit, camera, eye, eye.view(irradiance=not self.table, sparse=SPARSE)
+        return kept[3]
+
+    def with_irradiance(self, image: xr.Dataset) -> xr.Dataset:
+        """A simulated picture with the irradiance at its observer among the attributes, which it lacks in a series."""
+        if self._picture is None or self._picture[3] is not image:
+            return image
+        return image.assign_attrs(self._picture[2].attrs)
 
     def clear(self, camera: Camera, time: np.datetime64, aod: float | None = None) -> F64:
         """Radiance (ny, nx, 3; W m-2 sr-1 nm-1) of the clear sky; `aod` in place of that which the model has."""

@@ -235,7 +235,7 @@ def _frame(
     camera = _above_ground(lights[0][1], shot.camera)
     eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
     # radiance that is kept is exact; what is but looked at is seen by fewer rays
-    images = [(share, eye.view(irradiance=radiance, sparse=not radiance)) for share, eye in eyes]
+    images = [(share, eye.view(irradiance=radiance, sparse=0.0 if radiance else 0.02)) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):

@@ -12,13 +12,15 @@ class Rays:
     `origin_m` is one point (3,) or a point per ray (n, 3), metres; `direction` one unit vector (3,), a
     parallel view, or one per ray (n, 3).  At least one of them has n rows. `width_rad`: the side of
     what a ray stands for, one number or (n,).  `image` (ny, nx): which ray is a pixel's, -1 where none is, of rays
-    that make a picture which may be seen by fewer (`transport/view/sparse.py`); parts of them make none.
+    that make a picture which may be seen by fewer, and how much `alike` neighbours are then
+    (`transport/view/sparse.py`); parts of them make none.
     """
 
     origin_m: np.ndarray
     direction: np.ndarray
     width_rad: float | np.ndarray = 0.0
     image: np.ndarray | None = None
+    alike: float = 0.0
 
     def __post_init__(self) -> None:
         self.origin_m = np.asarray(self.origin_m, dtype=float)

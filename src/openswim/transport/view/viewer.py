@@ -117,15 +117,16 @@ class AimedGrid:
         )
 
     def seen(
-        self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None
-    ) -> Seen:
-        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``: see `sparse.march`."""
+        self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None,
+        alike: float = 0.0,
+    ) -> Seen:  # fmt: skip
+        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``, ``alike``: see `sparse.march`."""
         ends = None if self.relief is None else self.relief.meet(origin, direction)
         cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
         if image is None:
             found = self.march(origin, direction, ends, cone)
         else:
-            found = sparse.march(self.march, origin, direction, ends, cone, image)
+            found = sparse.march(self.march, origin, direction, ends, cone, image, alike)
         place = origin + direction * found.distance[:, None]
         width_m = (0.01 if width_rad is None else width_rad) * found.distance
         for number, level in enumerate(self.levels):  # as the grid has it in which rays end
@@ -231,7 +232,7 @@ class Viewer:
                 tile = rays[part]
                 origin, direction = tile.origins(), tile.directions()
                 width_rad = np.array(np.broadcast_to(np.asarray(tile.width_rad, float), len(tile)))
-                seen = grid.seen(origin, direction, width_rad, image)
+                seen = grid.seen(origin, direction, width_rad, image, rays.alike)
                 hit = seen.distance >= 0
                 position = np.full((len(tile), 3), np.nan)
                 position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
