@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from PIL import Image
 
-from openswim import Camera, Scene, Solver, UserError, open_scene, readers
+from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, readers
 from openswim.colour.exposure import SUN_CURVE
 from openswim.films import CameraPath, Weather, film
 from openswim.films.exposure import exposure_curve, slow, taut
@@ -184,6 +184,17 @@ def test_gpx_and_headings(tmp_path: Path) -> None:
     camera = CameraPath.read(file).camera(Camera.perspective(0.0, 0.0, size=32), when)[0]
     assert camera.azimuth_deg == pytest.approx(90, abs=0.1)
     assert (camera.above, camera.height_m) == ("sea level", 800.0)
+
+
+def test_a_film_over_another_ground_is_another_film(tmp_path: Path) -> None:
+    """Maps count by what they hold, not by their names."""
+    names = [tmp_path / name for name in ("one.tif", "same.tif", "other.tif")]
+    for name, content in zip(names, (b"grass", b"grass", b"snow"), strict=True):
+        name.write_bytes(content)
+    scenes = [dataclasses.replace(CLEAR, ground=Ground(albedo=name)) for name in (*names, tmp_path / "none.tif")]
+    one, same, other, none = (Weather.of_scenes([scene]).identity for scene in scenes)
+    assert one == same
+    assert len({tuple(each) for each in (one, other, none)}) == 3
 
 
 def test_a_camera_that_stops_goes_on_looking_ahead() -> None:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from copy import copy
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import paths
 from openswim.errors import UserError
 from openswim.films.between import Motion, between, check_still
 from openswim.kept_light import fingerprint
-from openswim.scene import Grid, Scene
+from openswim.scene import Grid, Ground, Scene
 from openswim.system.inputs import size_and_change
 
 
@@ -39,7 +42,8 @@ class Weather:
     @classmethod
     def of_scenes(cls, scenes: Sequence[Scene]) -> Weather:
         """Of scenes with valid times, in any order; a single one may have none."""
-        identity = [fingerprint(scene) for scene in scenes]
+        grounds = [scene.ground for scene in scenes]
+        identity = [*map(fingerprint, scenes), *_maps(grounds)]
         if len(scenes) == 1 and scenes[0].time is None:
             return cls([np.datetime64("NaT", "ms")], lambda _: scenes[0], identity)
         by_time = {scene.time: scene for scene in scenes if scene.time is not None}
@@ -56,6 +60,7 @@ class Weather:
         states = states_of(path, references)
         identity = [f"{file.absolute()} {size_and_change(file)}" for file in files_of(path)]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
+        identity += _maps([options.get("ground")])
         files = {time: own for time, own in states if time is not None}
         if not files:
             scene = open_scene(path, **options)
@@ -138,3 +143,18 @@ def _with_drift(scene: Scene, drift_m: tuple[float, float]) -> Scene:
     out.drift_m = drift_m
     out.wider = None if scene.wider is None else _with_drift(scene.wider, drift_m)
     return out
+
+
+def _maps(grounds: Sequence[Ground | None]) -> list[str]:
+    """What the maps of the ground hold, wherever they lie."""
+    names = {
+        str(name) for ground in grounds if ground is not None
+        for kind in ("albedo", "height", "lights") for name in paths(kind, getattr(ground, kind))
+    }  # fmt: skip
+    found = []
+    for name in sorted(names):
+        if not Path(name).is_file():  # it will be told when it is opened
+            continue
+        with open(name, "rb") as file:
+            found.append(hashlib.file_digest(file, "sha256").hexdigest())
+    return sorted(found)
