@@ -120,7 +120,8 @@ class AimedGrid:
         self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None,
         alike: float = 0.0,
     ) -> Seen:  # fmt: skip
-        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``, ``alike``: see `sparse.march`."""
+        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image`` and ``alike``: see
+        `sparse.march`."""
         ends = None if self.relief is None else self.relief.meet(origin, direction)
         cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
         if image is None:
