@@ -402,7 +402,8 @@ def test_a_film_of_each_member(monkeypatch: pytest.MonkeyPatch) -> None:
     found: list[film.FilmRequest] = []
     monkeypatch.setattr(film, "_run", found.append)
     monkeypatch.setattr(readers, "members_of", lambda file, allow: [5, 12])
-    line = ["film", "x.nc", "--lat", "47", "--lon", "8", "--keogram", "k.png", "-o", "day.mp4", "--member"]
+    line = ["film", "x.nc", "--lat", "47", "--lon", "8", "--keogram", "k.png", "--irradiance", "i.csv",
+            "-o", "day.mp4", "--member"]
     assert run([*line, "all"]) == 0
     assert [(str(one.output), str(one.keogram), one.picture.member) for one in found] == [
         ("day_m005.mp4", "k_m005.png", 5), ("day_m012.mp4", "k_m012.png", 12)]  # fmt: skip

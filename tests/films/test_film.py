@@ -4,13 +4,17 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 import xarray as xr
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.ndimage import median_filter
 
+import openswim
 from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, readers
 from openswim.colour.exposure import SUN_CURVE
+from openswim.colour.rgb import exposure_for
 from openswim.films import CameraPath, Weather, film
 from openswim.films.exposure import exposure_curve, slow, taut
 from openswim.films.keogram import keogram
@@ -121,6 +125,40 @@ def test_static_film_does_not_flicker(tmp_path: Path) -> None:
     kept = np.asarray(Image.open(lines))
     np.testing.assert_array_equal(kept[:, 0], np.asarray(Image.open(files[0]))[:, 16])
     assert not list(tmp_path.glob(".*"))
+
+
+def test_star_trails_turn_about_the_pole_and_irradiance_is_that_of_single_renderings(tmp_path: Path) -> None:
+    """A night's frames leave trails that no frame has, each as bright as in its own; the day's frame leaves none."""
+    at = [np.datetime64(f"2024-01-10T{time}", "ms") for time in ("12:00", "22:00", "22:30", "23:00")]
+    scenes = [dataclasses.replace(CLEAR, time=time) for time in at]
+    camera = Camera.perspective(47.0, 11.0, azimuth_deg=0.0, altitude_deg=47.0, fov_deg=60, size=(120, 120))
+    trails, curve = tmp_path / "trails.png", tmp_path / "curve.csv"
+    exposure = 0.5 * exposure_for(openswim.render(scenes[1], camera, "swim"), "auto")
+    also = {"star_trails": trails, "irradiance": curve}
+    frames = film(scenes, camera, tmp_path / "frames", title=False, solver="swim", exposure=exposure, **also)
+    night = [np.asarray(Image.open(f), float) for f in sorted(frames.glob("*.png"))[1:]]
+    found = np.asarray(Image.open(trails), float)
+    np.testing.assert_allclose(found, np.max(night, axis=0), atol=2.0)  # two roundings, each with its dither
+    grey = [each.mean(axis=-1) for each in (*night, found)]
+    stars = [int((each - median_filter(each, 9) > 12).sum()) for each in grey]
+    assert stars[-1] > 2 * max(stars[:-1]) > 160
+    table = pandas.read_csv(curve, parse_dates=["valid_time"])
+    assert [np.datetime64(time.tz_localize(None), "ms") for time in table["valid_time"]] == at
+    single = openswim.render(scenes[0], camera, "swim").attrs
+    for name in ("global_horizontal_irradiance_w_m2", "sun_altitude_deg"):
+        assert table[name][0] == pytest.approx(single[name], rel=1e-6)
+    assert table["sun_altitude_deg"][1] < -20
+    assert 0 < table["illuminance_lx"][1] < 0.1
+
+
+def test_star_trails_and_curves_are_refused_before_the_work(tmp_path: Path) -> None:
+    scenes = _scenes([0, 1])
+    for given, line in (({"star_trails": tmp_path / "t.png"}, "no frame has the sun 8 degrees below"),
+                        ({"star_trails": tmp_path / "t.gif"}, "give a picture's name"),
+                        ({"irradiance": tmp_path / "t.txt"}, "suffix '.txt' is unknown")):  # fmt: skip
+        with pytest.raises(UserError, match=line):
+            film(scenes, CAMERA, tmp_path / "frames", solver="swim", **given)
+        assert not list(tmp_path.iterdir())
 
 
 def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,8 @@ class FilmRequest:
     frames_per_second: float = 25.0
     speed: float = 1.0
     keogram: Path | None = None
+    star_trails: Path | None = None
+    irradiance: Path | None = None
     title: bool = True
     all_members: bool = False  # a film of each, its number in the name
 
@@ -46,10 +48,14 @@ def _of_each_member(request: FilmRequest) -> list[FilmRequest]:
     def named(path: Path, number: int) -> Path:
         return path.with_name(f"{path.stem}_m{number:03d}{path.suffix}")
 
+    def beside(path: Path | None, number: int) -> Path | None:
+        return None if path is None else named(path, number)
+
     return [
         replace(
             request, picture=replace(request.picture, member=number), output=named(request.output, number),
-            keogram=None if request.keogram is None else named(request.keogram, number),
+            keogram=beside(request.keogram, number), star_trails=beside(request.star_trails, number),
+            irradiance=beside(request.irradiance, number),
         )
         for number in members_of(request.picture.file, request.picture.allow_references)
     ] or [request]  # fmt: skip
@@ -95,7 +101,8 @@ def _run(request: FilmRequest) -> None:
     film(
         weather, camera, request.output, every_s=every, path=path, frames_per_second=request.frames_per_second,
         speed=request.speed, exposure=look_of(picture)["exposure"],
-        keogram=request.keogram, title=request.title, solver=solver, from_time=request.start, to_time=request.end,
+        keogram=request.keogram, star_trails=request.star_trails, irradiance=request.irradiance,
+        title=request.title, solver=solver, from_time=request.start, to_time=request.end,
     )  # fmt: skip
     click.echo(f"{request.output}: {len(shots)} frames, {clock.perf_counter() - start:.0f} s")
 

@@ -166,6 +166,10 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
               help="As of openswim render; auto is one smooth curve for the film.")  # fmt: skip
 @click.option("--keogram", type=PATH,
               help="Also write the middle columns of all frames as this picture.")  # fmt: skip
+@click.option("--star-trails", type=PATH,
+              help="Also write the brightest that each pixel is by night as this picture.")  # fmt: skip
+@click.option("--irradiance", type=PATH,
+              help="Also write irradiance at the camera in each frame, as .csv or .nc.")  # fmt: skip
 @click.option("--title/--no-title", default=True, help="Time, place and model on the frames, or none.")
 @click.option(
     "-o", "--output", type=PATH, required=True,
@@ -174,7 +178,8 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @debug
 def film(
     file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
-    frames_per_second: float, speed: float, keogram: Path | None, title: bool, member: str | None, **options: Any,
+    frames_per_second: float, speed: float, keogram: Path | None, star_trails: Path | None, irradiance: Path | None,
+    title: bool, member: str | None, **options: Any,
 ) -> None:  # fmt: skip
     """Make a film of the sky over FILE's times, or along a camera's path.
 
@@ -187,7 +192,8 @@ def film(
     picture = RenderRequest(file=file[0] if len(file) == 1 else file, outputs=(), member=number, **options)
     run(FilmRequest(
         picture, output, every=every, path=path, start=start, end=end, frames_per_second=frames_per_second,
-        speed=speed, keogram=keogram, title=title, all_members=all_members,
+        speed=speed, keogram=keogram, star_trails=star_trails, irradiance=irradiance, title=title,
+        all_members=all_members,
     ))  # fmt: skip
 
 

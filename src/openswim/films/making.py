@@ -20,12 +20,14 @@ from openswim.colour.exposure import check_exposure
 from openswim.errors import UserError
 from openswim.films.camera_path import CameraPath
 from openswim.films.exposure import exposure_curve
+from openswim.films.from_frames import NIGHT_DEG, StarTrails
 from openswim.films.keogram import keogram as keogram_of
 from openswim.films.kept_frames import KeptFrame, KeptFrames
-from openswim.films.outputs import check_output, write_film
+from openswim.films.outputs import check_curves, check_output, write_curves, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
+from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import track
@@ -60,6 +62,8 @@ def film(
     speed: float = 1.0,
     exposure: float | str = "auto",
     keogram: str | os.PathLike[str] | None = None,
+    star_trails: str | os.PathLike[str] | None = None,
+    irradiance: str | os.PathLike[str] | None = None,
     title: bool = True,
     solver: str | Solver = "fast",
     wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
@@ -76,6 +80,8 @@ def film(
     exposure : a factor from L' to display; "auto", one smooth curve for the film (`exposure_curve`); or what else
         `openswim.to_rgb` takes.
     keogram : also write the middle columns of all frames, side by side, as this picture.
+    star_trails : also write the brightest that each pixel is by night as this picture, of a camera that stands still.
+    irradiance : also write irradiance at the camera and the sun's place in each frame, .csv or .nc.
     title : valid time, place and model at the foot of each frame.
 
     Frames that are done are kept in a hidden folder beside the output: a film that was stopped goes on where it was.
@@ -83,10 +89,15 @@ def film(
     check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     target = Path(output)
     kind = check_output(target)
-    if keogram is not None and Path(keogram).suffix.lower() not in (".png", ".jpg", ".tif"):
-        raise UserError(f"keogram {keogram}: give a picture's name, .png, .jpg or .tif")
-    if keogram is not None:
-        check_target(Path(keogram), name="keogram")
+    for name, picture in (("keogram", keogram), ("star trails", star_trails)):
+        if picture is not None and Path(picture).suffix.lower() not in (".png", ".jpg", ".tif"):
+            raise UserError(f"{name} {picture}: give a picture's name, .png, .jpg or .tif")
+        if picture is not None:
+            check_target(Path(picture), name=name)
+    if irradiance is not None:
+        check_curves(Path(irradiance))
+    if star_trails is not None and path is not None:
+        raise UserError("star trails: they are of a camera that stands still: leave out the path")
     fps = number("film: frames_per_second", frames_per_second)
     if not 0 < fps <= 240:
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
@@ -95,16 +106,25 @@ def film(
     way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
     shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
-    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure))
+    if star_trails is not None:
+        _check_night(shots)
+    with_irradiance = kind == "radiance" or irradiance is not None
+    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance))
     lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
-    _make(kept, lights, shots, kind == "radiance", exposure)
+    _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
     curve = _exposures(kept, len(shots), exposure, fps)
     lines: list[NDArray[np.uint8]] = []
-    write_film(target, kept, len(shots), _pictures(kept, curve, title, lines), fps, kept.facts(0), wavelengths_nm)
+    trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
+    pictures = _pictures(kept, curve, title, lines, trails)
+    write_film(target, kept, len(shots), pictures, fps, kept.facts(0), wavelengths_nm)
+    if kind == "radiance" and (keogram is not None or trails is not None):  # such a film makes no pictures
+        deque(pictures, maxlen=0)
     if keogram is not None:
-        if not lines:  # a film of radiance makes no pictures
-            deque(_pictures(kept, curve, False, lines), maxlen=0)
-        _write_keogram(Path(keogram), lines)
+        _write_picture(Path(keogram), keogram_of(lines), "keogram: the middle columns of a film's frames")
+    if star_trails is not None and trails is not None and (drawn := trails.picture()) is not None:
+        _write_picture(Path(star_trails), drawn, "star trails: the brightest of a film's frames by night")
+    if irradiance is not None:
+        write_curves(Path(irradiance), kept, len(shots))
     kept.remove()
     return target
 
@@ -161,8 +181,21 @@ def _count(frames: float) -> int:
     return int(np.floor(frames + 1e-9)) + 1
 
 
-def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str, exposure: float | str
-) -> dict[str, Any]:
+def _check_night(shots: Sequence[Shot]) -> None:
+    """UserError where no frame shows stars."""
+    for shot in shots:
+        camera = shot.camera
+        if camera.lat is None or camera.lon is None or np.isnat(shot.time):
+            raise UserError("star trails: they need a place by latitude and longitude, and weather with times")
+        if sun_position(shot.time, camera.lat, camera.lon).altitude_deg < NIGHT_DEG:
+            return
+    raise UserError(f"star trails: no frame has the sun {-NIGHT_DEG:g} degrees below the horizon: film a night")
+
+
+def _plan(
+    sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str, exposure: float | str,
+    irradiance: bool,
+) -> dict[str, Any]:  # fmt: skip
     import openswim
 
     return {
@@ -171,16 +204,18 @@ def _plan(sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: A
         "exposure": exposure if isinstance(exposure, str) else "auto",
         "shots": [(str(shot.time), repr(shot.camera)) for shot in shots],
         "looking": hashlib.sha256(shots[0].camera.pixels().direction.tobytes()).hexdigest(),
-        "weather": sky.identity,
+        "weather": sky.identity, "irradiance": irradiance,
     }  # fmt: skip
 
 
-def _make(kept: KeptFrames, lights: _Lights, shots: Sequence[Shot], radiance: bool, exposure: float | str) -> None:
+def _make(
+    kept: KeptFrames, lights: _Lights, shots: Sequence[Shot], radiance: bool, exposure: float | str, irradiance: bool
+) -> None:
     """Make all frames that are not there yet."""
     for count, shot in enumerate(track(shots, "film")):
         if kept.has(count):
             continue
-        kept.put(count, _frame(lights.at(shot.time), shot, radiance, exposure))
+        kept.put(count, _frame(lights.at(shot.time), shot, radiance, exposure, irradiance))
 
 
 class _Lights:
@@ -228,14 +263,14 @@ class _Lights:
 
 
 def _frame(
-    lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool, exposure: float | str
+    lights: list[tuple[float, LitScene]], shot: Shot, radiance: bool, exposure: float | str, irradiance: bool
 ) -> KeptFrame:
     from openswim.colour.rgb import display_light, exposure_for
 
     camera = _above_ground(lights[0][1], shot.camera)
     eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
     # radiance that is kept is exact; what is but looked at is seen by fewer rays
-    images = [(share, eye.view(irradiance=radiance, sparse=0.0 if radiance else 0.02)) for share, eye in eyes]
+    images = [(share, eye.view(irradiance=irradiance, sparse=0.0 if radiance else 0.02)) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):
@@ -308,19 +343,24 @@ def _exposures(kept: KeptFrames, count: int, exposure: float | str, fps: float) 
 
 
 def _pictures(
-    kept: KeptFrames, curve: NDArray[np.float64], title: bool, lines: list[NDArray[np.uint8]]
-) -> Iterator[NDArray[np.uint8]]:
+    kept: KeptFrames, curve: NDArray[np.float64], title: bool, lines: list[NDArray[np.uint8]],
+    trails: StarTrails | None = None,
+) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
     """Pictures of all frames; their middle columns, without a title, go into ``lines``."""
     from openswim.colour.rgb import developed
 
     for frame, factor in zip(kept.each(len(curve)), curve, strict=True):
-        picture = developed(frame.light.astype(np.float32), float(factor / frame.facts["exposure"]))
+        light = frame.light.astype(np.float32)
+        picture = developed(light, float(factor / frame.facts["exposure"]))
+        if trails is not None:
+            trails.add(light, frame.facts, float(factor))
         lines.append(picture[:, picture.shape[1] // 2].copy())
         yield titled(picture, frame.facts) if title else picture
 
 
-def _write_keogram(path: Path, lines: list[NDArray[np.uint8]]) -> None:
+def _write_picture(path: Path, picture: NDArray[np.uint8], content: str) -> None:
     from openswim.colour.picture import write_picture
+
     with written_whole(path) as partial:
-        write_picture(keogram_of(lines), partial, {"Content": "keogram: the middle columns of a film's frames"})
+        write_picture(picture, partial, {"Content": content})
 

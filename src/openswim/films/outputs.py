@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.films.from_frames import FORMATS, curves_of, series_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.files import check_target, written_whole
@@ -42,6 +43,23 @@ def check_output(path: Path) -> str:
     else:
         check_target(path)
     return kind
+
+
+def check_curves(path: Path) -> None:
+    """UserError where curves could not be written."""
+    if path.suffix.lower() not in FORMATS:
+        raise UserError(f"irradiance {path}: suffix {path.suffix!r} is unknown; use {' or '.join(FORMATS)}")
+    check_target(path, name="irradiance")
+
+
+def write_curves(path: Path, kept: KeptFrames, count: int) -> None:
+    """Irradiance at the camera and the sun's place in each frame, as a table."""
+    curves = curves_of([kept.facts(number) for number in range(count)])
+    with written_whole(path) as partial:
+        if path.suffix.lower() == ".nc":
+            curves.to_netcdf(partial, engine="netcdf4")
+        else:
+            curves.to_dataframe().to_csv(partial, date_format="%Y-%m-%dT%H:%M:%SZ")
 
 
 def write_film(
@@ -95,19 +113,15 @@ def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Se
     )
     array.attrs.put({"_ARRAY_DIMENSIONS": ["frame", "y", "x", "wavelength"], "units": "W m-2 sr-1 nm-1",
                      "long_name": "spectral radiance"})  # fmt: skip
-    series: dict[str, list[float]] = {}
-    times = []
+    facts = []
     for number, frame in enumerate(kept.each(count)):
         assert frame.radiance is not None
         array[number] = frame.radiance
-        times.append(frame.facts.get("valid_time"))
-        for name, value in frame.facts.items():
-            if name.endswith("_w_m2") or name.startswith("sun_a") or name in ("latitude", "longitude", "height_m"):
-                series.setdefault(name, []).append(float(value))
-    for name, values in series.items():
-        if len(values) == count:
-            _write_line(root, name, np.asarray(values, np.float64), "frame", {})
+        facts.append(frame.facts)
+    for name, values in series_of(facts).items():
+        _write_line(root, name, values, "frame", {})
     _write_line(root, "wavelength", np.asarray(wavelengths_nm, np.float64), "wavelength", {"units": "nm"})
+    times = [each.get("valid_time") for each in facts]
     if all(times):
         seconds = np.array([np.datetime64(str(t).rstrip("Z"), "s").astype(np.int64) for t in times])
         _write_line(root, "time", seconds, "frame", {"units": "seconds since 1970-01-01", "standard_name": "time"})

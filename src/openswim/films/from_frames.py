@@ -1,0 +1,70 @@
+"""What is drawn of all frames of a film at once: the trails of stars, and curves of irradiance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+NIGHT_DEG = -8.0  # altitude of the sun below which frames show stars
+FORMATS = (".csv", ".nc")
+_UNITS = {"_w_m2": "W m-2", "_lx": "lx", "_m": "m"}  # by the end of a name; others are angles
+
+
+class StarTrails:
+    """The brightest of each pixel among frames by night, in linear light: those that want at least half of the longest
+    exposure, lest dusk outshine the stars."""
+
+    def __init__(self, facts: Sequence[dict[str, Any]]) -> None:
+        """``facts``: of all frames."""
+        self._least = 0.5 * max((float(each["exposure"]) for each in facts if _is_night(each)), default=0.0)
+        self._brightest: F32 | None = None
+        self._exposures: list[float] = []
+
+    def add(self, light: F32, facts: dict[str, Any], exposure: float) -> None:
+        """One frame: linear light (y, x, 3) at the exposure of its facts, shown at another; left out but by night."""
+        if not _is_night(facts) or facts["exposure"] < self._least:
+            return
+        linear = light / np.float32(facts["exposure"])
+        self._brightest = linear if self._brightest is None else np.maximum(self._brightest, linear)
+        self._exposures.append(exposure)
+
+    def picture(self) -> NDArray[np.uint8] | None:
+        """(y, x, 3), at the mean exposure of its frames; None where there was no night."""
+        from openswim.colour.rgb import developed
+
+        if self._brightest is None:
+            return None
+        return np.asarray(developed(self._brightest, float(np.exp(np.mean(np.log(self._exposures))))))
+
+
+def _is_night(facts: dict[str, Any]) -> bool:
+    return bool(facts.get("sun_altitude_deg", np.inf) < NIGHT_DEG)
+
+
+def series_of(facts: Sequence[dict[str, Any]]) -> dict[str, NDArray[np.float64]]:
+    """Numbers of frames that make curves: irradiance (W m-2), the sun's place, and the camera's (degrees, m)."""
+    names = [
+        name for name in facts[0]
+        if name.endswith(("_w_m2", "_lx")) or name.startswith("sun_a") or name in ("latitude", "longitude", "height_m")
+    ]  # fmt: skip
+    return {
+        name: np.array([float(each[name]) for each in facts]) for name in names if all(name in each for each in facts)
+    }
+
+
+def curves_of(facts: Sequence[dict[str, Any]]) -> xr.Dataset:
+    """The same by frame, with the time of each that has one."""
+    data = xr.Dataset({name: ("frame", values) for name, values in series_of(facts).items()})
+    for name, each in data.data_vars.items():
+        found = [unit for end, unit in _UNITS.items() if str(name).endswith(end)]
+        each.attrs["units"] = found[0] if found else "degree"
+    for name in ("valid_time", "light_time"):
+        if all(each.get(name) for each in facts):
+            times = [np.datetime64(str(each[name]).rstrip("Z"), "ns") for each in facts]
+            data[name] = ("frame", np.array(times))
+    return data.assign_attrs(Conventions="CF-1.11", title="Irradiance at the camera of an OpenSWIm film")
