@@ -383,7 +383,7 @@ def test_a_camera_that_looks_one_way_knows_what_is_ahead(tmp_path: Path, altitud
     from openswim.lighting import light
 
     camera = Camera.perspective(47.0, 11.0, height_m=500.0, altitude_deg=altitude, size=16)
-    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0).facts
+    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0, False).facts
     assert facts.get("ahead") == ahead
     assert ahead is None or facts["ahead_m"] == pytest.approx(1000.0, rel=1e-3)
 
