@@ -10,40 +10,33 @@ import xarray as xr
 from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
-NIGHT_DEG = -8.0  # altitude of the sun below which frames show stars
+NIGHT_DEG = -8.0  # altitude of the sun below which there are stars enough for trails
 FORMATS = (".csv", ".nc")
 _UNITS = {"_w_m2": "W m-2", "_lx": "lx", "_m": "m"}  # by the end of a name; others are angles
 
 
 class StarTrails:
-    """The brightest of each pixel among frames by night, in linear light: those that want at least half of the longest
-    exposure, lest dusk outshine the stars."""
+    """The brightest of each pixel, in linear light, among the frames of a night: those that want at least half of the
+    longest exposure, lest dusk outshine the stars."""
 
     def __init__(self, facts: Sequence[dict[str, Any]]) -> None:
         """``facts``: of all frames."""
-        self._least = 0.5 * max((float(each["exposure"]) for each in facts if _is_night(each)), default=0.0)
-        self._brightest: F32 | None = None
+        self._least = 0.5 * max(float(each["exposure"]) for each in facts)
+        self._brightest = np.zeros((), np.float32)
         self._exposures: list[float] = []
 
     def add(self, light: F32, facts: dict[str, Any], exposure: float) -> None:
-        """One frame: linear light (y, x, 3) at the exposure of its facts, shown at another; left out but by night."""
-        if not _is_night(facts) or facts["exposure"] < self._least:
+        """One frame: linear light (y, x, 3) at the exposure of its facts, shown at another; none of dusk counts."""
+        if facts["exposure"] < self._least:
             return
-        linear = light / np.float32(facts["exposure"])
-        self._brightest = linear if self._brightest is None else np.maximum(self._brightest, linear)
+        self._brightest = np.maximum(self._brightest, light / np.float32(facts["exposure"]))
         self._exposures.append(exposure)
 
-    def picture(self) -> NDArray[np.uint8] | None:
-        """(y, x, 3), at the mean exposure of its frames; None where there was no night."""
+    def picture(self) -> NDArray[np.uint8]:
+        """(y, x, 3), at the mean exposure of its frames."""
         from openswim.colour.rgb import developed
 
-        if self._brightest is None:
-            return None
         return np.asarray(developed(self._brightest, float(np.exp(np.mean(np.log(self._exposures))))))
-
-
-def _is_night(facts: dict[str, Any]) -> bool:
-    return bool(facts.get("sun_altitude_deg", np.inf) < NIGHT_DEG)
 
 
 def series_of(facts: Sequence[dict[str, Any]]) -> dict[str, NDArray[np.float64]]:

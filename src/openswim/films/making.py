@@ -121,8 +121,8 @@ def film(
         deque(pictures, maxlen=0)
     if keogram is not None:
         _write_picture(Path(keogram), keogram_of(lines), "keogram: the middle columns of a film's frames")
-    if star_trails is not None and trails is not None and (drawn := trails.picture()) is not None:
-        _write_picture(Path(star_trails), drawn, "star trails: the brightest of a film's frames by night")
+    if star_trails is not None and trails is not None:
+        _write_picture(Path(star_trails), trails.picture(), "star trails: the brightest of a film's frames by night")
     if irradiance is not None:
         write_curves(Path(irradiance), kept, len(shots))
     kept.remove()

@@ -15,6 +15,7 @@ from openswim.errors import UserError
 from openswim.films.from_frames import FORMATS, curves_of, series_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
+from openswim.scene.cf import save_netcdf
 from openswim.scene.files import check_target, written_whole
 from openswim.system.workshops import replace_folder, workshop
 
@@ -55,10 +56,10 @@ def check_curves(path: Path) -> None:
 def write_curves(path: Path, kept: KeptFrames, count: int) -> None:
     """Irradiance at the camera and the sun's place in each frame, as a table."""
     curves = curves_of([kept.facts(number) for number in range(count)])
-    with written_whole(path) as partial:
-        if path.suffix.lower() == ".nc":
-            curves.to_netcdf(partial, engine="netcdf4")
-        else:
+    if path.suffix.lower() == ".nc":
+        save_netcdf(curves, path)
+    else:
+        with written_whole(path) as partial:
             curves.to_dataframe().to_csv(partial, date_format="%Y-%m-%dT%H:%M:%SZ")
 
 
