@@ -17,7 +17,7 @@ from openswim.solver import Solver
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.view.mirror import Mirrored, WetRays
-from openswim.transport.view.viewer import looking_from
+from openswim.transport.view.viewer import AimedGrid, looking_from
 
 N, CELL = 25, 500.0
 
@@ -188,6 +188,16 @@ def test_no_pixel_of_a_picture_is_mirrored_by_itself(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("openswim.transport.view.mirror.Water.by_itself", alone)
     lit = openswim.light(demo_scene(64, 64, 20), Solver(tolerance=0.3))
     lit.viewpoint(Camera.panorama(*lit.scene.place, size=(360, 720))).view(irradiance=False)
+
+
+def test_a_pixel_with_a_little_water_is_in_the_picture_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shores on hills, of which pixels cover much at a glance; each of their heights would have a grid of its own."""
+    aims = []
+    at = AimedGrid.at
+    monkeypatch.setattr(AimedGrid, "at", lambda *given: aims.append(1) or at(*given))
+    lit = openswim.light(demo_scene(64, 64, 24), Solver(quality="preview"))
+    lit.viewpoint(Camera.allsky(47.7, 11.2, size=256)).view(irradiance=False)
+    assert len(aims) == 2  # the eye's and its image's
 
 
 def test_a_whole_turn_has_no_seam() -> None:

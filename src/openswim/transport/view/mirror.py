@@ -169,13 +169,15 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
         met = np.flatnonzero(_falls_to(eye, direction, radius + lit.lighting.ground_m, radius))
         place = _on_sphere(eye, direction[met], radius + lit.lighting.ground_m, radius)
     direction = direction[met]
+    wide_m = np.broadcast_to(np.asarray(some.width_rad, float), len(some))[met] * np.linalg.norm(place - eye, axis=-1)
+    covered = np.sqrt(wide_m * along_m(wide_m, _upward(place, lit.frame.radius_m), direction))
     water, variance = np.zeros(len(met), bool), np.zeros(len(met))
     left = np.ones(len(met), bool)
     for level in lit.levels:
         here = np.flatnonzero(left if level.wider is None else left & _within(level, place))
         if here.size:
             lat, lon, _ = level.frame.latlon(place[here])
-            sample = level.surface.sample(lat, lon)
+            sample = level.surface.sample(lat, lon, covered[here], lit.options.detail)
             water[here] = (sample.water > WET) & (not sample.lambertian)
             variance[here] = sample.slope_variance
         left[here] = False
@@ -183,6 +185,11 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
         return None
     beyond = 4 * each * float(np.max(rays.width_rad))  # it may end between rays that are asked
     return WetRays(place[water], direction[water], float(variance[water].mean()), beyond)
+
+
+def along_m(width_m: F64, up: F64, direction: F64) -> F64:
+    """How far along the ground, whose up is given (n, 3), rays of a width (n,) see."""
+    return np.asarray(width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0))
 
 
 def _within(level: LitGrid, place: F64) -> NDArray[np.bool_]:

@@ -25,7 +25,7 @@ from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.volume import Shells
 from openswim.transport.medium.medium import Medium
 from openswim.transport.view.beyond_sides import Beyond
-from openswim.transport.view.mirror import WET, Water
+from openswim.transport.view.mirror import WET, Water, along_m
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -151,8 +151,8 @@ def _ground(
     diffuse = sky_flux(shells, mu_sun, beam)
     normal = up.copy()
     # a pixel that looks along the ground covers more of it: the geometric mean of both sides
-    along_m = width_m / np.clip(-(up * direction).sum(-1), 0.05, 1.0)
-    footprint = np.sqrt(width_m * along_m)
+    length_m = along_m(width_m, up, direction)
+    footprint = np.sqrt(width_m * length_m)
     medium, relief = lit.medium, own.relief
     if relief is not None:
         beam = beam_transmission_at(shells, mu_sun, height_m - shells.ground_m)
@@ -193,7 +193,7 @@ def _ground(
         rough = np.flatnonzero((steep > _LEAST_SLOPE) & (sample.water < 0.5) & (facet_sun > 0) & (footprint > 0))
         beam[rough] *= sunlight_on_slopes(
             lat[rough], lon[rough], frame.earth_centred(horizontal_sun[rough]), facet_sun[rough], steep[rough],
-            medium.scene_cell_m, along_m[rough],
+            medium.scene_cell_m, length_m[rough],
         )[:, None]  # fmt: skip
     if relief is not None:
         sunny = np.flatnonzero((facet_sun > 0) & (beam > 0).any(axis=1))

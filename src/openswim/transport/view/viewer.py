@@ -303,13 +303,13 @@ def _water(
 
 def looking_from(lit: LitGrid, relief: Relief | None, skies: list[Shells], once: Once | None = None) -> Look:
     """How the image of an eye under water sees what is mirrored to it. Peaks are cut: they are in the beam, which
-    glitters by itself. ``once``: where what is made for an image is kept."""
+    glitters by itself. ``once``: where what is made for the last image is kept."""
 
     def look(origin: F64, direction: F64, image: F64) -> tuple[F32, F64]:
         def aim() -> AimedGrid:
             return AimedGrid.at(lit, image, False, relief, skies).with_blunt_peaks()
 
-        seen = (aim() if once is None else once(image.tobytes().hex(), aim)).seen(origin, direction)
+        seen = (aim() if once is None else once.last("image", image.tobytes(), aim)).seen(origin, direction)
         return seen.radiance, seen.distance
 
     return look
