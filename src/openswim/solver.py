@@ -17,7 +17,7 @@ from openswim.optics.matter import Matter, matter_of
 from openswim.options import Options
 from openswim.scene.rays import Rays
 from openswim.scene.scene import Scene
-from openswim.transport import Field, ReferenceField, solve
+from openswim.transport import EarlierLight, Field, ReferenceField, solve
 from openswim.transport.medium.plan import lit_in_parts
 from openswim.transport.plan import Plan
 
@@ -40,11 +40,14 @@ class Solver(Options):
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
         plan: Plan | None = None,
         shadow: MoonShadow | None = None,
+        earlier: EarlierLight | None = None,
+        light: str = "sun",
     ) -> Field | ReferenceField:
         """Solve the field of light of ``scene`` lit from ``sun_direction`` (unit vector in the scene frame).
 
         plan: the `Field.plan` of a scene like it, so that only values differ: nothing is decided anew. shadow: the
-        moon's in an eclipse of the sun. Solver linear takes neither.
+        moon's in an eclipse of the sun. Solver linear takes neither. earlier: what a like scene's solve by the same
+        ``light`` has left, from which `fast` begins; see `openswim.light`.
         """
         wavelengths = _checked(wavelengths_nm)
         scene = settled(scene)
@@ -54,10 +57,11 @@ class Solver(Options):
             return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
         matter = self._matter(scene, wavelengths, plan)
         surface = surface_of(scene, matter.wavelengths_nm)
-        return solve(self, matter, surface, np.asarray(sun_direction, float), plan, shadow)
+        return solve(self, matter, surface, np.asarray(sun_direction, float), plan, shadow, earlier, light)
 
     def solve_starlit(
-        self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None
+        self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None,
+        earlier: EarlierLight | None = None,
     ) -> Field | ReferenceField:
         """The field of light of ``scene`` under an even sky of L' = 1 beyond its air, without a sun.
 
@@ -70,7 +74,7 @@ class Solver(Options):
         matter = self._matter(scene, wavelengths, None).starlit()
         surface = surface_of(scene, matter.wavelengths_nm)
         each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
-        return solve(self, matter, replace(surface, lamps=each), NADIR)
+        return solve(self, matter, replace(surface, lamps=each), NADIR, None, None, earlier, "starlight")
 
     def linear_core(
         self,

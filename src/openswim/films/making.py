@@ -34,6 +34,7 @@ from openswim.progress import track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
+from openswim.transport import EarlierLight
 
 MOST_FRAMES = 100_000
 _LONGEST_STEP_S = 366 * 86400.0
@@ -226,6 +227,7 @@ class _Lights:
     ) -> None:
         self._sky, self._solver, self._wavelengths = sky, solver, wavelengths_nm
         self._held: dict[np.datetime64, LitScene] = {}
+        self._earlier = EarlierLight()
         self._drifting = every_s is not None  # frames follow each other closely
         self._nodes = self._times(shots, every_s)
 
@@ -258,7 +260,7 @@ class _Lights:
                 self._held.pop(next(iter(self._held)))
             scene = self._sky.at(time, self._drifting)
             when = None if np.isnat(time) else time
-            self._held[time] = light(scene, self._solver, self._wavelengths, when)
+            self._held[time] = light(scene, self._solver, self._wavelengths, when, earlier=self._earlier)
         return self._held[time]
 
 

@@ -5,12 +5,13 @@ from openswim.system.compiling import provide_cache
 
 provide_cache()  # before any kernel is defined
 
+from openswim.transport.diffuse.earlier import EarlierLight
 from openswim.transport.engine.kernel_cache import drop_stale
 from openswim.transport.field import Field
 from openswim.transport.montecarlo.reference import ReferenceField
 from openswim.transport.solve import solve
 from openswim.transport.view.seen import View
 
-__all__ = ["Field", "ReferenceField", "View", "solve"]
+__all__ = ["EarlierLight", "Field", "ReferenceField", "View", "solve"]
 
 drop_stale(__name__)  # before any kernel is called

@@ -16,6 +16,7 @@ from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import build_shells, no_volume
+from openswim.transport.diffuse.earlier import EarlierLight
 from openswim.transport.engine.pack import PACK
 from openswim.transport.field import Field
 from openswim.transport.ground_light.fluxes import Lighting
@@ -33,12 +34,13 @@ F64 = NDArray[np.float64]
 
 def solve(
     options: Options, matter: Matter, surface: Surface, sun: F64, plan: Plan | None = None,
-    shadow: MoonShadow | None = None,
+    shadow: MoonShadow | None = None, earlier: EarlierLight | None = None, light: str = "sun",
 ) -> Field | ReferenceField:  # fmt: skip
     """Solve the field of light of ``matter`` over ``surface``, at their wavelengths, lit from ``sun`` (3,).
 
     plan: what has been decided, see `Plan`; what it lacks is decided now, and added to it. shadow: the moon's, in
-    an eclipse of the sun.
+    an eclipse of the sun. earlier: what the last solve of a scene like this by the same ``light`` has left, for `fast`
+    to begin from; it then holds what this one leaves.
     """
     sun = sun / np.linalg.norm(sun)
     if plan is None:
@@ -58,7 +60,8 @@ def solve(
         elif plan.medium.parts:
             packs.append(solve_large(options, plan, of_pack, ground, sun, count, shadow))
         else:
-            packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count, shadow))
+            name = f"{light} {pack}"
+            packs.append(_nested_light(options, plan, pack, of_pack, ground, sun, count, shadow, earlier, name))
     return Field(packs, matter.terms, plan)
 
 
@@ -85,7 +88,7 @@ def _clear_light(
 
 def _nested_light(
     options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
-    shadow: MoonShadow | None,
+    shadow: MoonShadow | None, earlier: EarlierLight | None, name: str,
 ) -> LitGrid:  # fmt: skip
     """Light of a grid, and of the wider ones around it, the widest first."""
     levels = [(plan, matter, surface)]
@@ -93,7 +96,9 @@ def _nested_light(
         plan, matter, surface = plan.wider, matter.wider, surface.wider
         levels.append((plan, matter, surface))
     found = None
-    for of_level, filled, ground in reversed(levels):
-        found = light_of_grid(options, of_level, pack, filled, ground, sun, count, found, shadow)
+    for number, (of_level, filled, ground) in reversed(list(enumerate(levels))):
+        found = light_of_grid(
+            options, of_level, pack, filled, ground, sun, count, found, shadow, earlier, f"{name} {number}"
+        )
     assert found is not None
     return found.lit

@@ -30,6 +30,7 @@ from openswim.transport.diffuse import multigrid as two_grids
 from openswim.transport.diffuse import spectral
 from openswim.transport.diffuse import sweeper as diffuse
 from openswim.transport.diffuse.absorbed_beam import beam_around
+from openswim.transport.diffuse.earlier import EarlierLight, Start
 from openswim.transport.diffuse.inflow import Clear, GroundLight, SweptAround, light_through_sides
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
@@ -65,10 +66,10 @@ class Solved(NamedTuple):
 
 def light_of_grid(
     options: Options, plan: Plan, pack: int, matter: Matter, surface: Surface, sun: F64, count: int,
-    around: Solved | None, shadow: MoonShadow | None = None,
+    around: Solved | None, shadow: MoonShadow | None = None, earlier: EarlierLight | None = None, name: str = "",
 ) -> Solved:  # fmt: skip
     """Light of one grid at a ``pack`` of wavelengths: sun sweep, then the diffuse sweeps (`fast`) or Eqs 4-8 (`swim`);
-    ``around``: a wider grid."""
+    ``around``: a wider grid. earlier: what the last solve of this ``name`` has left."""
     started = time.perf_counter()
     fast = options.name == "fast"
     frame, wl = matter.frame, matter.wavelengths_nm
@@ -113,9 +114,12 @@ def light_of_grid(
         light = _with_columns(light, volume, lighting, shells, sun, wider is None)
     elif fast:
         volume = volume._replace(per_extinction=True)
+        start = None if earlier is None else earlier.begin(name, medium.shape[1:])
         light, sweeps = _with_moments(
-            options, plan.decisions(pack), light, lighting, shells, wl, ends, _swept(wider), eclipse
+            options, plan.decisions(pack), light, lighting, shells, wl, ends, _swept(wider), eclipse, start
         )
+        if earlier is not None and start is not None:
+            earlier.keep(name, start)
     else:
         volume = swim.light_grid(light, volume, lighting, shells, local_sun, sun)
     channels, volume = channels_of(volume, not fast), without_fields(volume)
@@ -199,7 +203,7 @@ def clear_inflow(
 
 def _with_moments(
     options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, wl: F64, ends: bool,
-    wider: SweptAround | None, eclipse: Eclipse | None,
+    wider: SweptAround | None, eclipse: Eclipse | None, start: Start | None,
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
@@ -243,6 +247,8 @@ def _with_moments(
             of_this = decide.within("wavelength")
             sweeper = diffuse.Sweeper.of(grid, enters, *ground, ordinates, pool, sides, of_this)
             properties = spectral.properties_of(sweeper)
+            if start is not None and not found:
+                start.place(sweeper)
             others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()), of_this)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)
@@ -250,12 +256,12 @@ def _with_moments(
                     Moments(sweeper.place, values), sweeper.coarser, [n], [], sweeper.fluxes(), sweeper.ratio
                 )
             elif others:
-                solution = spectral.between(sweeper, setting.tolerance, options.most_sweeps, traces, others)
+                solution = spectral.between(sweeper, setting.tolerance, options.most_sweeps, traces, others, start, w)
             else:
                 solution = two_grids.coarse_to_fine(
                     sweeper, setting.tolerance, options.most_sweeps, traces,
                     # in periods coarse grids leave too much undone for what lies between to be told
-                    tell=count > 2 and not medium.periodic,
+                    tell=count > 2 and not medium.periodic, start=start, wavelength=w,
                 )
             traces = traces or solution.traces
             if not others:

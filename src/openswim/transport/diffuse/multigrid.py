@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.diffuse.earlier import Start
 from openswim.transport.diffuse.moments import Coarser, Moments, prolong, restrict
 from openswim.transport.diffuse.optical_grid import total_extinction, twice_as_fine_plane
 from openswim.transport.diffuse.sweeper import DARK, Sweeper
@@ -90,10 +91,13 @@ def told_ratio(told: F32, told_there: F32) -> F32:
     return np.clip(told / np.maximum(told_there, DARK), 0.2, 5.0)
 
 
-def begin_from_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int) -> Begun:
+def begin_from_coarse(
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, finer: int, start: Start | None,
+    wavelength: int,
+) -> Begun:  # fmt: skip
     """What the 2x2-coarse grid tells, see `coarse_to_fine`."""
     base = fine.coarsened()
-    below = coarse_to_fine(base, tolerance, most, like, finer + 1)
+    below = coarse_to_fine(base, tolerance, most, like, finer + 1, start=start, wavelength=wavelength)
     if finer >= _WHOLE or fine.grid.periodic:
         level = fine
     else:
@@ -112,8 +116,9 @@ def begin_from_coarse(fine: Sweeper, tolerance: float, most: int, like: list[Tra
 
 
 def coarse_to_fine(
-    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0, tell: bool = False
-) -> Solution:
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None = None, finer: int = 0, tell: bool = False,
+    start: Start | None = None, wavelength: int = 0,
+) -> Solution:  # fmt: skip
     """Solve on the 2x2-coarse grid, then on the full one, from the coarse field.
 
     Between sweeps of the full grid the coarse one tells what will follow from their change (two-grid acceleration).
@@ -121,14 +126,18 @@ def coarse_to_fine(
     keep those of what is thick, and leave the rest to the grid that keeps all. In periods all grids keep all: between a
     coarse grid's last node and its first nothing is interpolated, which a start and a correction bear.
     like: the traces of another wavelength; its light is distributed alike, up to what the coarse grid knows.
-    tell: leave what other wavelengths need to be told (see `spectral.py`).
+    tell: leave what other wavelengths need to be told (see `spectral.py`). start: what a like scene's solve has left;
+    wavelength: its number there.
     """
     if min(fine.grid.ground_node.shape) < 2 * _LEAST_COARSE:
         # without a coarser grid to help, the change of one sweep is a small part of what is yet to come
         # (nor does another wavelength's light help: what differs changes least of all)
-        values, _, n = fine.solve(fine.nothing(), 0.05 * tolerance, most)
+        first = fine.nothing() if start is None else start.coarsest(fine, wavelength)
+        values, _, n = fine.solve(first, 0.05 * tolerance, most)
+        if start is not None:
+            start.leave_coarsest(wavelength, values)
         return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes(), fine.ratio)
-    begun = begin_from_coarse(fine, tolerance, most, like, finer)
+    begun = begin_from_coarse(fine, tolerance, most, like, finer, start, wavelength)
     level, below = begun.level, begun.below
     first = begun.values[:, :ALIKE]
     told = (copied(first), begun.told_fluxes()) if tell else None
@@ -141,7 +150,9 @@ def coarse_to_fine(
 
         by_blocks(add_defect, len(first))
     else:
-        first = copied(first) if told is None else told[0]
+        begins, first = first, copied(first) if told is None else told[0]
+        if start is not None:
+            start.add(level, begins)
     # the last sweep of that other wavelength, and what the guess adds
     enough = (2 if like else 1) * tolerance
     if finer:
@@ -151,9 +162,11 @@ def coarse_to_fine(
     values, before, n = level.solve(begun.values, enough, most, correct=_Correction(level, begun.base))
     traces = []
     if not like:
-        start, defect = first[:, :1].copy(), np.empty_like(first)
+        mean, defect = first[:, :1].copy(), np.empty_like(first)
         by_blocks(lambda some: np.subtract(before[some, :ALIKE], first[some], out=defect[some]), len(first))
-        traces = [*below.traces, Trace(level.place >= 0, start, defect, level.ratio)]
+        traces = [*below.traces, Trace(level.place >= 0, mean, defect, level.ratio)]
+        if start is not None:
+            start.leave(level, mean, defect)
     return Solution(
         Moments(level.place, values), level.coarser, [*below.sweeps, n], traces, level.fluxes(), level.ratio, told
     )  # fmt: skip

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.diffuse.earlier import Start
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.multigrid import ALIKE, Solution, Trace, begin_from_coarse, by_blocks, told_ratio
 from openswim.transport.diffuse.sweeper import Sweeper
@@ -86,10 +87,11 @@ def on_both_sides(
 
 
 def between(
-    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, sides: Sequence[Known]
+    fine: Sweeper, tolerance: float, most: int, like: list[Trace] | None, sides: Sequence[Known],
+    start: Start | None = None, wavelength: int = 0,
 ) -> Solution:  # fmt: skip
     """The solution of a wavelength between others, whose moments are of the light at the nodes, as its own are then."""
-    begun = begin_from_coarse(fine, tolerance, most, like, 0)
+    begun = begin_from_coarse(fine, tolerance, most, like, 0, start, wavelength)
     values = begun.values
 
     def amend(some: slice) -> None:
