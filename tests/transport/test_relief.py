@@ -1,8 +1,12 @@
 """Rays meet the ground: height fields against brute force, spheres and geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from openswim import Camera, Solver, open_scene
+from openswim.scene.procedural import demo_scene
 from openswim.transport.ground_light.relief import HeightField, Relief, first_root
 from openswim.transport.march.volume import FAR_M
 
@@ -207,3 +211,24 @@ def test_roots_of_parabolas() -> None:
         inside = inside[(inside >= 0) & (inside <= 1)]
         expected = 0.0 if c <= 0 else inside[0] if inside.size else 2.0
         assert first_root(begin, middle, end) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_panorama_pays_for_no_finer_land_than_its_horizon_shows(tmp_path) -> None:
+    """Its pixels at the nadir are a tenth as wide: by them the land around had eighteen times the nodes."""
+    demo_scene(48, 48, 20).to_netcdf(tmp_path / "scene.nc")  # of files the Earth around is known
+    scene = open_scene(tmp_path / "scene.nc")
+    field = Solver(quality="preview").solve(scene, np.array([0.3, -0.4, 0.8]), [550.0])
+    camera = Camera.panorama(47.7, 11.2, size=(720, 1440))
+    rays = camera.rays(field.frame, 580.0, camera.pixels())
+    land = field.landscape
+    assert land is not None
+    relief, fine = land.seen_from(rays), land.seen_from(replace(rays, width_rad=np.full(len(rays), 1 / 2048)))
+    assert relief is not None
+    assert fine is not None
+    nodes, finest = (sum(one.height_m.size for one in each.fields) for each in (relief, fine))
+    assert nodes < 2.6e6 < 4e7 < finest
+    some = rays.directions()[::97]
+    met = np.array([each.meet(rays.origins()[:1], some) for each in (relief, fine)])
+    both = (met < FAR_M).all(axis=0)
+    assert (met < FAR_M).any(axis=0).sum() - both.sum() < 0.002 * both.sum()
+    assert np.median(np.abs(met[0] / met[1] - 1)[both]) < 1e-3

@@ -28,6 +28,7 @@ _REACH_M = 400e3  # farther away haze hides what rises above the horizon
 _HIGHEST_M = 5000.0  # of mountains that may stand beyond the horizon
 _NODES = (256, 2048)  # from the eye to the side of a field: as many as pixels to a radian, within these
 _WEDGE_DEG = 25.0  # rays that rise more steeply meet no mountains
+_STEEP_DEG = 45.0  # rays that fall more steeply see land no farther away than they are high, which the finest field has
 _ASIDE = 0.1  # of a field's half width, that it reaches beyond what rays see
 _BEHIND = 0.25  # and in every direction: ridges out of the picture cast shadows
 _BEYOND_M, _BEYOND_CELLS = 20e3, 2.0  # the domain's edge fades into the default Earth over as much, or as many cells
@@ -64,10 +65,9 @@ class Landscape:
         lat, lon, height_m = (float(v) for v in frame.latlon(eye))
         if height_m > HIGHEST_EYE_M:
             return None
-        widths = np.asarray(rays.width_rad, float)
-        width = max(float(widths.min()), 1 / _NODES[1]) if widths.max() > 0 else 1 / _NODES[0]
-        box = _seen_box(rays[:: max(1, len(rays) // _ASKED)].directions() @ frame.enu(lat, lon).T)
-        return self._relief(lat, lon, height_m, width, box)
+        some = rays[:: max(1, len(rays) // _ASKED)]
+        local = some.directions() @ frame.enu(lat, lon).T
+        return self._relief(lat, lon, height_m, _narrowest(local, np.asarray(some.width_rad, float)), _seen_box(local))
 
     def _relief(self, lat: float, lon: float, height_m: float, width_rad: float, box: F64) -> Relief:
         medium = self.medium
@@ -228,6 +228,15 @@ def landscape_of(surface: Surface, medium: Medium, wider: Landscape | None = Non
     reach = float(np.abs(medium.place[..., :2]).max()) + _REACH_M
     side = np.linspace(-reach, reach, 100)
     return found if float(surface.earth_m(*found._latlon(np.eye(3), side, side)).max()) > _FLAT_M else None
+
+
+def _narrowest(local: F64, width_rad: F64) -> float:
+    """The least width of rays (n, 3), rad, of those that are not steep if there are any: a panorama's pixels at the
+    nadir have next to none."""
+    level = np.abs(local[:, 2]) < math.sin(math.radians(_STEEP_DEG))
+    widths = np.broadcast_to(width_rad, len(local))
+    widths = widths[level] if level.any() else widths
+    return max(float(widths.min()), 1 / _NODES[1]) if widths.max() > 0 else 1 / _NODES[0]
 
 
 def _seen_box(local: F64) -> F64:
