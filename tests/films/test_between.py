@@ -5,10 +5,10 @@ import xarray as xr
 from openswim import Camera, Scene, UserError
 from openswim.films import Weather
 from openswim.films.between import Motion, between
-from openswim.films.drift import drift_of
 from openswim.films.making import shots_of
 from openswim.scene import Grid
 from openswim.scene.procedural.cumulus import cumulus_field
+from openswim.transport.engine.drift import drift_of
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 MINUTES = np.timedelta64(60_000, "ms")

@@ -14,10 +14,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.films.drift import drift_of
 from openswim.scene import Grid, Scene
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS
+from openswim.transport.engine.drift import drift_of
 
 F32 = NDArray[np.float32]
 

@@ -248,7 +248,7 @@ def _with_moments(
             sweeper = diffuse.Sweeper.of(grid, enters, *ground, ordinates, pool, sides, of_this)
             properties = spectral.properties_of(sweeper)
             if start is not None and not found:
-                start.place(sweeper)
+                start.compare(sweeper)
             others = spectral.on_both_sides(float(wl[w]), properties, list(found.values()), of_this)
             if plane_parallel:
                 values, _, n = sweeper.solve(sweeper.nothing(), 0.002 * setting.tolerance, 400, 12)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.diffuse.earlier import Start
+from openswim.transport.diffuse.earlier import LEAST_RATIO, MOST_RATIO, Start
 from openswim.transport.diffuse.moments import Coarser, Moments, prolong, restrict
 from openswim.transport.diffuse.optical_grid import total_extinction, twice_as_fine_plane
 from openswim.transport.diffuse.sweeper import DARK, Sweeper
@@ -88,7 +88,7 @@ def copied(values: F32) -> F32:
 
 def told_ratio(told: F32, told_there: F32) -> F32:
     """Of what a coarse grid tells at two wavelengths, within bounds."""
-    return np.clip(told / np.maximum(told_there, DARK), 0.2, 5.0)
+    return np.clip(told / np.maximum(told_there, DARK), LEAST_RATIO, MOST_RATIO)
 
 
 def begin_from_coarse(
@@ -135,7 +135,7 @@ def coarse_to_fine(
         first = fine.nothing() if start is None else start.coarsest(fine, wavelength)
         values, _, n = fine.solve(first, 0.05 * tolerance, most)
         if start is not None:
-            start.leave_coarsest(wavelength, values)
+            start.leave_coarsest(fine, wavelength, values)
         return Solution(Moments(fine.place, values), fine.coarser, [n], [], fine.fluxes(), fine.ratio)
     begun = begin_from_coarse(fine, tolerance, most, like, finer, start, wavelength)
     level, below = begun.level, begun.below
@@ -152,7 +152,7 @@ def coarse_to_fine(
     else:
         begins, first = first, copied(first) if told is None else told[0]
         if start is not None:
-            start.add(level, begins)
+            start.add_defects(level, begins)
     # the last sweep of that other wavelength, and what the guess adds
     enough = (2 if like else 1) * tolerance
     if finer:
