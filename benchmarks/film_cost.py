@@ -29,6 +29,8 @@ def main() -> None:
     given = parser.parse_args()
     scene = demo_scene(given.columns, given.columns, given.levels)
     lat, lon = scene.place
+    start = scene.time
+    assert start is not None  # the demo has a time
     look = ["--lat", str(lat), "--lon", str(lon), "--view", "allsky", "--size", str(given.size)]
     with tempfile.TemporaryDirectory() as name:
         files = [Path(name) / f"time_{k}.nc" for k in range(given.times)]
@@ -36,7 +38,7 @@ def main() -> None:
             data = scene.data.copy()
             for cloud in ("liquid_content", "liquid_effective_radius", "ice_content", "ice_effective_radius"):
                 data[cloud] = scene.data[cloud].copy(data=np.roll(scene.data[cloud].values, k, -1))
-            replace(scene, data=data, time=scene.time + np.timedelta64(10 * k, "m")).to_netcdf(file)
+            replace(scene, data=data, time=start + np.timedelta64(10 * k, "m")).to_netcdf(file)
         film, single = [], []
         for turn in range(given.rounds):
             film.append(cpu_s("film", *map(str, files), *look, "-o", f"{name}/film.mp4") / given.times)
