@@ -163,6 +163,20 @@ def test_depths_through_a_random_field(azimuth: float, altitude: float, periodic
     assert np.sqrt(((depth - expected) ** 2).mean() / (expected**2).mean()) < 0.002
 
 
+@pytest.mark.parametrize(("azimuth", "altitude", "most"), [(115, 40, 0.13), (20, 70, 0.022)])
+def test_depths_between_wide_cells(azimuth: float, altitude: float, most: float) -> None:
+    """Rays that move by less than a cell through clouds are read after eight levels, which smears a tenth of what two
+    noisy cells differ by."""
+    rng = np.random.default_rng(azimuth)
+    nz, ny, nx, cell = 81, 17, 29, np.array([19e3, 15e3, 150.0])
+    field = 1e-4 * (gaussian_filter(rng.random((nz, ny, nx)), [3.0, 0.7, 0.7], mode="wrap") - 0.4).clip(0)
+    sun = toward(azimuth, altitude)
+    depth, expected = depth_to_sun(field, sun, tuple(cell), True, True)[0], _straight(field, sun, cell, True)
+    assert depth.mean() == pytest.approx(expected.mean(), rel=1e-3)
+    apart = np.sqrt(((depth - expected) ** 2).mean() / expected.var())
+    assert apart < most
+
+
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize(("radius", "most", "mean"), [(2e6, 0.01, 0.001), (1e5, 0.04, 0.003)])
 @pytest.mark.parametrize("altitude_deg", [90.0, 60.0, 15.0, 6.0, 1.0])

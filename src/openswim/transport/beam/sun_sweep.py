@@ -38,6 +38,8 @@ _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
 _DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
+_FOLLOWED = 8  # levels after which rays are read in cells wider than clouds are tall, where these move by less than one
+_CLOUDS_M = 10_000.0  # height of clouds
 _MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
 
 
@@ -210,6 +212,13 @@ def _pieces(ray, turn, rise_m, radius_m, nodes):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+def _moved(ray, rise_m, radius_m):
+    """Cells that a ray moves by, along the axis that it is faster on, while it rises by ``rise_m``."""
+    bend = (1.0 - ray[2] * ray[2]) / (2.0 * radius_m)
+    return max(abs(ray[0]), abs(ray[1])) * _way_up_m(ray[2], bend, rise_m)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
 def _dip(above_m, radius_m):
     """Cosine of the zenith angle of a ray that starts so high above the level that it touches."""
     return -math.sqrt(2.0 * above_m / (radius_m + 2.0 * above_m))
@@ -230,6 +239,7 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
     nx = grid.exact.shape[2]
     sun, levels_m, cell_m, radius_m = grid.sun, grid.levels_m, grid.cell_m, grid.radius_m
     above_m = levels_m[k] - levels_m[0]
+    wide = min(cell_m[0], cell_m[1]) >= _CLOUDS_M
     deepest = _dip(above_m + _DEEPEST_M, radius_m)
     dark = min(deepest, _dip(above_m, radius_m) - SUN_RADIUS_RAD)
     lowest = 0.0 if grid.periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
@@ -245,6 +255,8 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
             if sun[j, (i + end) // 2, 2] < dark:
                 continue
             _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
+            if wide and last > k + _FOLLOWED and _moved(ray, _CLOUDS_M, radius_m) < 1.0:
+                last = k + _FOLLOWED
             pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
             for piece in range(pieces):
                 one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
@@ -281,8 +293,10 @@ def sun_sweep(
 
     ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
-    level up and read there, which is cheap but blurs shadows by a cell per level. Handles any sun, also one below the
-    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth hides the sun.
+    level up and read there, which is cheap but blurs shadows by a cell per level. In cells wider than clouds are tall,
+    rays that move by less than a cell through these are followed for `_FOLLOWED` levels: in all that smears by less
+    than a cell. Handles any sun, also one below the horizon of a node on the curved Earth: the way up then starts
+    downward. Depths are 0 where the Earth hides the sun.
     """
     filled = np.array([bool(extinction[:, k].any()) for k in range(len(levels_m))])
     followed, passed, gates = _stops(filled)
