@@ -30,11 +30,11 @@ def test_irradiance_by_radiance_is_the_pictures_own_sum(sphere: xr.Dataset, tmp_
     pytest.importorskip("pyradiance")
     import pyradiance
 
-    save(sphere, tmp_path / "sky.hdr")
+    save(sphere, tmp_path / "my sky.hdr")
     folder = Path(pyradiance.__file__).parent / "bin"
     path = {"RAYPATH": f".:{folder.parent / 'lib'}"}
     octree = subprocess.run(
-        [folder / "oconv", "sky.rad"], cwd=tmp_path, capture_output=True, check=True, env=path
+        [folder / "oconv", "my sky.rad"], cwd=tmp_path, capture_output=True, check=True, env=path
     ).stdout
     (tmp_path / "sky.oct").write_bytes(octree)
     command = [folder / "rtrace", "-h", "-I", "-ab", "1", "-ad", "16384", "-lw", "1e-9", "-aa", "0", "sky.oct"]

@@ -112,10 +112,10 @@ def sky_coordinates(image: xr.Dataset) -> str:
 
 def radiance_scene(image: xr.Dataset, sun: F32 | None, path: Path) -> str:
     """A Radiance scene: the picture as a glow all around, and the sun as a source of its own."""
-    name = path.name
+    name, calculated = (f'"{p.name}"' if " " in p.name else p.name for p in (path, path.with_suffix(".cal")))
     text = (
         f"# {_about(image).strip()}\n"
-        f"void colorpict openswim_sky\n7 red green blue {name} {path.with_suffix('.cal').name} sky_u sky_v\n0\n0\n\n"
+        f"void colorpict openswim_sky\n7 red green blue {name} {calculated} sky_u sky_v\n0\n0\n\n"
         "openswim_sky glow openswim_glow\n0\n0\n4 1 1 1 0\n\n"
         "openswim_glow source openswim_dome\n0\n0\n4 0 0 1 360\n"
     )

@@ -171,7 +171,10 @@ def shots_of(
         times = np.arange(first, last + np.timedelta64(1, "ms"), step)
     chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
     if not chosen:
-        raise UserError("film: no frames between these times")
+        raise UserError(
+            f"film: no frames between --from {begin} and --to {end}; the model's times are "
+            f"{sky.times[0]} to {sky.times[-1]}"
+        )
     sky.check_between(chosen)
     return [Shot(time, camera) for time in chosen]
 
