@@ -1,4 +1,4 @@
-"""A linear fixed point by Anderson's mixing of the last steps, and where to begin it.
+"""A fixed point by Anderson's mixing of the last steps, and where to begin it.
 
 A search goes from state to state in short steps. Light changes nearly as extinction does, so that earlier states tell
 what it will be. What an adjoint finds is linear in its residual: its residuals are nearly sums of those before, and so
@@ -59,9 +59,9 @@ def fixed_point(
 ) -> tuple[F64, F64]:
     """x = apply(x), until a step changes it by less than ``wanted``; the last image, and of what it is the image.
 
-    apply is linear and something more; it is told by how much it is expected to change x, 0 where it is the last time
-    in any case. Of the last ``memory`` steps that combination is gone on with whose changes would cancel best (Walker &
-    Ni 2011).
+    apply is linear, or nearly, and something more; it is told by how much it is expected to change x, 0 where it is the
+    last time in any case. Of the last ``memory`` steps that combination is gone on with whose changes would cancel best
+    (Walker & Ni 2011).
     """
     x = start.copy()
     images: list[F64] = []

@@ -15,6 +15,7 @@ from openswim.transport.engine.lanes import chosen_above
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": True}
 SMALL = 0.02  # depth below which a slope is a series: it differs from the closed form by 1e-13 there
 DARK = 44.0  # depth
+_MOST, _NONE = 0.25, 1e-12  # of what steps take, over the light at nodes; added to that, lest it be none
 SOFT = 0.02  # twice the depth of a step below which its ends are trusted, see `amendment`
 
 
@@ -104,6 +105,21 @@ def amendment(light, up, near, far, near_ext, told, both, ds):
     both.
     """
     return (2.0 / ds * (up - light) + near + far - near_ext * light - told) / both
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def bounded(t, threads, more, mean, ratio, by_more, by_mean):
+    """ratio (nodes,) of the light that is scattered around nodes to that at them, where steps take ``more`` of the mean
+    radiance than the ``mean`` at the nodes, and its slopes by both: 1 + y (1 + (y/.25)^4)^(-1/4), y = more/mean, which
+    is 1 + y as long as that is small and stays within 1 +- .25."""
+    for n in range(t * mean.shape[0] // threads, (t + 1) * mean.shape[0] // threads):
+        whole = mean[n] + _NONE
+        y = more[n] / whole
+        x = y / _MOST
+        power = x * x * x * x
+        root = (1.0 + power) ** -0.25
+        slope = root / (1.0 + power) / whole
+        ratio[n], by_more[n], by_mean[n] = 1.0 + y * root, slope, -y * slope
 
 
 @njit(**_FLAGS)

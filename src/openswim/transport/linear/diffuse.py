@@ -16,6 +16,7 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.linear.cell import bounded
 from openswim.transport.linear.course import Grid
 from openswim.transport.linear.moments import emit, gather, scatter, scatter_transposed
 from openswim.transport.linear.sweep import Changes, Sources, carry, carry_tangent, weigh
@@ -56,14 +57,24 @@ class Change(NamedTuple):
     direct: F64
 
 
+class Taken(NamedTuple):
+    """What is scattered around the nodes, over what is seen at them (nodes,): ``ratio``, which is bounded, and its
+    slopes by what steps take of the mean radiance, and by the mean radiance at the nodes."""
+
+    ratio: F64
+    by_taken: F64
+    by_seen: F64
+
+
 class Swept(NamedTuple):
     """moments (K, nodes) of what is scattered around the nodes, ``seen`` of the light at them; flux and ground
-    (columns,): down through the ground over E_TOA, and L' of it."""
+    (columns,): down through the ground over E_TOA, and L' of it. Of a value: ``taken`` as `_taken` makes it."""
 
     moments: F64
-    seen: F64 | None
+    seen: F64
     flux: F64
     ground: F64
+    taken: Taken | None = None
 
 
 class Sweeps:
@@ -125,13 +136,36 @@ class Sweeps:
         """What `moments.scatter` is told besides the moments."""
         return self.world.ell, self._sun, self._levels(lit), self._levels(scattering)
 
-    def sweep(self, f: Filled, moments: F64 | None, lit: bool, see: bool = False) -> Swept:
-        """The light after a sweep; lit by beam and inflow, or the linear part alone. moments: before it; None: dark."""
+    def sweep(self, f: Filled, moments: F64 | None) -> Swept:
+        """The light after a sweep; moments: before it; None: dark."""
+        seen, taken, flux, ground = self._swept(f, moments, True)
+        by = self._taken(taken, seen[0])
+        return Swept(seen * by.ratio, seen, flux, ground, by)
+
+    def changed(self, f: Filled, about: Swept, moments: F64) -> Swept:
+        """Change of a sweep with the moments before it, about its value."""
+        seen, taken, flux, ground = self._swept(f, moments, False)
+        return Swept(self._change(about, seen, taken), seen, flux, ground)
+
+    def _taken(self, more: F64, mean: F64) -> Taken:
+        """Of what steps take ``more`` of the mean radiance than nodes have (nodes,)."""
+        out = Taken(np.empty_like(mean), np.empty_like(mean), np.empty_like(mean))
+        in_threads(bounded, more, mean, *out)
+        return out
+
+    def _change(self, about: Swept, seen: F64, taken: F64) -> F64:
+        """Of the moments, from that of what is ``seen`` and of what steps take of the mean radiance."""
+        assert about.taken is not None
+        ratio, by_taken, by_seen = about.taken
+        return seen * ratio + about.seen * (by_taken * taken + by_seen * seen[0])
+
+    def _swept(self, f: Filled, moments: F64 | None, lit: bool) -> tuple[F64, F64, F64, F64]:
+        """What is seen, how much more of the mean radiance steps take, flux and ground after a sweep; lit by beam and
+        inflow, or the linear part alone."""
         w = self.world
         scattered = self._scattered(f.scattering, moments, f.lit if lit else None)
-        out, flux = np.zeros_like(scattered), np.zeros(w.columns)
-        seen = np.zeros_like(scattered) if see else None
-        emission, light, mean = self._fields(3)
+        seen, taken, flux = np.zeros_like(scattered), np.zeros_like(scattered[:1]), np.zeros(w.columns)
+        emission, light, more = self._fields(3)
         inflow = f.inflow if lit else np.zeros_like(f.inflow)
         ground = np.zeros(w.columns)
         for first, last in ((0, w.down), (w.down, len(w.weight))):
@@ -142,23 +176,22 @@ class Sweeps:
                 in_threads(emit, self._harmonics[some], scattered, emission[:n])
                 light_from = Sources(emission[:n], inflow[some], ground)
                 in_threads(
-                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], mean[:n]
+                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], more[:n]
                 )
-                in_threads(gather, self._gathered[some].T.copy(), mean[:n], out)
-                if seen is not None:
-                    in_threads(gather, self._gathered[some].T.copy(), light[:n], seen)
+                in_threads(gather, self._gathered[some].T.copy(), light[:n], seen)
+                in_threads(gather, self._gathered[some, :1].T.copy(), more[:n], taken)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
-        return Swept(out, seen, flux, ground)
+        return seen, taken[0], flux, ground
 
-    def tangent(self, f: Filled, moments: F64, d: Change) -> Swept:
-        """Change of a lit sweep with what is at the nodes; the moments before it stay."""
-        w = self.world
+    def tangent(self, f: Filled, about: Swept, d: Change) -> Swept:
+        """Change of a lit sweep with what is at the nodes; the moments before it, which ``about`` has, stay."""
+        w, moments = self.world, about.moments
         ext, scattering, lit = (a.astype(self.element) for a in d[:3])
         d = d._replace(ext=ext, scattering=scattering, lit=lit)
         scattered, d_scattered = (self._scattered(a, moments, f.lit) for a in (f.scattering, d.scattering))
         d_scattered += self._scattered(f.scattering, None, d.lit)
-        out, seen = np.zeros_like(scattered), np.zeros_like(scattered)
+        seen, taken = np.zeros_like(scattered), np.zeros_like(scattered[:1])
         flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
         emission, d_emission, light, d_light, d_mean = self._fields(5)
         for first, last in ((0, w.down), (w.down, len(w.weight))):
@@ -175,21 +208,22 @@ class Sweeps:
                     carry_tangent, self._grid, w.direction[some], f.ext, light_from, changes, light[:n], d_light[:n],
                     d_mean[:n],
                 )  # fmt: skip
-                in_threads(gather, self._gathered[some].T.copy(), d_mean[:n], out)
                 in_threads(gather, self._gathered[some].T.copy(), d_light[:n], seen)
+                in_threads(gather, self._gathered[some, :1].T.copy(), d_mean[:n], taken)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
                     d_flux += w.per_flux[some.start + b] * d_light[b, w.ground_nodes]
-        return Swept(out, seen, d_flux, d_ground)
+        return Swept(self._change(about, seen, taken[0]), seen, d_flux, d_ground)
 
     def transposed(
-        self, f: Filled, bar: F64 | None, seen_bar: F64 | None = None, ground_bar: F64 | None = None,
-        flux_bar: F64 | None = None, value: Swept | None = None,
+        self, f: Filled, about: Swept, bar: F64 | None, seen_bar: F64 | None = None, ground_bar: F64 | None = None,
+        flux_bar: F64 | None = None, gradient: bool = False,
     ) -> tuple[F64, Change | None]:  # fmt: skip
-        """Bars of the moments before a sweep from those of what it makes.
-
-        value: of the sweep, but with the moments before it; given it, bars of `Filled` as well.
+        """Bars of the moments before a sweep from those of what it makes, about its value, but with the moments before
+        it; gradient: of `Filled` as well.
         """
+        value = about if gradient else None
+        seen_bar, taken_bar = self._before_ratio(about, bar, seen_bar)
         w = self.world
         by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
@@ -205,11 +239,11 @@ class Sweeps:
                 by_flux += f.albedo / w.unit * by_ground
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                for bars, of_light in ((bar, mean_bar), (seen_bar, light_bar)):
+                for bars, of_light in ((taken_bar, mean_bar), (seen_bar, light_bar)):
                     if bars is None:
                         of_light[:n] = 0.0
                     else:
-                        in_threads(emit, self._gathered[some], bars, of_light[:n])
+                        in_threads(emit, self._gathered[some, : len(bars)].copy(), bars, of_light[:n])
                 for b in range(n if not first else 0):
                     light_bar[b, w.ground_nodes] += w.per_flux[some.start + b] * by_flux
                 given = (self._grid, w.direction[some], f.ext)
@@ -237,6 +271,17 @@ class Sweeps:
         albedo_bar = (value.flux + f.direct) / w.unit * by_ground
         change = Change(ext_bar, scattering_bar, lit_bar, albedo_bar, f.albedo / w.unit * by_ground)
         return source_bar, change
+
+    def _before_ratio(self, about: Swept, bar: F64 | None, seen_bar: F64 | None) -> tuple[F64 | None, F64 | None]:
+        """Bars of what is seen and of what steps take of the mean radiance (1, nodes)."""
+        if bar is None:
+            return seen_bar, None
+        assert about.taken is not None
+        ratio, by_taken, by_seen = about.taken
+        by_ratio = np.einsum("kn,kn->n", about.seen, bar)
+        of_seen = bar * ratio if seen_bar is None else bar * ratio + seen_bar
+        of_seen[0] += by_seen * by_ratio
+        return of_seen, (by_taken * by_ratio)[None]
 
     def _before(self, f: Filled, source_bar: F64) -> F64:
         """Bars of moments from those of what they make nodes scatter."""

@@ -13,7 +13,7 @@ Everything else is held fixed: see docs/linear.md.
 
     depth to the sun          d = R beta + what lies beyond the grid          linear
     beam                      T = e^-d; T_lit by what cells take of it
-    diffuse moments           m = K(beta) m + b(beta)                         a fixed point of sweeps, linear in m
+    diffuse moments           m = G(m, beta), K its slope by m                a fixed point of sweeps
     at the nodes              n: moments of the same sweep's light there, which eyes see
     ground                    F = flux down, G = albedo (mu0 T + F)/unit      of the same sweep
     eye rays                  y = march(beta, J(n), root of T, forward depth, G)
@@ -51,7 +51,6 @@ F64 = NDArray[np.float64]
 
 TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once
 _STRICTLY = 0.1  # times it: of changes and bars, which are those of x where x = K x + given, not of its image
-_NEARLY = 2.0  # times the tolerance: where less is expected of a sweep, what eyes see is made as well
 
 
 @dataclass(eq=False)
@@ -143,23 +142,19 @@ class LinearCore:
         filled.lit = beam_taken.lit(self._grid(beam), self._grid(filled.ext), *self._cells).ravel().astype(element)
         filled.direct = w.per_beam_on_slopes(term) * beam[w.ground_nodes]
         self._sweeps.keep_steps(filled)
-        swept, sweeps = self._sweeps.sweep(filled, None, lit=True) if start is None else start.swept, 0
+        swept, sweeps = self._sweeps.sweep(filled, None) if start is None else start.swept, 0
 
         solved = () if start is None else start.solved
         first = ahead(solved, filled.ext) if solved else swept.moments
         size = norm(first) if start is None else start.size
-        wanted = self.tolerance * size
 
-        def lit_sweep(moments: F64, expected: float) -> F64:
+        def lit_sweep(moments: F64, _: float) -> F64:
             nonlocal swept, sweeps
-            swept = self._sweeps.sweep(filled, moments, lit=True, see=not expected > _NEARLY * wanted)
+            swept = self._sweeps.sweep(filled, moments)
             sweeps += 1
             return swept.moments
 
-        image, before = fixed_point(lit_sweep, first, wanted, self.most_sweeps, self.memory)
-        if swept.seen is None:
-            before = image
-            lit_sweep(image, 0.0)
+        image, before = fixed_point(lit_sweep, first, self.tolerance * size, self.most_sweeps, self.memory)
         swept = swept._replace(moments=before)
         earlier = () if start is None else (*start.earlier, *([start.asked] if start.asked else []))
         return OneState(
@@ -172,7 +167,6 @@ class LinearCore:
         w, found = self.world, []
         fields = self._fields(one.extinction, np.sqrt(one.beam), one.forward_depth)
         for view in self.views if views is None else views:
-            assert one.swept.seen is not None
             self._toward(view, term, one.swept.seen, fields)
             out = np.empty(len(view))
             in_threads(march, view.sent(term), self._matter(term, one), fields, out)
@@ -207,11 +201,8 @@ class LinearCore:
         ).ravel()  # fmt: skip
         d_direct = w.per_beam_on_slopes(term) * d_beam[w.ground_nodes]
         change = Change(d_ext, mixed(optics.low.T, d_extinction), d_lit, d_albedo, d_direct)
-        by_values = self._sweeps.tangent(f, one.swept.moments, change)
-        by_moments, sweeps = self._changed(f, by_values.moments, tolerance)
-        assert by_values.seen is not None
-        assert by_moments.seen is not None
-        assert one.swept.seen is not None
+        by_values = self._sweeps.tangent(f, one.swept, change)
+        by_moments, sweeps = self._changed(one, by_values.moments, tolerance)
         d_seen, d_flux = by_values.seen + by_moments.seen, by_values.flux + by_moments.flux
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
@@ -228,20 +219,18 @@ class LinearCore:
             found.append(out)
         return (found, self._at_points(w.per_beam(term) * d_beam[w.ground_nodes] + d_flux)), sweeps + 1
 
-    def _changed(self, f: Filled, given: F64, tolerance: float) -> tuple[Swept, int]:
+    def _changed(self, one: OneState, given: F64, tolerance: float) -> tuple[Swept, int]:
         """The sweep of the change of moments x = K x + given, and how many sweeps that took."""
-        wanted, sweeps, swept = _STRICTLY * tolerance * norm(given), 0, None
+        sweeps, swept = 0, None
 
-        def sweep(x: F64, expected: float) -> F64:
+        def sweep(x: F64, _: float) -> F64:
             nonlocal sweeps, swept
-            swept = self._sweeps.sweep(f, x, lit=False, see=not expected > _NEARLY * wanted)
+            swept = self._sweeps.changed(one.filled, one.swept, x)
             sweeps += 1
             return added(swept.moments, given)
 
-        image, _ = fixed_point(sweep, given, wanted, self.most_sweeps, self.memory)
+        fixed_point(sweep, given, _STRICTLY * tolerance * norm(given), self.most_sweeps, self.memory)
         assert swept is not None
-        if swept.seen is None:
-            sweep(image, 0.0)
         return swept, sweeps
 
     # -- adjoint ---------------------------------------------------------------------------------------------------
@@ -270,7 +259,6 @@ class LinearCore:
         fields = self._fields(one.extinction, root, one.forward_depth)
         fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes), self._sweeps.element)
         by_team, ground_by_team = channels(TEAMS, w.nodes, kinds), np.zeros((TEAMS, w.columns))
-        assert one.swept.seen is not None
         for view, bar in zip(self.views, bars, strict=True):
             self._toward(view, term, one.swept.seen, fields)
             by_team[:] = 0.0
@@ -308,14 +296,13 @@ class LinearCore:
         if before is not None:
             start, size = begun(one.earlier, residual), before.size * asked_for / before.asked
         else:
-            start, _ = self._sweeps.transposed(f, None, *bars)
+            start, _ = self._sweeps.transposed(f, one.swept, None, *bars)
             size, sweeps = norm(start), 1
         wanted = _STRICTLY * tolerance * size
 
         def ask(x: F64, expected: float) -> F64:
             nonlocal change, sweeps
-            last = None if expected > wanted else one.swept
-            image, change = self._sweeps.transposed(f, x, *bars, last)
+            image, change = self._sweeps.transposed(f, one.swept, x, *bars, gradient=not expected > wanted)
             sweeps += 1
             return image
 

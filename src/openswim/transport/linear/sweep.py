@@ -162,11 +162,11 @@ def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, ame
 
 
 @njit(**FLAGS)
-def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
+def carry(t, threads, grid, directions, ext, steps, sources, light, more):
     """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``. Where there
     are none (0, 4, nodes) they are found row by row.
 
-    mean: the same as what is scattered around the nodes has it (`cell.amendment`).
+    more: how much more steps around the nodes take (`cell.amendment`).
     """
     shape, _, _, ground_node = grid
     course = course_of(grid)
@@ -175,7 +175,7 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
     kept, scratch, highest = steps.shape[0] > 0, np.zeros((4, shape[2]), ext.dtype), highest_of(ground_node)
     told_row = np.zeros(shape[2] + 2 * LANES, ext.dtype)
     for n in range(t, directions.shape[0], threads):
-        q, e, out, amended = directions[n], emission[n], light[n], mean[n]
+        q, e, out, amended = directions[n], emission[n], light[n], more[n]
         own = steps[n] if kept else scratch
         set_out(q, grid, course, False)
         ny, nx, rising, turn = shape[1], shape[2], q[2] < 0.0, way[2, 2]
@@ -208,20 +208,18 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, mean):
                     _carry_row(
                         line, at + first, first, count, turn, beside, ext, e, step, own, out, amended, told_row
                     )  # fmt: skip
-        for node in range(ext.shape[0]):
-            amended[node] += out[node]
 
 
 @njit(**FLAGS)
-def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_light, d_mean):
-    """`carry`, and the `Changes` of its light and mean."""
+def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_light, d_more):
+    """`carry`, and the `Changes` of its light and of more."""
     shape, _, _, ground_node = grid
     course = course_of(grid)
     way, entry, offset, weight, length = course
     emission, inflow, ground = sources
     d_ext, d_emission, d_ground = changes
     for n in range(t, directions.shape[0], threads):
-        q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_mean[n]
+        q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_more[n]
         set_out(q, grid, course, False)
         ny, nx, rising = shape[1], shape[2], q[2] < 0.0
         amended[:] = 0.0
@@ -262,5 +260,3 @@ def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_
                     amended[p] += d
                     for c in range(4):
                         amended[p + offset[k, c]] += weight[k, c] * d
-        for node in range(ext.shape[0]):
-            amended[node] += d_out[node]

@@ -28,11 +28,11 @@ from openswim.transport.linear.sweep import weigh_row
 
 
 class Bars(NamedTuple):
-    """Of what `carry` makes, light (b, nodes), used up, and mean (b, nodes); and, filled from them, of what it is
+    """Of what `carry` makes, light (b, nodes), used up, and more (b, nodes); and, filled from them, of what it is
     given: emission (b, nodes) and ground (b, columns)."""
 
     light: np.ndarray
-    mean: np.ndarray
+    more: np.ndarray
     emission: np.ndarray
     ground: np.ndarray
 
@@ -167,12 +167,12 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars, lit):
     shape, _, _, ground_node = grid
     course = course_of(grid)
     way, entry = course.way, course.entry
-    light_bar, mean_bar, emission_bar, ground_bar = bars
+    light_bar, more_bar, emission_bar, ground_bar = bars
     scratch_rows = np.zeros((4, shape[2] + 2 * LANES), ext.dtype)
     rows = (scratch_rows[0], scratch_rows[1], scratch_rows[2], scratch_rows[3])
     kept, scratch, highest = steps.shape[0] > 0, np.zeros((4, shape[2]), ext.dtype), highest_of(ground_node)
     for n in range(t, directions.shape[0], threads):
-        q, lb, mb, eb = directions[n], light_bar[n], mean_bar[n], emission_bar[n]
+        q, lb, mb, eb = directions[n], light_bar[n], more_bar[n], emission_bar[n]
         own, own_bars = steps[n] if kept else scratch, (lb, mb, eb)
         of = None if lit is None else (lit.emission[n], lit.light[n], lit.ext_bar[n])
         set_out(q, grid, course, True)
@@ -184,7 +184,6 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars, lit):
             lit.ext_bar[n] = 0.0
         for node in range(ext.shape[0]):
             eb[node] = 0.0
-            lb[node] += mb[node]
         for k in range(way[0, 0], way[0, 1], way[0, 2]):
             step, beside = step_of(course, k)
             for j in range(way[1, 0], way[1, 1], way[1, 2]):
