@@ -18,8 +18,16 @@ from numpy.typing import NDArray
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.cell import bounded
 from openswim.transport.linear.course import Grid
-from openswim.transport.linear.moments import emit, gather, scatter, scatter_transposed
-from openswim.transport.linear.sweep import Changes, Sources, carry, carry_tangent, weigh
+from openswim.transport.linear.moments import (
+    Taken,
+    around,
+    around_transposed,
+    emit,
+    gather,
+    scatter,
+    scatter_transposed,
+)
+from openswim.transport.linear.sweep import About, Sources, carry, weigh
 from openswim.transport.linear.transposed import Bars, Lit, carry_transposed
 from openswim.transport.linear.world import World
 
@@ -55,15 +63,6 @@ class Change(NamedTuple):
     lit: F64
     albedo: F64
     direct: F64
-
-
-class Taken(NamedTuple):
-    """What is scattered around the nodes, over what is seen at them (nodes,): ``ratio``, which is bounded, and its
-    slopes by what steps take of the mean radiance, and by the mean radiance at the nodes."""
-
-    ratio: F64
-    by_taken: F64
-    by_seen: F64
 
 
 class Swept(NamedTuple):
@@ -156,8 +155,9 @@ class Sweeps:
     def _change(self, about: Swept, seen: F64, taken: F64) -> F64:
         """Of the moments, from that of what is ``seen`` and of what steps take of the mean radiance."""
         assert about.taken is not None
-        ratio, by_taken, by_seen = about.taken
-        return seen * ratio + about.seen * (by_taken * taken + by_seen * seen[0])
+        out = np.empty_like(seen)
+        in_threads(around, about.taken, about.seen, seen, taken, out)
+        return out
 
     def _swept(self, f: Filled, moments: F64 | None, lit: bool) -> tuple[F64, F64, F64, F64]:
         """What is seen, how much more of the mean radiance steps take, flux and ground after a sweep; lit by beam and
@@ -175,9 +175,8 @@ class Sweeps:
                 n = some.stop - some.start
                 in_threads(emit, self._harmonics[some], scattered, emission[:n])
                 light_from = Sources(emission[:n], inflow[some], ground)
-                in_threads(
-                    carry, self._grid, w.direction[some], f.ext, self._steps(f, some), light_from, light[:n], more[:n]
-                )
+                given = (self._grid, w.direction[some], f.ext, self._steps(f, some))
+                in_threads(carry, *given, light_from, light[:n], more[:n], None)
                 in_threads(gather, self._gathered[some].T.copy(), light[:n], seen)
                 in_threads(gather, self._gathered[some, :1].T.copy(), more[:n], taken)
                 for b in range(n if not first else 0):
@@ -193,7 +192,7 @@ class Sweeps:
         d_scattered += self._scattered(f.scattering, None, d.lit)
         seen, taken = np.zeros_like(scattered), np.zeros_like(scattered[:1])
         flux, d_flux, ground, d_ground = (np.zeros(w.columns) for _ in range(4))
-        emission, d_emission, light, d_light, d_mean = self._fields(5)
+        emission, d_emission, light, d_light, d_more = self._fields(5)
         for first, last in ((0, w.down), (w.down, len(w.weight))):
             if first:
                 ground = f.albedo * (flux + f.direct) / w.unit
@@ -202,14 +201,14 @@ class Sweeps:
                 n = some.stop - some.start
                 in_threads(emit, self._harmonics[some], scattered, emission[:n])
                 in_threads(emit, self._harmonics[some], d_scattered, d_emission[:n])
+                given = (self._grid, w.direction[some], f.ext, self._steps(f, some))
                 light_from = Sources(emission[:n], f.inflow[some], ground)
-                changes = Changes(d.ext, d_emission[:n], d_ground)
-                in_threads(
-                    carry_tangent, self._grid, w.direction[some], f.ext, light_from, changes, light[:n], d_light[:n],
-                    d_mean[:n],
-                )  # fmt: skip
+                in_threads(carry, *given, light_from, light[:n], d_more[:n], None)
+                changes_from = Sources(d_emission[:n], 0.0 * f.inflow[some], d_ground)
+                about_light = About(emission[:n], light[:n], d.ext)
+                in_threads(carry, *given, changes_from, d_light[:n], d_more[:n], about_light)
                 in_threads(gather, self._gathered[some].T.copy(), d_light[:n], seen)
-                in_threads(gather, self._gathered[some, :1].T.copy(), d_mean[:n], taken)
+                in_threads(gather, self._gathered[some, :1].T.copy(), d_more[:n], taken)
                 for b in range(n if not first else 0):
                     flux += w.per_flux[some.start + b] * light[b, w.ground_nodes]
                     d_flux += w.per_flux[some.start + b] * d_light[b, w.ground_nodes]
@@ -253,7 +252,7 @@ class Sweeps:
                 else:
                     in_threads(emit, self._harmonics[some], scattered, emission[:n])
                     light_from = Sources(emission[:n], f.inflow[some], value.ground)
-                    in_threads(carry, *given, self._steps(f, some), light_from, light[:n], mean[:n])
+                    in_threads(carry, *given, self._steps(f, some), light_from, light[:n], mean[:n], None)
                     lit = Lit(emission[:n], light[:n], ext_bars[:n])
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, lit)
                     for b in range(n):
@@ -277,11 +276,9 @@ class Sweeps:
         if bar is None:
             return seen_bar, None
         assert about.taken is not None
-        ratio, by_taken, by_seen = about.taken
-        by_ratio = np.einsum("kn,kn->n", about.seen, bar)
-        of_seen = bar * ratio if seen_bar is None else bar * ratio + seen_bar
-        of_seen[0] += by_seen * by_ratio
-        return of_seen, (by_taken * by_ratio)[None]
+        of_seen, of_taken = np.zeros_like(bar) if seen_bar is None else seen_bar.copy(), np.empty_like(bar[:1])
+        in_threads(around_transposed, about.taken, about.seen, bar, of_seen, of_taken[0])
+        return of_seen, of_taken
 
     def _before(self, f: Filled, source_bar: F64) -> F64:
         """Bars of moments from those of what they make nodes scatter."""

@@ -102,6 +102,51 @@ def scatter_transposed(t, threads, ell, sun, lit, scattering, moments, bar, scat
                 bar[n, k, p] = own * share[k, p]
 
 
+class Taken(NamedTuple):
+    """What is scattered around the nodes, over what is seen at them (nodes,): ``ratio``, which is bounded, and its
+    slopes by what steps take of the mean radiance, and by the mean radiance at the nodes."""
+
+    ratio: np.ndarray
+    by_taken: np.ndarray
+    by_seen: np.ndarray
+
+
+@njit(**_FLAGS)
+def around(t, threads, taken, seen, d_seen, d_taken, out):
+    """out (K, nodes): change of what is scattered around nodes, from those of what is ``seen`` at them (K, nodes) and
+    of what steps take of the mean radiance (nodes,)."""
+    ratio, by_taken, by_seen = taken
+    own = np.zeros(_STRETCH, out.dtype)
+    for first in range(t * _STRETCH, out.shape[1], threads * _STRETCH):
+        count = min(_STRETCH, out.shape[1] - first)
+        for i in range(count):
+            n = first + i
+            own[i] = by_taken[n] * d_taken[n] + by_seen[n] * d_seen[0, n]
+        for k in range(out.shape[0]):
+            for i in range(count):
+                n = first + i
+                out[k, n] = d_seen[k, n] * ratio[n] + seen[k, n] * own[i]
+
+
+@njit(**_FLAGS)
+def around_transposed(t, threads, taken, seen, bar, seen_bar, taken_bar):
+    """Transpose of `around`: seen_bar (K, nodes) is added to; taken_bar (nodes,)."""
+    ratio, by_taken, by_seen = taken
+    own = np.zeros(_STRETCH, bar.dtype)
+    for first in range(t * _STRETCH, bar.shape[1], threads * _STRETCH):
+        count = min(_STRETCH, bar.shape[1] - first)
+        own[:] = 0.0
+        for k in range(bar.shape[0]):
+            for i in range(count):
+                n = first + i
+                own[i] += seen[k, n] * bar[k, n]
+                seen_bar[k, n] += bar[k, n] * ratio[n]
+        for i in range(count):
+            n = first + i
+            seen_bar[0, n] += by_seen[n] * own[i]
+            taken_bar[n] = by_taken[n] * own[i]
+
+
 class Eye(NamedTuple):
     """Where nodes lie, and where they are seen from."""
 

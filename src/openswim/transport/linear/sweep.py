@@ -1,4 +1,4 @@
-"""An ordinate through the grid: value and tangent; `transposed` has the way back, and the gradient.
+"""An ordinate through the grid: its light, or a change of it; `transposed` has the way back, and the gradient.
 
 Nodes on faces by which light enters have the inflow of their level; nodes on and below the ground have, for light from
 below, the ground's radiance; all others what the step from the point upstream (`course`) brings. The kernels go through
@@ -40,12 +40,12 @@ class Sources(NamedTuple):
     ground: np.ndarray  # (columns,) radiance of the ground
 
 
-class Changes(NamedTuple):
-    """Of what `carry` is given."""
+class About(NamedTuple):
+    """Of what `carry` carries a change: what was emitted and the light (b, nodes), and the change of extinction."""
 
-    ext: np.ndarray  # (nodes,)
-    emission: np.ndarray  # (b, nodes)
-    ground: np.ndarray  # (columns,)
+    emission: np.ndarray
+    light: np.ndarray
+    d_ext: np.ndarray  # (nodes,)
 
 
 @njit(**PART)
@@ -87,26 +87,53 @@ def weigh(t, threads, grid, directions, ext, steps):
 
 
 @njit(**PART)
-def _pass_some(p, at, some, e, step, passing, own, out):
-    width = own.shape[1]
-    here = read(own, at, some) * between(out, p, passing, some) + read(own, width + at, some) * read(e, p, some)
-    write(out, p, here + read(own, 2 * width + at, some) * between(e, p, step, some), some)
-
-
-@njit(**PART)
-def _tell_some(p, at, i, some, ext, e, step, own, out, amended, told_row):
-    share, to, ds = step
+def _told(p, step, some, ext, out):
+    """What comes from the upstream corners: light, and its product with the extinction there."""
+    share, to, _ = step
     a, b, c, d = (
         share[0] * read(out, p + to[0], some), share[1] * read(out, p + to[1], some),
         share[2] * read(out, p + to[2], some), share[3] * read(out, p + to[3], some),
     )  # fmt: skip
     told = read(ext, p + to[0], some) * a + read(ext, p + to[1], some) * b
     told += read(ext, p + to[2], some) * c + read(ext, p + to[3], some) * d
-    more = amendment(
-        read(out, p, some), (a + b) + (c + d), read(e, p, some), between(e, p, step, some), read(ext, p, some), told,
-        1.0, ds,
-    )  # fmt: skip
-    more = more * read(own, 3 * own.shape[1] + at, some)
+    return (a + b) + (c + d), told
+
+
+@njit(**PART)
+def _pass_some(p, at, some, ext, e, step, passing, own, out, about):
+    width = own.shape[1]
+    here = read(own, at, some) * between(out, p, passing, some) + read(own, width + at, some) * read(e, p, some)
+    here += read(own, 2 * width + at, some) * between(e, p, step, some)
+    if about is not None:
+        emission, light, d_ext = about
+        up, source, source_up = (
+            between(light, p, step, some), read(emission, p, some), between(emission, p, step, some),
+        )  # fmt: skip
+        t_n, t_f, n_n, n_f, f_n, f_f = step_slopes(read(ext, p, some), between(ext, p, step, some), step[2])
+        here += (t_n * up + n_n * source + f_n * source_up) * read(d_ext, p, some)
+        here += (t_f * up + n_f * source + f_f * source_up) * between(d_ext, p, step, some)
+    write(out, p, here, some)
+
+
+@njit(**PART)
+def _tell_some(p, at, i, some, ext, e, step, own, out, amended, told_row, about):
+    ds, near, half = step[2], read(ext, p, some), read(own, 3 * own.shape[1] + at, some)
+    up, told = _told(p, step, some, ext, out)
+    if about is None:
+        more = half * amendment(
+            read(out, p, some), up, read(e, p, some), between(e, p, step, some), near, told, 1.0, ds
+        )  # fmt: skip
+    else:
+        emission, light, d_ext = about
+        d_near, here = read(d_ext, p, some), read(light, p, some)
+        light_up, light_told = _told(p, step, some, ext, light)
+        both = trusted(near, between(ext, p, step, some), ds)
+        taken = amendment(
+            here, light_up, read(emission, p, some), between(emission, p, step, some), near, light_told, both, ds
+        )  # fmt: skip
+        told += _told(p, step, some, d_ext, light)[1] + d_near * here
+        more = amendment(read(out, p, some), up, read(e, p, some), between(e, p, step, some), near, told, 1.0, ds)
+        more = half * (more - taken * (d_near + between(d_ext, p, step, some)))
     add(amended, p, more, some)
     write(told_row, LANES + i, more, some)
 
@@ -129,16 +156,16 @@ def _tell_corners(p, i, count, step, told_row, amended):
 
 
 @njit(**ROW)
-def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, amended, told_row):
+def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, amended, told_row, about):
     """Light at ``count`` nodes of a row from its ``first`` on, and what amends it. turn: +1 or -1, the light's way
     along the row; beside: whether it goes from node to node there."""
     p = line + first
     passing = without_first(step) if beside else step
     rest = count % LANES
     for s in range(0, count - LANES + 1, LANES):
-        _pass_some(p + s, at + s, None, e, step, passing, own, out)
+        _pass_some(p + s, at + s, None, ext, e, step, passing, own, out, about)
     if rest:
-        _pass_some(p + count - rest, at + count - rest, rest, e, step, passing, own, out)
+        _pass_some(p + count - rest, at + count - rest, rest, ext, e, step, passing, own, out, about)
     if beside:
         share, i = step[0][0], 0 if turn > 0 else count - 1
         light = np.float64(out[p + i + step[1][0]])
@@ -147,10 +174,10 @@ def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, ame
             out[p + i] = light
             i += turn
     for s in range(0, count - LANES + 1, LANES):
-        _tell_some(p + s, at + s, first + s, None, ext, e, step, own, out, amended, told_row)
+        _tell_some(p + s, at + s, first + s, None, ext, e, step, own, out, amended, told_row, about)
     if rest:
         s = count - rest
-        _tell_some(p + s, at + s, first + s, rest, ext, e, step, own, out, amended, told_row)
+        _tell_some(p + s, at + s, first + s, rest, ext, e, step, own, out, amended, told_row, about)
     one, two = pairs_of(step)
     if one[2] == 0:
         _tell_corners(p, first, count, step, told_row, amended)
@@ -162,11 +189,12 @@ def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, ame
 
 
 @njit(**FLAGS)
-def carry(t, threads, grid, directions, ext, steps, sources, light, more):
+def carry(t, threads, grid, directions, ext, steps, sources, light, more, about):
     """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``. Where there
     are none (0, 4, nodes) they are found row by row.
 
-    more: how much more steps around the nodes take (`cell.amendment`).
+    more: how much more steps around the nodes take (`cell.amendment`). about: where it is given, both are the changes
+    that follow from those of the sources and of the extinction.
     """
     shape, _, _, ground_node = grid
     course = course_of(grid)
@@ -177,6 +205,7 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, more):
     for n in range(t, directions.shape[0], threads):
         q, e, out, amended = directions[n], emission[n], light[n], more[n]
         own = steps[n] if kept else scratch
+        of = None if about is None else (about.emission[n], about.light[n], about.d_ext)
         set_out(q, grid, course, False)
         ny, nx, rising, turn = shape[1], shape[2], q[2] < 0.0, way[2, 2]
         first, count = within(entry, nx)
@@ -197,8 +226,8 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, more):
                         elif row or i == entry[2]:
                             out[line + i] = inflow[n, k]
                         else:
-                            _pass_some(line + i, at + i, 1, e, step, step, own, out)
-                            _tell_some(line + i, at + i, i, 1, ext, e, step, own, out, amended, told_row)
+                            _pass_some(line + i, at + i, 1, ext, e, step, step, own, out, of)
+                            _tell_some(line + i, at + i, i, 1, ext, e, step, own, out, amended, told_row, of)
                             _tell_corners(line + i, i, 1, step, told_row, amended)
                 elif row:
                     out[line : line + nx] = inflow[n, k]
@@ -206,57 +235,6 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, more):
                     if entry[2] >= 0:
                         out[line + entry[2]] = inflow[n, k]
                     _carry_row(
-                        line, at + first, first, count, turn, beside, ext, e, step, own, out, amended, told_row
+                        line, at + first, first, count, turn, beside, ext, e, step, own, out, amended, told_row,
+                        of,
                     )  # fmt: skip
-
-
-@njit(**FLAGS)
-def carry_tangent(t, threads, grid, directions, ext, sources, changes, light, d_light, d_more):
-    """`carry`, and the `Changes` of its light and of more."""
-    shape, _, _, ground_node = grid
-    course = course_of(grid)
-    way, entry, offset, weight, length = course
-    emission, inflow, ground = sources
-    d_ext, d_emission, d_ground = changes
-    for n in range(t, directions.shape[0], threads):
-        q, e, de, out, d_out, amended = directions[n], emission[n], d_emission[n], light[n], d_light[n], d_more[n]
-        set_out(q, grid, course, False)
-        ny, nx, rising = shape[1], shape[2], q[2] < 0.0
-        amended[:] = 0.0
-        for k in range(way[0, 0], way[0, 1], way[0, 2]):
-            ds = length[k]
-            for j in range(way[1, 0], way[1, 1], way[1, 2]):
-                row = k == entry[0] or j == entry[1]
-                for i in range(way[2, 0], way[2, 1], way[2, 2]):
-                    p = (k * ny + j) * nx + i
-                    if rising and k <= ground_node[j, i]:
-                        out[p], d_out[p] = ground[j * nx + i], d_ground[j * nx + i]
-                        continue
-                    if row or i == entry[2]:
-                        out[p], d_out[p] = inflow[n, k], 0.0
-                        continue
-                    up, ext_up, e_up, told, d_up, d_ext_up, de_up, d_told = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                    for c in range(4):
-                        w, m = weight[k, c], p + offset[k, c]
-                        up += w * out[m]
-                        ext_up += w * ext[m]
-                        e_up += w * e[m]
-                        told += w * ext[m] * out[m]
-                        d_up += w * d_out[m]
-                        d_ext_up += w * d_ext[m]
-                        de_up += w * de[m]
-                        d_told += w * (d_ext[m] * out[m] + ext[m] * d_out[m])
-                    trans, near, far = step_weights(ext[p], ext_up, ds)
-                    t_n, t_f, n_n, n_f, f_n, f_f = step_slopes(ext[p], ext_up, ds)
-                    here = trans * up + near * e[p] + far * e_up
-                    d_here = trans * d_up + near * de[p] + far * de_up
-                    d_here += (t_n * up + n_n * e[p] + f_n * e_up) * d_ext[p]
-                    d_here += (t_f * up + n_f * e[p] + f_f * e_up) * d_ext_up
-                    out[p], d_out[p] = here, d_here
-                    both = trusted(ext[p], ext_up, ds)
-                    a = amendment(here, up, e[p], e_up, ext[p], told, both, ds)
-                    d = 2.0 / ds * (d_up - d_here) + de[p] + de_up - d_ext[p] * here - ext[p] * d_here - d_told
-                    d = 0.5 * (d - a * (d_ext[p] + d_ext_up)) / both
-                    amended[p] += d
-                    for c in range(4):
-                        amended[p + offset[k, c]] += weight[k, c] * d
