@@ -214,6 +214,8 @@ def test_what_cannot_be_put_back_is_told_in_a_line(tmp_path: Path, capsys: pytes
 @pytest.mark.slow
 def test_the_command_line_writes_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, out = wrf(tmp_path, map_proj=0, attributes=dict(DX=500.0, DY=500.0)), tmp_path / "back.nc"
+    with netCDF4.Dataset(model, "a") as file:  # a cloud through which the sun comes
+        file["QCLOUD"][:] *= 0.03
     config = tmp_path / "analysis.toml"
     config.write_text(
         'openswim_analysis = 1\nmodel = "wrfout_d01_test"\ntime = "2005-08-28T15:00"\nsun = [140.0, 50.0]\n'
@@ -227,9 +229,9 @@ def test_the_command_line_writes_back(tmp_path: Path, capsys: pytest.CaptureFixt
     told = re.search(r"departures of ([0-9.]+) errors before, ([0-9.]+) after", said)
     assert told
     before, after = map(float, told.groups())
-    assert after < 0.25 * before < 5.0  # the light of the first guess is not far from what was measured
+    assert after < 0.011 * before
     assert different(model, out) == {"QCLOUD", "QICE", "QVAPOR"}
     first, found, back = open_scene(model, time=SECOND).data, open_scene(target).data, open_scene(out, time=SECOND).data
-    assert float(found.ice_content.sum()) > 1.09 * float(first.ice_content.sum())
     for name in ("liquid_content", "ice_content"):  # but for the density of dry air beside more vapour
-        assert float(back[name].sum()) == pytest.approx(float(found[name].sum()), rel=0.007)
+        moved, left = (np.abs(one[name].values - found[name].values).sum() for one in (first, back))
+        assert left < 0.016 * moved
