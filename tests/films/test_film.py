@@ -15,12 +15,13 @@ import openswim
 from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, readers
 from openswim.colour.exposure import SUN_CURVE
 from openswim.colour.rgb import exposure_for
-from openswim.films import CameraPath, Weather, film
+from openswim.films import CameraPath, Weather, film, making
 from openswim.films.exposure import exposure_curve, slow, taut
 from openswim.films.keogram import keogram
 from openswim.films.kept_frames import KeptFrame, KeptFrames
 from openswim.films.titles import title, titled
 from openswim.films.video import write_video
+from openswim.films.whereabouts import told_of_places, told_of_times
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 CLEAR = Scene.clear(47.0, 11.0, time=NOON)
@@ -377,6 +378,72 @@ def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
     with pytest.raises(UserError, match="times of its own"):
         film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)
+
+
+def _boxes(centres: list[float]) -> Weather:
+    """Cloudless scenes an hour apart, 2 degrees wide, about latitude 47 and longitudes that are the centres."""
+    axis = np.linspace(-1.0, 1.0, 5)
+    return Weather.of_scenes([
+        Scene.from_arrays(None, lon + axis, 47.0 + axis, [500.0, 3000.0], crs="+proj=longlat +R=6371000",
+                          time=NOON + np.timedelta64(n, "h"))
+        for n, lon in enumerate(centres)
+    ])  # fmt: skip
+
+
+def _way(lon: list[float], height_m: float = 2000.0) -> CameraPath:
+    times = NOON + np.timedelta64(1000, "ms") * np.arange(len(lon))
+    place = np.column_stack([np.full(len(lon), 47.0), lon, np.full(len(lon), height_m)])
+    return CameraPath(times, place, np.full((len(lon), 4), np.nan))
+
+
+def _told(sky: Weather, way: CameraPath) -> str:
+    return told_of_places(sky, way.time, way.camera(CAMERA, way.time))
+
+
+def test_a_path_far_outside_the_domain_is_refused_before_any_light_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(making, "light", None)
+    line = r"at latitude 47.00, longitude 84.00 at 2024-06-01T12:00:01Z, \d+ km outside .* longitude 10.00 to 12.00"
+    with pytest.raises(UserError, match=line):
+        film(_boxes([11.0]), CAMERA, tmp_path / "film", path=_way([11.0, 84.0]), frames_per_second=1)
+    with pytest.raises(UserError, match="the observer is outside the domain: it covers"):
+        film(_boxes([11.0]), Camera.allsky(47.0, 13.0, size=32), tmp_path / "film")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_path_beside_the_domain_is_told_as_far_as_clouds_are_seen() -> None:
+    """A degree of longitude is 75.8 km there; clouds show well up to 200 km beyond the horizon of the eye, which is
+    160 km away at 2000 m and 357 km at 10 km."""
+    sky = _boxes([11.0])
+    assert _told(sky, _way([10.0, 12.0])) == ""
+    told = _told(sky, _way([11.0, 12.1, 16.0]))
+    assert told.startswith("2 of 3 frames are outside the domain, the first at latitude 47.00, longitude 12.10 at 2024")
+    with pytest.raises(UserError, match="too far to see its clouds"):
+        _told(sky, _way([11.0, 17.0]))
+    assert _told(sky, _way([11.0, 17.0], 10_000.0))
+    assert _told(sky, _way([11.0, 170.0], 4e5)) == ""  # from space all is seen that there is
+
+
+def test_a_camera_that_a_nest_leaves_is_refused_beforehand() -> None:
+    sky = _boxes([11.0, 14.0])
+    cameras = [Camera.allsky(47.0, 11.5, size=32)] * 2
+    assert told_of_places(sky, sky.times[:1], cameras[:1]) == ""
+    with pytest.raises(UserError, match=r"that the model has from 2024-06-01T13:00.*longitude 13.00 to 15.00"):
+        told_of_places(sky, sky.times, cameras)
+
+
+def test_weather_that_is_of_another_time_is_told() -> None:
+    def told(hours: list[float], asked: list[float]) -> str:
+        return told_of_times(*(NOON + np.array([round(3.6e6 * h) for h in each], "timedelta64[ms]")
+                               for each in (hours, asked)))  # fmt: skip
+
+    assert told([0], [-2.9, 2.9]) == told([0, 1], [-0.9, 0.5, 1.9]) == told([0, 6], [-5, 11]) == ""
+    assert told([0], [3.5, 11]) == (
+        "weather of 2024-06-01T12:00:00Z, light of 2024-06-01T23:00:00Z, 11.0 hours after it: clouds do not move "
+        "between them"
+    )
+    assert "light of 2024-06-01T10:30:00Z, 1.5 hours before it" in told([0, 1], [-1.5, 0.5])
 
 
 @pytest.mark.parametrize(("altitude", "ahead"), [(-30.0, "land"), (30.0, None)])

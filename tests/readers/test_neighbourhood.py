@@ -254,3 +254,15 @@ def test_far_clouds_stand_above_the_horizon():
     assert far_m(3.6e7) <= 1e7
     assert Neighbourhood(47.0, 8.0, reach_m(4e5), far_m=far_m(4e5)).beyond is None
     assert Neighbourhood(47.0, 8.0, reach_m(1e4), far_m=far_m(1e4)).beyond is not None
+
+
+@pytest.mark.parametrize("lon", [[8.0, 9.0, 20.0], [179.0, -178.0, -170.0], [0.0, 0.0, 0.0]])
+def test_what_is_seen_along_a_way_is_seen_from_each_of_its_places(lon):
+    lat, height_m = [47.0, 52.0, 49.0], [500.0, 9000.0, 2000.0]
+    whole = Neighbourhood.seen_along(lat, lon, height_m)
+    for here in zip(lat, lon, height_m, strict=True):
+        own = Neighbourhood.seen_from(*here)
+        away_m = great_circle_m([whole.lon, here[1]], [whole.lat, here[0]], 6.371e6)
+        assert away_m + own.radius_m <= whole.radius_m + 1.0
+        assert away_m + own.far_m <= whole.far_m + 1.0
+    assert whole.radius_m < 2e6  # no more than the way is long, and what is seen from its highest place

@@ -26,11 +26,12 @@ from openswim.films.kept_frames import KeptFrame, KeptFrames
 from openswim.films.outputs import check_curves, check_output, write_curves, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
+from openswim.films.whereabouts import told_of_places, told_of_times
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
 from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
-from openswim.progress import track
+from openswim.progress import tell, track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
@@ -107,6 +108,9 @@ def film(
     way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
     shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
+    times, cameras = [shot.time for shot in shots], [shot.camera for shot in shots]
+    for note in filter(None, (told_of_places(sky, times, cameras), told_of_times(sky.times, times))):
+        tell(f"note: {note}")
     if star_trails is not None:
         _check_night(shots)
     with_irradiance = kind == "radiance" or irradiance is not None
