@@ -197,6 +197,22 @@ def test_radiance_of_all_frames_is_that_of_single_pictures(tmp_path: Path) -> No
         np.testing.assert_allclose(found.radiance[1].values, single.radiance.values, rtol=1e-6)
 
 
+def test_tables_along_a_path_have_its_own_times_and_places(tmp_path: Path) -> None:
+    """The weather is of one time, and so is the light of so short a path; places are as decimal as the path's."""
+    curve = tmp_path / "curve.csv"
+    film(CLEAR, CAMERA, tmp_path / "f.zarr", path=_way([8.4, 8.47, 8.56]), frames_per_second=2, solver="swim",
+         irradiance=curve)  # fmt: skip
+    lines = [line.split(",") for line in curve.read_text().splitlines()]
+    column = {name: [line[n] for line in lines[1:]] for n, name in enumerate(lines[0])}
+    assert column["time"] == [f"2024-06-01T12:00:0{n / 2:.3f}Z" for n in range(5)]
+    assert set(column["valid_time"]) == {"2024-06-01T12:00:00Z"}
+    assert set(column["light_time"]) == {"2024-06-01T12:00:01Z"}
+    assert column["longitude"][::2] == ["8.4", "8.47", "8.56"]
+    assert max(len(each) for name in ("longitude", "latitude", "height_m") for each in column[name]) <= 12
+    with xr.open_dataset(tmp_path / "f.zarr", engine="zarr") as found:
+        np.testing.assert_array_equal(found.time.values, NOON + np.timedelta64(500, "ms") * np.arange(5))
+
+
 def test_path_passes_its_points_and_looks_along_great_circles(tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     file.write_text(

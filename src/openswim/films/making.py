@@ -288,7 +288,7 @@ def _frame(
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
-    facts = _facts(image, wanted) | _height(shot.camera, eyes[0][1]) | _ahead(eyes[0][1])
+    facts = _facts(image, wanted) | _time(shot.time) | _height(shot.camera, eyes[0][1]) | _ahead(eyes[0][1])
     return KeptFrame(shown, facts, data)
 
 
@@ -303,6 +303,11 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
             turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
             found[name] = (1 - share) * a + share * (b + turn)
     return found
+
+
+def _time(time: np.datetime64) -> dict[str, Any]:
+    """The frame's own time, which along a path is not that of its weather and its light."""
+    return {} if np.isnat(time) else {"time": f"{np.datetime_as_string(time, 'ms')}Z"}
 
 
 def _height(asked: Camera, eye: Viewpoint) -> dict[str, Any]:
