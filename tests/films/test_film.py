@@ -306,6 +306,8 @@ def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> Non
         film(_scenes([0, 600]), CAMERA, tmp_path / "film", from_time="2134-01-01")
     with pytest.raises(UserError, match="at most"):
         film(_scenes([0, 600]), CAMERA, tmp_path / "film.zarr", every_s=0.001)
+    with pytest.raises(UserError, match=r"film .*none/der: folder .*none does not exist; make it first"):
+        film(CLEAR, CAMERA, tmp_path / "none" / "der")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("x")
     with pytest.raises(UserError, match="which is no frame"):

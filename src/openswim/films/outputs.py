@@ -16,7 +16,7 @@ from openswim.films.from_frames import FORMATS, curves_of, series_of, times_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.cf import save_netcdf
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_folder, check_target, written_whole
 from openswim.system.workshops import replace_folder, workshop
 
 KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
@@ -37,7 +37,7 @@ def check_output(path: Path) -> str:
     if kind == "pictures":
         if not path.name:
             raise UserError(f"film {path}: is no name for a folder of pictures: choose one")
-        check_target(path.with_name(f"{path.name}.png"))  # a file beside it, as its folder could be written
+        check_folder(path, "film")
         foreign = _foreign(path)
         if foreign:
             raise UserError(f"film {path}: holds {foreign}, which is no frame: choose another name")
