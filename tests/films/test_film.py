@@ -150,6 +150,7 @@ def test_star_trails_turn_about_the_pole_and_irradiance_is_that_of_single_render
         assert table[name][0] == pytest.approx(single[name], rel=1e-6)
     assert table["sun_altitude_deg"][1] < -20
     assert 0 < table["illuminance_lx"][1] < 0.1
+    assert 1e-7 < table["global_horizontal_irradiance_w_m2"][1] < 1e-3  # of a night without a moon
 
 
 def test_star_trails_and_curves_are_refused_before_the_work(tmp_path: Path) -> None:
