@@ -45,7 +45,7 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
     if when is None:
         raise UserError("the scene has no time: give time=... (UTC, --time) or sun=(azimuth, altitude) (--sun)")
     place = sun_position(when, *((frame.lat, frame.lon) if frame.curved else scene.place))
-    lit_from_deg = lit_altitude_deg(place.altitude_deg)
+    lit_from_deg = float(lit_altitude_deg(place.altitude_deg))
     if not frame.curved:
         direction = frame.direction(place.azimuth_deg, lit_from_deg, 0.0, 0.0)
         return Daylight(direction, place.distance_au, place.angular_radius_deg)

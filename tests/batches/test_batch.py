@@ -225,6 +225,40 @@ def test_failures_are_listed_and_tried_again(
     assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
 
 
+def test_a_camera_that_fails_is_named_and_the_others_are_made_counted_and_listed(
+    plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The domain has x of 0 to 3000 m; the cameras before and after the one outside of it are not touched by it."""
+    monkeypatch.setattr(processes, "outcomes", outcomes)
+    away = '[[camera]]\nname = "away"\nx_m = 9000\ny_m = 1500\nsize = 12\n'
+    plan.write_text(PLAN.replace('[[camera]]\nname = "around"', f'{away}\n[[camera]]\nname = "around"'))
+    assert run(["batch", str(plan)]) == 2
+    told = capsys.readouterr()
+    assert "0 made, 0 stood already, 3 failed (3 of them in part: 6 of 9 cameras' pictures made)" in told.out
+    assert "failed: 20260710T110000: camera away: the observer is outside the domain" in told.err
+    assert len(_files(plan.parent / "out")) == 9
+    lines = [json.loads(line) for line in (plan.parent / "out/manifest.jsonl").read_text().splitlines()]
+    assert [sorted(line["cameras"]) for line in lines[1:]] == [["around", "roof"]] * 3
+    made = _files(plan.parent / "out")
+    plan.write_text(plan.read_text().replace("9000", "0"))
+    assert run(["batch", str(plan)]) == 0
+    told = capsys.readouterr()
+    assert "0 of them done; 3 files by" in told.err
+    assert "3 made, 0 stood already, 0 failed, " in told.out
+    now = _files(plan.parent / "out")
+    assert len(now) == 12
+    assert {name: now[name] for name in made} == made
+
+
+def test_weather_that_fails_for_all_cameras_is_told_once(plan: Path) -> None:
+    work = Work.of(read_plan(plan, [plan.parent / "run_0.nc"]))
+    (plan.parent / "run_0.nc").unlink()
+    (one,) = done(work)
+    assert one.made == 0
+    assert one.failure.startswith("all 2 cameras: ")
+    assert one.failure.count("run_0.nc") == 1
+
+
 def test_dask_workers_make_the_same_and_hand_back_lines(plan: Path) -> None:
     distributed = pytest.importorskip("distributed")
     plan.write_text(PLAN.replace('"run_*.nc"', '["run_0.nc", "run_1.nc"]'))

@@ -93,6 +93,16 @@ def test_it_is_made_once_and_anew_for_another_question(plan: Path) -> None:
     plan.write_text(PLAN)
 
 
+def test_a_camera_whose_members_fail_keeps_no_other_from_its_ensemble(plan: Path) -> None:
+    """The members have no pictures of a camera that has just been added."""
+    other = '\n[[camera]]\nname = "other"\nx_m = 1500\ny_m = 1500\nsize = 9\noutputs = [".nc"]\n'
+    plan.write_text(PLAN.replace("0.03", "2.8") + other)
+    work = Work.of(read_plan(plan))
+    assert [(out.failure, out.made) for out in outcomes(work.plan, work.tasks)] == [("", 1)]
+    assert not list(outcomes(work.plan, work.tasks))
+    plan.write_text(PLAN)
+
+
 def test_the_command_counts_ensembles_apart(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan.write_text(PLAN.replace("0.03", "2.9"))
     assert run(["batch", str(plan)]) == 0

@@ -43,6 +43,25 @@ def test_fit_prints_writes_and_draws(capsys: pytest.CaptureFixture[str], tmp_pat
     )
 
 
+def test_either_sign_of_an_index_absorbs(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("miepython")
+    said = []
+    for index in ("1.45+0.01i", "1.45-0.01i", "1.45"):
+        assert run([*SMALL[:4], "--index", index, "--wavelengths", "600"]) == 0
+        said.append(capsys.readouterr().out.splitlines()[1].split())
+    assert said[0] == said[1]
+    assert float(said[0][-1]) < 0.99 < float(said[2][-1])  # the single-scattering albedo
+
+
+def test_an_index_that_is_not_given_for_a_wavelength_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("miepython")
+    given = [*SMALL[:4], "--index", "500:1.45+0.01i"]
+    assert run([*given, "--wavelengths", "600,500,450"]) == 0
+    assert "note: --index says nothing of 600, 450 nm, which lie beyond 500 nm: the nearest" in capsys.readouterr().err
+    assert run([*given, "--index", "600:1.45+0.01i", "--wavelengths", "600,550"]) == 0
+    assert "note" not in capsys.readouterr().err
+
+
 def test_fit_of_a_named_type_gives_the_papers_numbers_back(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["aerosol", "fit", "--type", "colorado_dust", "--wavelengths", "546"]) == 0
     row = capsys.readouterr().out.splitlines()[1].split()

@@ -15,7 +15,7 @@ import openswim
 from openswim.cameras.views import VIEWS
 from openswim.cli.main import run
 from openswim.cli.options import VIEWS as VIEWS_OF_OPTIONS
-from openswim.cli.render import RenderRequest
+from openswim.cli.render import RenderRequest, irradiance_line
 from openswim.errors import UserError
 
 ARGUMENTS = ["--lat", "47", "--lon", "11"]
@@ -70,6 +70,12 @@ def test_of_large_domains_the_part_that_the_view_needs_is_read(world) -> None:
     assert ground.radius_m < aloft.radius_m < 1e6
     assert ground.radius_m < ground.far_m < aloft.far_m < 1e6
     assert flat is None
+
+
+def test_irradiance_is_told_by_night_as_well() -> None:
+    watts = {"global": 0.00123456, "direct": 0.0, "diffuse": 812.345}
+    image = xr.Dataset(attrs={f"{name}_horizontal_irradiance_w_m2": value for name, value in watts.items()})
+    assert irradiance_line(image) == "irradiance: global 0.0012, direct 0.0, diffuse 812.3 W/m2"
 
 
 def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -135,6 +135,23 @@ def test_masks_by_one_rule_for_both_pictures(sky, srgb_frame, tmp_path):
     assert "far: no cloud is simulated" in found.attrs["reasons"]
 
 
+def test_by_night_no_white_balance_is_proposed_and_it_is_said(sky, tmp_path):
+    """At midnight of the longest day (23:30 UTC at 8 E) the sun is 90 - 47 - 23.44 degrees below the horizon.
+    Its twilight is bent upward by .2."""
+    frame = write_frame(tmp_path / "sky_20240620_233000.png", sky)
+    found = openswim.compare(None, frame, CAMERA, aod_range=False)
+    assert found.attrs["sun_altitude_deg"] == pytest.approx(-19.36, abs=0.05)
+    assert np.isnan(found.attrs["red_blue_of_this_frame"])
+    line = line_of(found)
+    assert "the sun is 19." in line
+    assert "degrees below the horizon" in line
+    assert "red_blue" not in line
+    write_page(found, CAMERA.camera, tmp_path / "night.html")
+    page = (tmp_path / "night.html").read_text()
+    assert "degrees below the horizon" in page
+    assert "red_blue = " not in page
+
+
 def test_radiance_where_the_scale_is_known_or_measured(sky, tmp_path):
     frame = write_frame(tmp_path / NAME, sky, (4, 4, 4))
     known = CameraFile(CAMERA.camera, "", CAMERA.frames, response=ResponseSettings(radiance_per_unit=(0.25,)))

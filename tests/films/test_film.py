@@ -15,12 +15,13 @@ import openswim
 from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, readers
 from openswim.colour.exposure import SUN_CURVE
 from openswim.colour.rgb import exposure_for
-from openswim.films import CameraPath, Weather, film
+from openswim.films import CameraPath, Weather, film, making
 from openswim.films.exposure import exposure_curve, slow, taut
 from openswim.films.keogram import keogram
 from openswim.films.kept_frames import KeptFrame, KeptFrames
 from openswim.films.titles import title, titled
 from openswim.films.video import write_video
+from openswim.films.whereabouts import told_of_places, told_of_times
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 CLEAR = Scene.clear(47.0, 11.0, time=NOON)
@@ -149,6 +150,7 @@ def test_star_trails_turn_about_the_pole_and_irradiance_is_that_of_single_render
         assert table[name][0] == pytest.approx(single[name], rel=1e-6)
     assert table["sun_altitude_deg"][1] < -20
     assert 0 < table["illuminance_lx"][1] < 0.1
+    assert 1e-7 < table["global_horizontal_irradiance_w_m2"][1] < 1e-3  # of a night without a moon
 
 
 def test_star_trails_and_curves_are_refused_before_the_work(tmp_path: Path) -> None:
@@ -194,6 +196,22 @@ def test_radiance_of_all_frames_is_that_of_single_pictures(tmp_path: Path) -> No
         np.testing.assert_array_equal(found.time.values, [s.time for s in scenes])
         single = openswim.render(scenes[1], CAMERA, Solver("swim"))
         np.testing.assert_allclose(found.radiance[1].values, single.radiance.values, rtol=1e-6)
+
+
+def test_tables_along_a_path_have_its_own_times_and_places(tmp_path: Path) -> None:
+    """The weather is of one time, and so is the light of so short a path; places are as decimal as the path's."""
+    curve = tmp_path / "curve.csv"
+    film(CLEAR, CAMERA, tmp_path / "f.zarr", path=_way([8.4, 8.47, 8.56]), frames_per_second=2, solver="swim",
+         irradiance=curve)  # fmt: skip
+    lines = [line.split(",") for line in curve.read_text().splitlines()]
+    column = {name: [line[n] for line in lines[1:]] for n, name in enumerate(lines[0])}
+    assert column["time"] == [f"2024-06-01T12:00:0{n / 2:.3f}Z" for n in range(5)]
+    assert set(column["valid_time"]) == {"2024-06-01T12:00:00Z"}
+    assert set(column["light_time"]) == {"2024-06-01T12:00:01Z"}
+    assert column["longitude"][::2] == ["8.4", "8.47", "8.56"]
+    assert max(len(each) for name in ("longitude", "latitude", "height_m") for each in column[name]) <= 12
+    with xr.open_dataset(tmp_path / "f.zarr", engine="zarr") as found:
+        np.testing.assert_array_equal(found.time.values, NOON + np.timedelta64(500, "ms") * np.arange(5))
 
 
 def test_path_passes_its_points_and_looks_along_great_circles(tmp_path: Path) -> None:
@@ -289,6 +307,8 @@ def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> Non
         film(_scenes([0, 600]), CAMERA, tmp_path / "film", from_time="2134-01-01")
     with pytest.raises(UserError, match="at most"):
         film(_scenes([0, 600]), CAMERA, tmp_path / "film.zarr", every_s=0.001)
+    with pytest.raises(UserError, match=r"film .*none/der: folder .*none does not exist; make it first"):
+        film(CLEAR, CAMERA, tmp_path / "none" / "der")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("x")
     with pytest.raises(UserError, match="which is no frame"):
@@ -377,6 +397,72 @@ def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
     with pytest.raises(UserError, match="times of its own"):
         film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)
+
+
+def _boxes(centres: list[float]) -> Weather:
+    """Cloudless scenes an hour apart, 2 degrees wide, about latitude 47 and longitudes that are the centres."""
+    axis = np.linspace(-1.0, 1.0, 5)
+    return Weather.of_scenes([
+        Scene.from_arrays(None, lon + axis, 47.0 + axis, [500.0, 3000.0], crs="+proj=longlat +R=6371000",
+                          time=NOON + np.timedelta64(n, "h"))
+        for n, lon in enumerate(centres)
+    ])  # fmt: skip
+
+
+def _way(lon: list[float], height_m: float = 2000.0) -> CameraPath:
+    times = NOON + np.timedelta64(1000, "ms") * np.arange(len(lon))
+    place = np.column_stack([np.full(len(lon), 47.0), lon, np.full(len(lon), height_m)])
+    return CameraPath(times, place, np.full((len(lon), 4), np.nan))
+
+
+def _told(sky: Weather, way: CameraPath) -> str:
+    return told_of_places(sky, way.time, way.camera(CAMERA, way.time))
+
+
+def test_a_path_far_outside_the_domain_is_refused_before_any_light_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(making, "light", None)
+    line = r"at latitude 47.00, longitude 84.00 at 2024-06-01T12:00:01Z, \d+ km outside .* longitude 10.00 to 12.00"
+    with pytest.raises(UserError, match=line):
+        film(_boxes([11.0]), CAMERA, tmp_path / "film", path=_way([11.0, 84.0]), frames_per_second=1)
+    with pytest.raises(UserError, match="the observer is outside the domain: it covers"):
+        film(_boxes([11.0]), Camera.allsky(47.0, 13.0, size=32), tmp_path / "film")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_path_beside_the_domain_is_told_as_far_as_clouds_are_seen() -> None:
+    """A degree of longitude is 75.8 km there; clouds show well up to 200 km beyond the horizon of the eye, which is
+    160 km away at 2000 m and 357 km at 10 km."""
+    sky = _boxes([11.0])
+    assert _told(sky, _way([10.0, 12.0])) == ""
+    told = _told(sky, _way([11.0, 12.1, 16.0]))
+    assert told.startswith("2 of 3 frames are outside the domain, the first at latitude 47.00, longitude 12.10 at 2024")
+    with pytest.raises(UserError, match="too far to see its clouds"):
+        _told(sky, _way([11.0, 17.0]))
+    assert _told(sky, _way([11.0, 17.0], 10_000.0))
+    assert _told(sky, _way([11.0, 170.0], 4e5)) == ""  # from space all is seen that there is
+
+
+def test_a_camera_that_a_nest_leaves_is_refused_beforehand() -> None:
+    sky = _boxes([11.0, 14.0])
+    cameras = [Camera.allsky(47.0, 11.5, size=32)] * 2
+    assert told_of_places(sky, sky.times[:1], cameras[:1]) == ""
+    with pytest.raises(UserError, match=r"that the model has from 2024-06-01T13:00.*longitude 13.00 to 15.00"):
+        told_of_places(sky, sky.times, cameras)
+
+
+def test_weather_that_is_of_another_time_is_told() -> None:
+    def told(hours: list[float], asked: list[float]) -> str:
+        return told_of_times(*(NOON + np.array([round(3.6e6 * h) for h in each], "timedelta64[ms]")
+                               for each in (hours, asked)))  # fmt: skip
+
+    assert told([0], [-2.9, 2.9]) == told([0, 1], [-0.9, 0.5, 1.9]) == told([0, 6], [-5, 11]) == ""
+    assert told([0], [3.5, 11]) == (
+        "weather of 2024-06-01T12:00:00Z, light of 2024-06-01T23:00:00Z, 11.0 hours after it: clouds do not move "
+        "between them"
+    )
+    assert "light of 2024-06-01T10:30:00Z, 1.5 hours before it" in told([0, 1], [-1.5, 0.5])
 
 
 @pytest.mark.parametrize(("altitude", "ahead"), [(-30.0, "land"), (30.0, None)])

@@ -179,6 +179,24 @@ def test_part_of_any_scene():
     assert any("neighbourhood" in note for note in part.notes)
 
 
+def test_part_that_reaches_beyond_the_domain():
+    """A wedge of the Earth from far away: no cloud beyond it, and the ground there is as its mean."""
+    mesh = Mesh(np.arange(100.0, 171.0, 5.0), np.arange(-80.0, 81.0, 5.0), SPHERE)
+    shape = (3, mesh.y.size, mesh.x.size)
+    albedo = np.broadcast_to(np.linspace(0.1, 0.5, mesh.x.size), shape[1:])
+    scene = Scene.from_arrays({"cloud": np.full(shape, 1e-3)}, mesh.x, mesh.y, [0.0, 1e3, 2e3], crs=SPHERE,
+                              fields={"liquid_content": np.full(shape, 1e-4)}, surface_albedo=albedo)  # fmt: skip
+    part = part_of(scene, Neighbourhood(0.0, 135.0, reach_m(3.6e7), if_large=True))
+    inside = mesh.covers(*mesh.index_of(part.grid))
+    assert 0.3 < inside.mean() < 0.9
+    for name, amount in (("extinction_cloud", 1e-3), ("liquid_content", 1e-4)):
+        np.testing.assert_allclose(part.data[name].values[:, inside], amount, rtol=1e-5)
+        assert not part.data[name].values[:, ~inside].any()
+    ground = part.data.surface_albedo.values
+    assert np.ptp(ground[inside]) > 0.3
+    np.testing.assert_allclose(ground[~inside], 0.3, atol=0.02)  # as east as west
+
+
 HRRR = Mesh(
     3000.0 * (np.arange(1799) - 899), 3000.0 * (np.arange(1059) - 529),
     CRS.from_proj4("+proj=lcc +lat_1=38.5 +lat_2=38.5 +lat_0=38.5 +lon_0=-97.5 +R=6371229"), 6_371_229.0,
@@ -254,3 +272,15 @@ def test_far_clouds_stand_above_the_horizon():
     assert far_m(3.6e7) <= 1e7
     assert Neighbourhood(47.0, 8.0, reach_m(4e5), far_m=far_m(4e5)).beyond is None
     assert Neighbourhood(47.0, 8.0, reach_m(1e4), far_m=far_m(1e4)).beyond is not None
+
+
+@pytest.mark.parametrize("lon", [[8.0, 9.0, 20.0], [179.0, -178.0, -170.0], [0.0, 0.0, 0.0]])
+def test_what_is_seen_along_a_way_is_seen_from_each_of_its_places(lon):
+    lat, height_m = [47.0, 52.0, 49.0], [500.0, 9000.0, 2000.0]
+    whole = Neighbourhood.seen_along(lat, lon, height_m)
+    for here in zip(lat, lon, height_m, strict=True):
+        own = Neighbourhood.seen_from(*here)
+        away_m = great_circle_m([whole.lon, here[1]], [whole.lat, here[0]], 6.371e6)
+        assert away_m + own.radius_m <= whole.radius_m + 1.0
+        assert away_m + own.far_m <= whole.far_m + 1.0
+    assert whole.radius_m < 2e6  # no more than the way is long, and what is seen from its highest place

@@ -7,6 +7,7 @@ import pytest
 
 import openswim
 from openswim.errors import UserError
+from openswim.lights import sun_position
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.stations import Series
@@ -42,6 +43,21 @@ def test_parts_add_up_and_planes_that_lie_flat_have_the_horizontal(day):
     lit = day.sun_altitude > 5
     assert (day.dhi[lit] > 15).all()
     assert 0 < float(day.ghi[-1]) < 5  # after sunset
+
+
+def test_the_sun_sinks_as_evenly_as_the_ephemeris_has_it_and_stands_where_pictures_have_it():
+    """Through dusk: refraction lifts it by .6 degrees at the horizon and its twilight by .2, without a leap between."""
+    dusk = np.arange("2016-06-23T19:10", "2016-06-23T20:30", 2, dtype="datetime64[m]")
+    found = openswim.irradiance(CLEAR, LAT, LON, dusk, wavelengths_nm=(550,), solver="swim").sun_altitude.values
+    true = np.array([sun_position(time, LAT, LON).altitude_deg for time in dusk])
+    assert found[0] > 2 > -6 > found[-1]
+    seen = 2.34  # cot(h + 7.31 / (h + 4.4)) minutes of arc (Bennett 1982)
+    assert found[0] - true[0] == pytest.approx(1 / 60 / np.tan(np.radians(seen + 7.31 / (seen + 4.4))), abs=0.005)
+    assert found[-1] - true[-1] == pytest.approx(0.2, abs=0.005)
+    assert np.abs(np.diff(found - true)).max() < 0.09  # it fades by a third of what the sun sinks, .27 degrees a step
+    for time in dusk[5:20:7]:
+        image = openswim.render(CLEAR, openswim.Camera.allsky(LAT, LON, size=2), "swim", time=time)
+        assert image.attrs["sun_altitude_deg"] == pytest.approx(found[dusk == time][0], abs=0.005)
 
 
 @pytest.mark.parametrize("gridded", [False, True])

@@ -59,20 +59,24 @@ def together(plan: Plan, tasks: Sequence[Task]) -> list[Together]:
 
 
 def outcomes(plan: Plan, tasks: Sequence[Task]) -> Iterator[Outcome]:
-    """Make those ensembles of which all members stand, and that do not stand themselves."""
+    """Make those ensembles of cameras of which all members stand, and that do not stand themselves."""
     records = Records(plan.folder)
-    ready = [one for one in together(plan, tasks) if records.missing(one, plan.cameras)
-             and not any(records.missing(member, plan.cameras) for member in one.members)]  # fmt: skip
-    records.prepare(ready)
-    for one in ready:
-        yield attempted(one, partial(_make_missing, plan, records, one))
+    ready = [(one, cameras) for one in together(plan, tasks) if (cameras := _ready(records, one, plan.cameras))]
+    records.prepare([one for one, _ in ready])
+    for one, cameras in ready:
+        yield attempted(plan, one, cameras, partial(_make_one, plan, records, one))
 
 
-def _make_missing(plan: Plan, records: Records, one: Together) -> int:
-    missing = records.missing(one, plan.cameras)
-    for camera in missing:
-        records.add(one, camera, _make(plan, one, camera))
-    return len(missing)
+def _ready(records: Records, one: Together, cameras: Sequence[PlannedCamera]) -> list[PlannedCamera]:
+    """The cameras of which all members stand, but not the ensemble."""
+    return [
+        camera for camera in records.missing(one, cameras)
+        if not any(records.missing(member, [camera]) for member in one.members)
+    ]  # fmt: skip
+
+
+def _make_one(plan: Plan, records: Records, one: Together, camera: PlannedCamera) -> None:
+    records.add(one, camera, _make(plan, one, camera))
 
 
 def _make(plan: Plan, one: Together, camera: PlannedCamera) -> list[str]:

@@ -99,16 +99,18 @@ class Records:
             record.path.unlink()
 
     def write_manifest(self, tasks: Iterable[Task], cameras: Iterable[PlannedCamera]) -> None:
-        """One line for each task of which all pictures are there, after a line about the batch."""
+        """One line for each task of which pictures are there, with the cameras that have them, after a line about the
+        batch."""
         cameras = list(cameras)
         with written_whole(self.folder / MANIFEST) as partial, partial.open("w", encoding="utf-8") as out:
             out.write(f'{{{_KIND}, "openswim": {json.dumps(openswim.__version__)}}}\n')
             for task in tasks:
                 kept = self._read(task)
-                if all(self._stands(kept.get(camera.name), task, camera) for camera in cameras):
+                standing = [each for each in cameras if self._stands(kept.get(each.name), task, each)]
+                if standing:
                     line = {"task": task.name, "time": None if task.time is None else str(task.time),
                             "member": task.member, "weather": task.weather,
-                            "cameras": {camera.name: kept[camera.name] for camera in cameras}}  # fmt: skip
+                            "cameras": {camera.name: kept[camera.name] for camera in standing}}  # fmt: skip
                     out.write(json.dumps(line, sort_keys=True) + "\n")
 
     def _stands(self, kept: Any, task: Task, camera: PlannedCamera) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task: how many pictures' cameras were new, and one line if it failed. ``fault``: ours."""
+    """What became of a task: of how many cameras the pictures were made, and one line if any failed, which names the
+    cameras it was. ``fault``: ours."""
 
     task: str
     made: int = 0
@@ -43,48 +44,82 @@ def do(plan: Plan, task: Task, threads: int = 1) -> Outcome:
     import numba
 
     numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
-    return attempted(task, lambda: _make(plan, task))
+    records, lights = Records(plan.folder), _Lights(plan, task)
 
-
-def attempted(task: Task, make: Callable[[], int]) -> Outcome:
-    """What becomes of a task whose missing pictures are made by a call, which says of how many cameras. One task's
-    fault, whatever it is, ends no other."""
-    start, cpu = clock.perf_counter(), clock.process_time()
-    made, failure, fault = 0, "", False
-    try:
-        made = make()
-    except UserError as error:
-        failure = str(error)
-    except MemoryError:
-        failure = "out of memory: use fewer workers (--jobs), smaller pictures or a smaller domain"
-    except Exception as error:
-        failure, fault = " ".join(f"{type(error).__name__}: {error}".split())[:600], True
-    return Outcome(
-        task.name, made, failure, fault, clock.perf_counter() - start, clock.process_time() - cpu, peak_bytes()
-    )
-
-
-def _make(plan: Plan, task: Task) -> int:
-    records = Records(plan.folder)
-    missing = records.missing(task, plan.cameras)
-    for camera, lit in _lights(plan, task, missing):
-        image = _image(plan, camera, lit)
+    def make(camera: PlannedCamera) -> None:
+        image = _image(plan, camera, lights.of(camera))
         records.add(task, camera, _written(plan, task, camera, image))
-    return len(missing)
+
+    return attempted(plan, task, records.missing(task, plan.cameras), make)
 
 
-def _lights(plan: Plan, task: Task, cameras: Sequence[PlannedCamera]) -> Iterator[tuple[PlannedCamera, LitScene]]:
-    """Each camera with its light, which is that of the one before wherever the scene is the whole domain."""
-    from openswim.lighting import light
-
-    held: tuple[Any, LitScene] | None = None
+def attempted(
+    plan: Plan, task: Task, cameras: Sequence[PlannedCamera], make: Callable[[PlannedCamera], None]
+) -> Outcome:
+    """What becomes of a task whose missing pictures are made by a call for each camera. What one camera or task
+    fails of, whatever it is, ends no other."""
+    start, cpu = clock.perf_counter(), clock.process_time()
+    reasons: dict[str, list[str]] = {}  # why not: the names of the cameras
+    fault = False
     for camera in cameras:
+        try:
+            make(camera)
+        except UserError as error:
+            why = str(error)
+        except MemoryError:
+            why = "out of memory: use fewer workers (--jobs), smaller pictures or a smaller domain"
+        except Exception as error:
+            why, fault = " ".join(f"{type(error).__name__}: {error}".split())[:600], True
+        else:
+            continue
+        reasons.setdefault(why, []).append(camera.name)
+    failed = sum(map(len, reasons.values()))
+    return Outcome(
+        task.name, len(cameras) - failed, _told(reasons, len(plan.cameras)), fault,
+        clock.perf_counter() - start, clock.process_time() - cpu, peak_bytes(),
+    )  # fmt: skip
+
+
+def _told(reasons: dict[str, list[str]], cameras: int) -> str:
+    """Reasons and the cameras that have each, of so many in the plan; an only camera is not named."""
+    return "; ".join(
+        why if len(names) == cameras == 1
+        else f"all {cameras} cameras: {why}" if len(names) == cameras
+        else f"camera{'s' * (len(names) > 1)} {', '.join(names)}: {why}"
+        for why, names in reasons.items()
+    )  # fmt: skip
+
+
+class _Lights:
+    """The light of a task for its cameras, one after the other. It is solved once wherever the scene is the whole
+    domain, and what fails at a place is not tried again there."""
+
+    def __init__(self, plan: Plan, task: Task) -> None:
+        self._plan, self._task = plan, task
+        self._held: tuple[Any, LitScene] | None = None
+        self._failed: dict[Any, Exception] = {}
+
+    def of(self, camera: PlannedCamera) -> LitScene:
         place = (camera.camera.lat, camera.camera.lon, camera.camera.height_m)
-        if held is None or (held[1].scene.cut and held[0] != place):
-            held = None
-            scene = scene_of(plan, task, camera)
-            held = place, light(scene, plan.solver, plan.wavelengths_nm, **plan.sun_options)
-        yield camera, held[1]
+        if self._held is not None and (self._held[0] == place or not self._held[1].scene.cut):
+            return self._held[1]
+        if place in self._failed:
+            raise self._failed[place]
+        self._held = None
+        try:
+            self._held = place, self._solved(camera)
+        except Exception as error:
+            self._failed[place] = error
+            raise
+        return self._held[1]
+
+    def _solved(self, camera: PlannedCamera) -> LitScene:
+        from openswim.lighting import light
+        from openswim.pictures.observer import check_observer
+
+        plan, scene = self._plan, scene_of(self._plan, self._task, camera)
+        check_observer(scene, camera.camera, plan.solver.name)  # before the work, which would be in vain
+        return light(scene, plan.solver, plan.wavelengths_nm, **plan.sun_options)
 
 
 def scene_of(plan: Plan, task: Task, camera: PlannedCamera) -> Scene:

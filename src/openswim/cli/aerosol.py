@@ -1,6 +1,7 @@
 """`openswim aerosol`: named types, and fits of double Henyey-Greenstein functions to Mie theory."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -154,7 +155,7 @@ def _numbers(option: str, text: str) -> list[float]:
 
 
 def _indices(texts: tuple[str, ...], wavelengths: list[float]) -> list[complex]:
-    """Refractive index at each wavelength, linear between those given."""
+    """Refractive index at each wavelength, linear between those given; its imaginary part absorbs with either sign."""
     import numpy as np
 
     given: dict[float, complex] = {}
@@ -168,9 +169,17 @@ def _indices(texts: tuple[str, ...], wavelengths: list[float]) -> list[complex]:
     if len(given) != len(texts) or (0.0 in given and len(given) > 1):
         raise UserError("--index: give one for all wavelengths, or several with a different wavelength each")
     known = sorted(given)
+    beyond = [wl for wl in wavelengths if 0.0 not in given and not known[0] <= wl <= known[-1]]
+    if beyond:
+        click.echo(f"note: --index says nothing of {_listed(beyond)} nm, which lie beyond {_listed(known)} nm: the "
+                   "nearest is taken", err=True)  # fmt: skip
     real = np.interp(wavelengths, known, [given[wl].real for wl in known])
     absorbing = np.interp(wavelengths, known, [abs(given[wl].imag) for wl in known])
     return [complex(n, k) for n, k in zip(real, absorbing, strict=True)]
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 def _print(wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _Particles) -> None:

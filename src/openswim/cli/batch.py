@@ -67,9 +67,18 @@ def run(request: BatchRequest) -> None:
     seconds = clock.perf_counter() - start
     ensembles = sum(one.task.startswith(f"{ENSEMBLE}/") for one in report.made)
     joined = f", {ensembles} ensemble{'s' * (ensembles > 1)} put together" if ensembles else ""
-    click.echo(f"{plan.folder}: {len(report.made) - ensembles} made, {report.standing} stood already, "
-               f"{len(report.failed)} failed{joined}, {seconds:.0f} s")  # fmt: skip
+    failed = f"{len(report.failed)} failed{_in_part(report, len(plan.cameras))}"
+    made = f"{len(report.made) - ensembles} made, {report.standing} stood already"
+    click.echo(f"{plan.folder}: {made}, {failed}{joined}, {seconds:.0f} s")
     tell_failed(report)
+
+
+def _in_part(report: "Report", cameras: int) -> str:
+    """What was made all the same of times that failed."""
+    made = [one.made for one in report.failed if one.made]
+    if not made:
+        return ""
+    return f" ({len(made)} of them in part: {sum(made)} of {cameras * len(made)} cameras' pictures made)"
 
 
 def _watch(request: BatchRequest, folder: Path, jobs: int) -> None:
@@ -119,8 +128,11 @@ def tell_failed(report: "Report") -> None:
 
 def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     """Say what there is to do and what it will take; refuse what memory does not hold."""
+    from openswim.batches.records import Records
+
     plan, waiting = work.plan, len(work.waiting)
-    pictures = waiting * sum(len(camera.suffixes) for camera in plan.cameras)
+    records = Records(plan.folder)
+    pictures = sum(len(each.suffixes) for task in work.waiting for each in records.missing(task, plan.cameras))
     told = f"{len(work.mine)} times and members, {len(work.mine) - waiting} of them done"
     if not waiting:
         click.echo(f"{told}; nothing is left to render", err=True)

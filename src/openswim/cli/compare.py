@@ -166,6 +166,8 @@ def line_of(comparison: "xr.Dataset") -> str:
     if attrs["share_of_sky_used"] < MUCH:
         used = 100 * attrs["share_of_sky_used"]
         text += f", of {used:.0f} % of the sky (the rest is black, saturated or unlike its surroundings)"
+    if attrs["sun_altitude_deg"] < 0:
+        text += f"; the sun is {-attrs['sun_altitude_deg']:.1f} degrees below the horizon: colours say little of clouds"
     if "observed_cover" in comparison:
         covers = [float(comparison[f"{who}_cover"].sel(rule="clear sky")) for who in ("observed", "simulated")]
         if np.isfinite(covers).all():

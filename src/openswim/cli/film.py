@@ -77,17 +77,20 @@ def _run(request: FilmRequest) -> None:
     from openswim.films.making import shots_of
     from openswim.films.outputs import check_output
     from openswim.lighting import lights_of
+    from openswim.readers import Neighbourhood
 
     check_output(request.output)
     path = None if request.path is None else CameraPath.read(request.path)
     picture = request.picture
     camera = camera_of(picture if path is None else _at_start(picture, path))
     every = None if request.every is None else interval_s("--every", request.every)
-    around = neighbourhood(picture, camera)
+    around = neighbourhood(picture, camera) if path is None else Neighbourhood.seen_along(*path.place.T)
     weather = Weather.of_files(
         picture.file, around=around, member=picture.member, allow_references=picture.allow_references
     )
     shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
+    for note in weather.first.notes:
+        click.echo(f"note: {note}", err=True)
     solver = solver_of(picture)
     lights = lights_of(weather.first, solver.name, time=shots[len(shots) // 2].time)
     one = estimate(weather.first, camera, solver.name, quality=solver.quality, lights=lights)

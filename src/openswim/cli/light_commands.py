@@ -115,7 +115,8 @@ def aerosol_types() -> None:
               help="What --mode describes: median radius and amount by number or by volume.")  # fmt: skip
 @click.option(
     "--index", "indices", multiple=True, metavar="[WAVELENGTH:]N+Ki",
-    help="Complex refractive index, such as 1.5+0.01i; one for all, or several such as 440:1.56+0.003i in nm.",
+    help="Complex refractive index, such as 1.5+0.01i; one for all, or several such as 440:1.56+0.003i in nm. "
+    "1.5-0.01i says the same.",
 )  # fmt: skip
 @click.option("--irregular", is_flag=True, help="Particles of size parameters above 3-8 are irregular, as dust is.")
 @click.option("--type", "type_name", help="Fit the phase function of a named type in place of --mode and --index.")

@@ -383,7 +383,12 @@ def irradiance_line(image: "xr.Dataset") -> str:
     if not set(attributes) <= set(image.attrs):
         return ""
     values = [float(image.attrs[name]) for name in attributes]
-    return "irradiance: " + ", ".join(f"{n} {v:.1f}" for n, v in zip(names, values, strict=True)) + " W/m2"
+    return "irradiance: " + ", ".join(f"{n} {_watts(v)}" for n, v in zip(names, values, strict=True)) + " W/m2"
+
+
+def _watts(value: float) -> str:
+    """To a tenth by day, with digits that count by night."""
+    return f"{value:.1f}" if value >= 1 or value <= 0 else f"{value:.2g}"
 
 
 def write(image: "xr.Dataset", outputs: tuple[Path, ...], look: dict[str, Any] | None = None) -> None:

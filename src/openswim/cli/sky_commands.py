@@ -75,7 +75,9 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
     "pvlib), or none.  [default: the file's, else continental]",
 )
 @click.option(
-    "--aod", type=float, help="Optical depth of the background aerosol at 550 nm above the ground.  [default: 0.05]"
+    "--aod", type=float,
+    help="Optical depth of the background aerosol at 550 nm above the mean ground of the domain's middle.  [default: "
+    "0.05]",
 )
 @click.option(
     "--stratosphere",

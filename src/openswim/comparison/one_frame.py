@@ -52,7 +52,7 @@ def compare_frame(
         curves = [fit_curve(seen, truth, region.weight) for seen, truth in pairs]
     shown = as_stored(simulated[..., part], ready, region, known)
     if colours == 3:
-        _clouds(scores, ready, simulated, clear, region, known, shown)
+        _clouds(scores, ready, simulated, clear, region, known, shown, by_day=sun[1] >= 0)
     below_scores(scores, ready, image, curves)
     if skies.model is None and settings.aod_range and region.weight.size:
         _aerosol_range(scores, skies, ready, region, clear, part)
@@ -88,13 +88,15 @@ def _pictures(frame: Prepared, simulated: F64, clear: F64, region: Region) -> xr
 
 
 def _clouds(
-    scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region, known: KnownCamera, shown: F64
-) -> None:
-    """Masks by all rules, of both pictures, and their scores; shown: the simulated one as stored."""
+    scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region, known: KnownCamera, shown: F64,
+    by_day: bool,
+) -> None:  # fmt: skip
+    """Masks by all rules, of both pictures, and their scores; shown: the simulated one as stored. By night the frame
+    tells no white balance, as it is of stars, lamps and noise rather than of a blue sky."""
     plane = ("y", "x")
     blue_sky = log_red_blue(clear)
     raw = log_red_blue(frame.linear) - blue_sky
-    typical = weighted_median(raw[region.valid], region.weight)
+    typical = weighted_median(raw[region.valid], region.weight) if by_day else float("nan")
     scores.attrs["red_blue_of_this_frame"] = typical
     masks = {}
     if known.red_blue is not None:

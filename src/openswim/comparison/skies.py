@@ -15,6 +15,7 @@ from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
+from openswim.lights.refraction import lit_altitude_deg
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
@@ -49,13 +50,14 @@ class Skies:
     _picture: tuple[LitScene, Camera, Viewpoint, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
-        """Azimuth and altitude (degrees) at which the sun is seen."""
+        """Azimuth and altitude (degrees) at which the sun is seen, or from which its twilight comes."""
         if self.sun is not None:
             return self.sun
         if camera.lat is None or camera.lon is None:
             raise UserError("compare: a camera at x and y needs the sun: give sun=(azimuth, altitude)")
         place = sun_position(time, camera.lat, camera.lon)
-        return place.azimuth_deg, place.refracted_altitude_deg
+        seen = place.refracted_altitude_deg
+        return place.azimuth_deg, seen if seen >= 0 else float(lit_altitude_deg(place.altitude_deg))
 
     def simulated(self, camera: Camera, time: np.datetime64) -> xr.Dataset:
         """The model's picture, or that of the clear sky."""

@@ -232,9 +232,14 @@ def _one_grid(before: Scene, after: Scene) -> Grid:
     return one
 
 
+def same_place(one: Grid, other: Grid) -> bool:
+    """Whether two grids have their columns at the same places."""
+    return one.shape == other.shape and bool(np.allclose(one.x, other.x) and np.allclose(one.y, other.y))
+
+
 def check_still(one: Grid, other: Grid, source: str, time: Time, later: Time) -> None:
     """Raise UserError where the grids of a model at two times lie at different places."""
-    if one.shape != other.shape or not (np.allclose(one.x, other.x) and np.allclose(one.y, other.y)):
+    if not same_place(one, other):
         raise UserError(
             f"{source}: its grid at {time} is not that at {later}, as where a nest moves: only the model's own times "
             "can be shown (leave out --every; a path needs a file of one time)"

@@ -22,6 +22,7 @@ F64 = NDArray[np.float64]
 PLACE = ("lat", "lon", "height_m")
 ATTITUDE = ("azimuth", "altitude", "roll", "fov")
 MOST_POINTS = 100_000
+_DECIMALS = 9  # of degrees and m: a tenth of a millimetre, and tables are free of what arithmetic leaves behind
 MOST_BYTES = 50_000_000
 
 
@@ -79,6 +80,7 @@ class CameraPath:
         place[:, 1] = np.degrees(np.unwrap(np.radians(place[:, 1])))
         place = PchipInterpolator(own, place)(asked)
         place[:, 1] = (place[:, 1] + 180.0) % 360.0 - 180.0
+        place = np.round(place, _DECIMALS)
         attitude = np.full((len(asked), 4), np.nan)
         known = np.isfinite(self.attitude)
         for column in (2, 3):

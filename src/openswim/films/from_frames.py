@@ -50,14 +50,20 @@ def series_of(facts: Sequence[dict[str, Any]]) -> dict[str, NDArray[np.float64]]
     }
 
 
+def times_of(facts: Sequence[dict[str, Any]]) -> dict[str, NDArray[np.datetime64]]:
+    """The times of frames, of their weather and of their light, to the millisecond, as far as all frames have them."""
+    return {
+        name: np.array([np.datetime64(str(each[name]).rstrip("Z"), "ms") for each in facts])
+        for name in ("time", "valid_time", "light_time") if all(each.get(name) for each in facts)
+    }  # fmt: skip
+
+
 def curves_of(facts: Sequence[dict[str, Any]]) -> xr.Dataset:
-    """The same by frame, with the time of each that has one."""
-    data = xr.Dataset({name: ("frame", values) for name, values in series_of(facts).items()})
-    for name, each in data.data_vars.items():
-        found = [unit for end, unit in _UNITS.items() if str(name).endswith(end)]
-        each.attrs["units"] = found[0] if found else "degree"
-    for name in ("valid_time", "light_time"):
-        if all(each.get(name) for each in facts):
-            times = [np.datetime64(str(each[name]).rstrip("Z"), "ns") for each in facts]
-            data[name] = ("frame", np.array(times))
+    """The numbers by frame, and the times of each."""
+    times = {name: ("frame", values.astype("datetime64[ns]")) for name, values in times_of(facts).items()}
+    series = {name: ("frame", values) for name, values in series_of(facts).items()}
+    data = xr.Dataset(times | series)
+    for name in series:
+        found = [unit for end, unit in _UNITS.items() if name.endswith(end)]
+        data[name].attrs["units"] = found[0] if found else "degree"
     return data.assign_attrs(Conventions="CF-1.11", title="Irradiance at the camera of an OpenSWIm film")

@@ -26,11 +26,12 @@ from openswim.films.kept_frames import KeptFrame, KeptFrames
 from openswim.films.outputs import check_curves, check_output, write_curves, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
+from openswim.films.whereabouts import told_of_places, told_of_times
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of
 from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
-from openswim.progress import track
+from openswim.progress import tell, track
 from openswim.scene import Scene
 from openswim.scene.files import check_target, written_whole
 from openswim.solver import Solver
@@ -107,6 +108,9 @@ def film(
     way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
     shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
+    times, cameras = [shot.time for shot in shots], [shot.camera for shot in shots]
+    for note in filter(None, (told_of_places(sky, times, cameras), told_of_times(sky.times, times))):
+        tell(f"note: {note}")
     if star_trails is not None:
         _check_night(shots)
     with_irradiance = kind == "radiance" or irradiance is not None
@@ -284,7 +288,7 @@ def _frame(
     data = image["radiance"].transpose("y", "x", "wavelength").values if radiance else None
     wanted = exposure_for(image, exposure if isinstance(exposure, str) else "auto")
     shown = np.clip(display_light(image) * np.float32(wanted), 0, _MOST_HALF).astype(np.float16)
-    facts = _facts(image, wanted) | _height(shot.camera, eyes[0][1]) | _ahead(eyes[0][1])
+    facts = _facts(image, wanted) | _time(shot.time) | _height(shot.camera, eyes[0][1]) | _ahead(eyes[0][1])
     return KeptFrame(shown, facts, data)
 
 
@@ -299,6 +303,11 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
             turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
             found[name] = (1 - share) * a + share * (b + turn)
     return found
+
+
+def _time(time: np.datetime64) -> dict[str, Any]:
+    """The frame's own time, which along a path is not that of its weather and its light."""
+    return {} if np.isnat(time) else {"time": f"{np.datetime_as_string(time, 'ms')}Z"}
 
 
 def _height(asked: Camera, eye: Viewpoint) -> dict[str, Any]:

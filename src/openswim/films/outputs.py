@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.films.from_frames import FORMATS, curves_of, series_of
+from openswim.films.from_frames import FORMATS, curves_of, series_of, times_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.cf import save_netcdf
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_folder, check_target, written_whole
 from openswim.system.workshops import replace_folder, workshop
 
 KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
@@ -37,7 +37,7 @@ def check_output(path: Path) -> str:
     if kind == "pictures":
         if not path.name:
             raise UserError(f"film {path}: is no name for a folder of pictures: choose one")
-        check_target(path.with_name(f"{path.name}.png"))  # a file beside it, as its folder could be written
+        check_folder(path, "film")
         foreign = _foreign(path)
         if foreign:
             raise UserError(f"film {path}: holds {foreign}, which is no frame: choose another name")
@@ -60,7 +60,16 @@ def write_curves(path: Path, kept: KeptFrames, count: int) -> None:
         save_netcdf(curves, path)
     else:
         with written_whole(path) as partial:
-            curves.to_dataframe().to_csv(partial, date_format="%Y-%m-%dT%H:%M:%SZ")
+            table = curves.to_dataframe()
+            for name in table.select_dtypes("datetime"):
+                table[name] = _written_out(curves[name].values)
+            table.to_csv(partial)
+
+
+def _written_out(times: NDArray[np.datetime64]) -> list[str]:
+    """To the second, or to the millisecond where they are not whole seconds."""
+    whole = bool((times == times.astype("datetime64[s]")).all())
+    return [f"{text}Z" for text in np.datetime_as_string(times, "s" if whole else "ms")]
 
 
 def write_film(
@@ -102,7 +111,7 @@ def _foreign(path: Path) -> str:
 
 
 def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Sequence[float]) -> None:
-    """Radiance (frame, y, x, wavelength) with a frame a chunk, and time of each frame."""
+    """Radiance (frame, y, x, wavelength) with a frame a chunk, and the times of each frame."""
     import zarr
 
     first = kept.get(0).radiance
@@ -122,10 +131,9 @@ def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Se
     for name, values in series_of(facts).items():
         _write_line(root, name, values, "frame", {})
     _write_line(root, "wavelength", np.asarray(wavelengths_nm, np.float64), "wavelength", {"units": "nm"})
-    times = [each.get("valid_time") for each in facts]
-    if all(times):
-        seconds = np.array([np.datetime64(str(t).rstrip("Z"), "s").astype(np.int64) for t in times])
-        _write_line(root, "time", seconds, "frame", {"units": "seconds since 1970-01-01", "standard_name": "time"})
+    for name, times in times_of(facts).items():
+        about = {"units": "milliseconds since 1970-01-01", **({"standard_name": "time"} if name == "time" else {})}
+        _write_line(root, name, times.astype(np.int64), "frame", about)
     zarr.consolidate_metadata(str(path), zarr_format=2)
 
 

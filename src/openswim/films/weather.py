@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import paths
 from openswim.errors import UserError
-from openswim.films.between import Motion, between, check_still
+from openswim.films.between import Motion, between, check_still, same_place
 from openswim.kept_light import fingerprint
 from openswim.scene import Grid, Ground, Scene
 from openswim.system.inputs import size_and_change
@@ -38,6 +38,7 @@ class Weather:
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
         self._speeds: dict[tuple[np.datetime64, np.datetime64], NDArray[np.float64]] = {}
+        self._domains: dict[np.datetime64, tuple[np.datetime64, list[Grid]]] = {}
 
     @classmethod
     def of_scenes(cls, scenes: Sequence[Scene]) -> Weather:
@@ -88,6 +89,17 @@ class Weather:
         last = self.times[self.times > between_them.max()][0]
         for (source, one), (_, other) in zip(self._grids(first), self._grids(last), strict=False):
             check_still(one, other, source, first, last)
+
+    def domain(self, time: np.datetime64) -> tuple[np.datetime64, list[Grid]]:
+        """The grids of the weather of a time, and the first model time that has them: that of the first scene, or
+        where a nest has moved a later one's, whose scene is not read."""
+        last = self.times[max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)]
+        if last not in self._domains:
+            first = [level.grid for level in self.first.levels if level.grid is not None]
+            there, here = (self._grids(each) for each in (self.times[0], last))
+            still = all(same_place(one, other) for (_, one), (_, other) in zip(there, here, strict=False))
+            self._domains[last] = (self.times[0], first) if still else (last, [grid for _, grid in here])
+        return self._domains[last]
 
     def at(self, time: np.datetime64, drifting: bool = False) -> Scene:
         """The scene of a time; before the first model time the first, after the last the last. ``drifting``: invented

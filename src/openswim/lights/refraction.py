@@ -41,15 +41,15 @@ TWILIGHT_LIFT_DEG = 0.2  # of sunlight that passes 10 to 20 km above the ground,
 _SETTLES_DEG = 1.2
 
 
-def lit_altitude_deg(altitude_deg: float, pressure_pa: float = STANDARD_PRESSURE_PA) -> float:
+def lit_altitude_deg(altitude_deg: ArrayLike, pressure_pa: float = STANDARD_PRESSURE_PA) -> NDArray[np.float64]:
     """From where straight rays of a sun at a true altitude light a place as its bent ones do.
 
     While any of the sun is up, where it appears. Below, what lights the sky has passed high above the ground, and is
     bent the less; smooth, so that nothing leaps at sunset.
     """
+    true = np.asarray(altitude_deg, float)
     lift_at_horizon = float(refraction_deg(0.0, pressure_pa))
-    below = -lift_at_horizon - altitude_deg
-    if below <= 0:
-        return float(refracted_altitude_deg(altitude_deg, pressure_pa))
+    below = np.maximum(-lift_at_horizon - true, 0.0)
     fading = np.exp(-below / _SETTLES_DEG)
-    return float(altitude_deg + TWILIGHT_LIFT_DEG + (lift_at_horizon - TWILIGHT_LIFT_DEG) * fading)
+    sunk = true + TWILIGHT_LIFT_DEG + (lift_at_horizon - TWILIGHT_LIFT_DEG) * fading
+    return np.where(below > 0, sunk, refracted_altitude_deg(true, pressure_pa))

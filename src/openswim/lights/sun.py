@@ -1,11 +1,13 @@
 """Where the sun stands, from JPL's DE421 as shipped by skyfield-data: offline, 1900 to 2053."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from openswim.lights.ephemeris import bodies, observer, skyfield_time, skyfield_times
+from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene.times import Time
 
 SUN_RADIUS_KM = 695_700.0  # IAU 2015 nominal
@@ -59,6 +61,12 @@ class SunTrack:
     azimuth_deg: NDArray[np.float64]
     refracted_altitude_deg: NDArray[np.float64]
     distance_au: NDArray[np.float64]
+
+    @cached_property
+    def lit_altitude_deg(self) -> NDArray[np.float64]:
+        """From where its light comes: where it is seen, and once it is down as twilight is lit."""
+        seen = self.refracted_altitude_deg
+        return np.where(seen >= 0, seen, lit_altitude_deg(self.altitude_deg))
 
 
 def sun_track(times: NDArray[np.datetime64], lat: float, lon: float, height_m: float = 0.0) -> SunTrack:

@@ -11,7 +11,7 @@ from openswim.errors import UserError
 from openswim.optics.aerosol import NAMES, aerosol_profile, stratospheric_layer
 from openswim.optics.climatology import climatological_depth
 from openswim.optics.layers import ground_of_place_m
-from openswim.scene.aerosol import DEFAULT_DEPTH, AerosolProfile
+from openswim.scene.aerosol import ABOVE_PLACE, DEFAULT_DEPTH, AerosolProfile
 from openswim.scene.particles import check_number
 from openswim.scene.scene import Scene
 from openswim.scene.variables import DIRECT_PREFIX
@@ -51,7 +51,7 @@ def with_aerosol(
             optical_depth = climatological_depth(*(place or scene.place), when, ground_of_place_m(scene))
             source = " of the climatology of Linke turbidity"
     layer = aerosol_profile(named, DEFAULT_DEPTH if optical_depth is None else float(optical_depth))
-    said = f"{named}, optical depth {layer.optical_depth:.3g}{source} at 550 nm above the ground"
+    said = f"{named}, optical depth {layer.optical_depth:.3g}{source} at 550 nm {ABOVE_PLACE}"
     return _replaced(scene, layer, f"background aerosol as chosen: {said}")
 
 

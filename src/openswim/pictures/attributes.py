@@ -30,7 +30,7 @@ def image_attributes(
         "source": scene.source,
         "assumptions": "\n".join([*scene.notes, *assumptions]),
         "solver": field.solver.name,
-        "quality": field.quality,
+        "quality": _quality(field),
         "sun_altitude_deg": round(altitude, 4),
         "sun_azimuth_deg": round(azimuth, 4),
         "sun_distance_au": sun_distance_au,
@@ -50,6 +50,12 @@ def image_attributes(
     return attrs
 
 
+def _quality(field: Field | ReferenceField) -> str:
+    """What was asked for; very wide domains are solved otherwise, whatever that was."""
+    asked, solved = field.solver.quality, field.quality
+    return asked if solved == asked else f"{asked} ({solved})"
+
+
 def irradiance_attributes(spectral: xr.Dataset, wide: Broadband, illuminance_lx: float) -> dict[str, Any]:
     """Of light on the horizontal: in all, at each wavelength, and to the eye."""
     watts = {
@@ -58,7 +64,8 @@ def irradiance_attributes(spectral: xr.Dataset, wide: Broadband, illuminance_lx:
         "direct_horizontal_irradiance_w_m2": wide.direct_horizontal,
         "diffuse_horizontal_irradiance_w_m2": wide.diffuse_horizontal,
     }
-    out: dict[str, Any] = {name: round(float(value), 2) for name, value in watts.items() if np.isfinite(value)}
+    # digits that count, since by night there are millionths of a W m-2
+    out: dict[str, Any] = {name: float(f"{value:.6g}") for name, value in watts.items() if np.isfinite(value)}
     for part in ("global", "direct", "diffuse"):
         out[f"{part}_horizontal_spectral_irradiance_w_m2_nm"] = spectral[f"{part}_horizontal"].values.tolist()
     return out | {"illuminance_lx": float(f"{illuminance_lx:.4g}")}

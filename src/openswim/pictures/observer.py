@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.optics.aerosol_depth import aerosol_depth
-from openswim.scene import Scene
+from openswim.scene import Grid, Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.grid import EDGE, extent_text
 from openswim.transport import Field, ReferenceField
@@ -34,7 +34,8 @@ def check_observer(scene: Scene, camera: Camera, solver: str) -> None:
     if camera.above == "sea level" and (terrain_m := terrain_below(levels, *place_of(camera))) is not None:
         check_above_ground(camera, terrain_m - _ROUGH_M)
     if grid_place(levels, *place_of(camera)) is None and not _aloft(camera):
-        raise UserError(f"the observer is outside the domain: {_extent(levels[-1])}")
+        assert levels[-1].grid is not None
+        raise UserError(f"the observer is outside the domain: {extent_of(levels[-1].grid)}")
 
 
 def _aloft(camera: Camera) -> bool:
@@ -109,10 +110,8 @@ def place_of(camera: Camera) -> tuple[float, float]:
     return x, y
 
 
-def _extent(scene: Scene) -> str:
-    """What the domain covers, for an error message."""
-    grid = scene.grid
-    assert grid is not None
+def extent_of(grid: Grid) -> str:
+    """What a domain covers, for an error message."""
     if not grid.curved:
         return f"choose x in {grid.x[0]:g} to {grid.x[-1]:g} m and y in {grid.y[0]:g} to {grid.y[-1]:g} m"
     return extent_text(grid)

@@ -26,6 +26,7 @@ from openswim.scene.phase import PhaseFunction, by_wavelength, phases_from_dict
 F64 = NDArray[np.float64]
 DEFAULT_DEPTH = 0.05
 GROUND_WITHIN_M = 50e3
+ABOVE_PLACE = "above the mean ground of the domain's middle"  # as users are told; see `central_ground_m`
 EXPONENTIAL_TOP_M = 30_000.0
 _RANGES = {
     "optical_depth": (0.0, 1e6),

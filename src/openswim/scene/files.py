@@ -30,17 +30,32 @@ def check_target(
     for each in map(Path, inputs):
         if any(_same(target, held) for held in (each, *each.absolute().parents)):
             raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")
-    try:
-        if not target.parent.is_dir():
-            raise UserError(f"{name} {target}: folder {target.parent} does not exist; make it first")
-        with suppress(FileNotFoundError):
-            target.lstat()  # fails where the name is too long
+    with _writable_beside(target, name):
         if _others_folder(target):
             raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
         if target.is_dir():
             _check_own(target, name)
         if target.exists() and not os.access(target, os.W_OK):
             raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
+
+
+def check_folder(path: str | os.PathLike[str], name: str = "output") -> None:
+    """Raise UserError unless a folder could be made under this name; what may lie there is not looked at."""
+    target = Path(path)
+    check_name(target, name)
+    with _writable_beside(target, name):
+        pass
+
+
+@contextmanager
+def _writable_beside(target: Path, name: str) -> Iterator[None]:
+    """Around checks of a target: raise UserError where nothing could be written beside it, or not under its name."""
+    try:
+        if not target.parent.is_dir():
+            raise UserError(f"{name} {target}: folder {target.parent} does not exist; make it first")
+        with suppress(FileNotFoundError):
+            target.lstat()  # fails where the name is too long
+        yield
         with tempfile.TemporaryFile(dir=target.parent):
             pass
     except OSError as error:

@@ -66,10 +66,10 @@ def of_clear_sky(
         curve = ClearLight(solve, (float(up.min()), float(up.max())), planes)
     found = []
     for place in places:
-        track, day = place.track, place.track.refracted_altitude_deg > DARK_DEG
+        track, day = place.track, place.track.lit_altitude_deg > DARK_DEG
         diffuse = np.zeros((day.size, 1 + 2 * len(planes), np.size(wavelengths_nm)))
         if curve is not None:
-            diffuse[day] = curve.diffuse(track.refracted_altitude_deg[day], track.azimuth_deg[day], planes)
+            diffuse[day] = curve.diffuse(track.lit_altitude_deg[day], track.azimuth_deg[day], planes)
         found.append(Light(_beam(kept["any"], track), diffuse, kept["any"].gases))
     return found, 1 if curve is None else curve.solves
 
@@ -90,7 +90,7 @@ def of_scene(
     between; the beam is followed at every time.
     """
     nt, nw = times.size, np.size(wavelengths_nm)
-    high = np.max([place.track.refracted_altitude_deg for place in places], axis=0)
+    high = np.max([place.track.lit_altitude_deg for place in places], axis=0)
     day = np.flatnonzero(wanted & (high > DARK_DEG))
     lights = [
         Light(np.zeros((nt, nw)), np.zeros((nt, 1 + 2 * len(planes), nw)), {}) for _ in places
@@ -109,7 +109,7 @@ def of_scene(
         for each, viewpoint in zip(at_nodes, viewpoints, strict=True):
             each.append(relative_diffuse(viewpoint, planes, _FINENESS))
     for number, (place, viewpoint) in enumerate(zip(places, viewpoints, strict=True)):
-        dark = place.track.refracted_altitude_deg <= DARK_DEG
+        dark = place.track.lit_altitude_deg <= DARK_DEG
         diffuse = lights[number].diffuse
         if day.size:
             values = np.stack(at_nodes[number])
@@ -127,13 +127,13 @@ def _by_day(scene: Scene, solver: Solver, wavelengths_nm: F64) -> LitScene:
 
 
 def _lit(track: SunTrack) -> F64:
-    return track.refracted_altitude_deg[track.refracted_altitude_deg > DARK_DEG]
+    return track.lit_altitude_deg[track.lit_altitude_deg > DARK_DEG]
 
 
 def _beam(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.intp] | None = None) -> F64:
     """Transmittance (n, nw) toward the sun's apparent place, 0 where it is down or behind the ground."""
     rows = np.arange(track.azimuth_deg.size) if rows is None else rows
-    altitude = track.refracted_altitude_deg[rows]
+    altitude = track.lit_altitude_deg[rows]
     up = altitude > 0
     beam = np.zeros((rows.size, viewpoint.lit.field.wavelengths_nm.size))
     if up.any():

@@ -131,14 +131,14 @@ class _Sums:
         self.vapour_cm += weight * column
         self.ozone_du += weight * light.gases["ozone_du"]
         top = solar_irradiance(wavelengths_nm)
-        for row in np.flatnonzero((weight > 0) & (track.refracted_altitude_deg > DARK_DEG)):
+        for row in np.flatnonzero((weight > 0) & (track.lit_altitude_deg > DARK_DEG)):
             diffuse = light.diffuse[row]
             gases = light.gases | {"water_vapour_cm": float(column[row])}
             found = broadband(
-                light.beam[row], diffuse[0], wavelengths_nm, float(track.refracted_altitude_deg[row]),
+                light.beam[row], diffuse[0], wavelengths_nm, float(track.lit_altitude_deg[row]),
                 float(track.distance_au[row]), **gases,
             )  # fmt: skip
-            up = max(float(np.sin(np.radians(track.refracted_altitude_deg[row]))), 0.0)
+            up = max(float(np.sin(np.radians(track.lit_altitude_deg[row]))), 0.0)
             seen, whole = diffuse @ top, float((light.beam[row] * up + diffuse[0]) @ top)
             half = 1 + (len(seen) - 1) // 2
             on_planes = (  # light of the sky is as blue as the diffuse, that of the ground as the global
@@ -186,7 +186,7 @@ def _places(
 
 def _dataset(sums: _Sums, place: Place, planes: Planes, times: NDArray[np.datetime64], wavelengths: F64) -> xr.Dataset:
     track = place.track
-    up = np.maximum(np.sin(np.radians(track.refracted_altitude_deg)), 0.0)
+    up = np.maximum(np.sin(np.radians(track.lit_altitude_deg)), 0.0)
     dni, dhi = sums.wide[:, 0], sums.wide[:, 1]
     top = solar_irradiance(wavelengths) / track.distance_au[:, None] ** 2
     beam, diffuse = top * sums.spectral[:, 0], top * sums.spectral[:, 1]
@@ -203,7 +203,7 @@ def _dataset(sums: _Sums, place: Place, planes: Planes, times: NDArray[np.dateti
         about = {"units": "W m-2 nm-1", "long_name": f"spectral {text}"}
         out[f"spectral_{name}"] = (("time", "wavelength"), spectral, about)
     for name, values, units, text in (
-        ("sun_altitude", track.refracted_altitude_deg, "degree", "altitude of the sun, raised by refraction"),
+        ("sun_altitude", track.lit_altitude_deg, "degree", "altitude of the sun, raised by refraction as its light is"),
         ("sun_azimuth", track.azimuth_deg, "degree", "azimuth of the sun, clockwise from north"),
         ("water_vapour", sums.vapour_cm, "cm", "precipitable water"),
         ("ozone", sums.ozone_du, "DU", "column of ozone"),
@@ -214,7 +214,7 @@ def _dataset(sums: _Sums, place: Place, planes: Planes, times: NDArray[np.dateti
             plane_tilt=("plane", planes.tilt_deg, {"units": "degree"}),
             plane_azimuth=("plane", planes.azimuth_deg, {"units": "degree"}),
         )
-        high, around = np.radians(track.refracted_altitude_deg), np.radians(track.azimuth_deg)
+        high, around = np.radians(track.lit_altitude_deg), np.radians(track.azimuth_deg)
         toward = np.stack([np.cos(high) * np.sin(around), np.cos(high) * np.cos(around), np.sin(high)], axis=-1)
         direct = dni[:, None] * np.maximum(toward @ planes.normal.T, 0.0)
         for name, values in (("global", direct + sums.wide[:, 2:]), ("direct", direct), ("diffuse", sums.wide[:, 2:])):

@@ -207,6 +207,9 @@ def _notes(comparison: xr.Dataset, camera: Camera) -> str:
     ]
     if np.isfinite(typical):
         lines.insert(2, f"If this sky is clear, its camera's white balance is red_blue = {typical:.3f}.")
+    if attrs["sun_altitude_deg"] < 0:
+        lines.insert(0, f"The sun is {-attrs['sun_altitude_deg']:.1f} degrees below the horizon: colours say little of "
+                        "clouds.")  # fmt: skip
     if camera.nothing_hides:
         lines.insert(0, f"The camera's file names no obstacles: trees, masts and roofs above {attrs['lowest_deg']:g} "
                         "degrees count as sky.")  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,10 @@ def select(mesh: Mesh, around: Neighbourhood | None = None) -> Selection:
 
 
 def part_of(scene: Scene, around: Neighbourhood) -> Scene:
-    """The part of a scene around a place, for readers that cannot read a part."""
+    """The part of a scene around a place, for readers that cannot read a part.
+
+    Where it is resampled and reaches beyond the domain there are no clouds, and all else is the mean within.
+    """
     import xarray as xr
 
     grid = scene.grid
@@ -76,25 +79,32 @@ def part_of(scene: Scene, around: Neighbourhood) -> Scene:
     part = select(mesh_of(scene), around)
     if part.shape == grid.shape[1:] and not part.nodes:
         return scene
-    gaps = part.take(np.zeros(grid.shape[1:], np.float32))
-    if np.isnan(gaps).any():
-        raise UserError(
-            f"around: the domain ends within the neighbourhood of {around.lat:g}, {around.lon:g}, and cannot be "
-            "resampled there: give a smaller radius_km"
-        )
-    height = grid.height_m if grid.height_m.ndim == 1 else part.take(grid.height_m)
+    beyond = np.isnan(part.take(np.zeros(grid.shape[1:], np.float32)))
+
+    def take(name: str, whole: NDArray[Any]) -> NDArray[np.float32]:
+        taken = part.take(whole)
+        if beyond.any():
+            taken[..., beyond] = 0.0 if _is_cloud(name) else taken[..., ~beyond].mean(axis=-1, keepdims=True)
+        return taken
+
+    height = grid.height_m if grid.height_m.ndim == 1 else take("height", grid.height_m)
     data = scene.data.drop_vars(["x", "y", "height"], errors="ignore")
     fields = {}
     for name, values in data.data_vars.items():
         spectral = "wavelength" in values.dims
         whole = values.transpose("wavelength", ...).values if spectral else values.values
-        taken = part.take(whole)
+        taken = take(str(name), whole)
         fields[name] = (values.dims, np.moveaxis(taken, 0, -1) if spectral else taken)
     coords = {name: data.coords[name] for name in data.coords}
     return replace(
         scene, grid=part.grid(height), data=xr.Dataset(fields, coords, data.attrs), notes=[*scene.notes, part.note],
         cut=scene.cut or part.cut,
     )
+
+
+def _is_cloud(name: str) -> bool:
+    """Whether a variable says how much there is of particles."""
+    return name == "cloud_area_fraction" or name.startswith("extinction_") or name.endswith(("_content", "_number"))
 
 
 def _window(mesh: Mesh, around: Neighbourhood, ix: float, iy: float) -> Selection | None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from openswim.errors import UserError
 from openswim.scene.grid import EARTH_RADIUS_M
@@ -41,6 +44,21 @@ class Neighbourhood:
         """What an eye sees that is `height_m` up; small domains stay whole. `beyond`: with far clouds in wider cells,
         and what an eye in space sees, part by part."""
         return cls(lat, lon, reach_m(height_m), True, beyond, far_m(height_m) if beyond else 0.0)
+
+    @classmethod
+    def seen_along(cls, lat: Sequence[float], lon: Sequence[float], height_m: Sequence[float]) -> Neighbourhood:
+        """What an eye sees on a way through places, up to `height_m` up: around the middle of them."""
+        places = np.radians(np.stack([np.asarray(lat, float), np.asarray(lon, float)]))
+        up = np.stack([np.cos(places[0]) * np.cos(places[1]), np.cos(places[0]) * np.sin(places[1]), np.sin(places[0])])
+        middle = up.mean(axis=1)
+        length = float(np.linalg.norm(middle))
+        middle = up[:, 0] if length < 1e-9 else middle / length
+        away_m = EARTH_RADIUS_M * float(np.arccos(np.clip(middle @ up, -1.0, 1.0)).max())
+        highest = float(np.max(height_m))
+        return cls(
+            math.degrees(math.asin(middle[2])), math.degrees(math.atan2(middle[1], middle[0])),
+            min(reach_m(highest) + away_m, MOST_RADIUS_M), True, True, min(far_m(highest) + away_m, MOST_RADIUS_M),
+        )  # fmt: skip
 
     @property
     def from_space(self) -> bool:

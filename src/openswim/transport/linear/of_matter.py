@@ -37,6 +37,7 @@ F64 = NDArray[np.float64]
 LEAN = 26  # ordinates, which are exact to degree 7: with products of harmonics of degrees below 4
 _LOWEST_SUN = 0.02  # cosine of its zenith angle
 _TILE_RAYS = 20_000  # whose places are known at once
+_INSTEAD = "take solver fast; analyses need a single grid of cells of up to 1.2 km, without cloud cover"
 
 
 class SceneCore(LinearCore):
@@ -159,12 +160,12 @@ def _plan(options: Options, matter: Matter, surface: Surface, sun: F64) -> Mediu
     if matter.grid is None:
         raise UserError("solver linear: the scene has no grid; take solver fast")
     if matter.grid.periodic or matter.cover is not None or matter.wider is not None:
-        raise UserError("solver linear: periods, cloud cover and nested grids are not followed; take solver fast")
+        raise UserError(f"solver linear: periods, cloud cover and nested grids are not followed; {_INSTEAD}")
     plan = plan_medium(matter, surface.terrain_m, float(sun[2]), Fineness(divide=False, extend=True))
     if plan.fineness > 1 or plan.sideless or min(plan.columns) < 2:
         raise UserError(
             f"solver linear: {plan.columns[1]} x {plan.columns[0]} columns of {min(plan.cell_m):.0f} m are too wide or "
-            "too few; take solver fast"
+            f"too few; {_INSTEAD}"
         )
     return plan
 

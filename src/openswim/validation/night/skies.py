@@ -90,7 +90,7 @@ def compare_illuminance(reference: Reference, solver: Solver, phases: PhaseTable
     found = np.full(len(altitude), np.nan)
     with watch.running():
         for (at,), rows in groups(altitude):
-            fluxes = _field(solver, scene, lit_altitude_deg(float(at)), _COLOURS_NM).fluxes()
+            fluxes = _field(solver, scene, float(lit_altitude_deg(float(at))), _COLOURS_NM).fluxes()
             found[rows] = illuminance_lx(fluxes["down_bottom"] + fluxes["direct_bottom"], _COLOURS_NM) + NIGHT_SKY_LX
     cpu, dex, highest = watch.lap(), np.log10(found / true), np.inf
     for lowest, mark in _MARKS_DEX:
@@ -123,7 +123,7 @@ def compare_twilight_fit(reference: Reference, solver: Solver, phases: PhaseTabl
         if sza > _MOST_SZA:
             continue
         with watch.running():
-            field = _field(solver, scene, lit_altitude_deg(90 - sza, _PARANAL_PA), wavelengths)
+            field = _field(solver, scene, float(lit_altitude_deg(90 - sza, _PARANAL_PA)), wavelengths)
             light = _seen(field, scene, 2600.0, np.zeros(1), np.full(1, 90.0))[0] / (4 * np.pi)
         for n, band in enumerate(bands):
             if band in values:
