@@ -122,3 +122,6 @@ def test_correct_clouds_notes_a_model_that_is_far_from_the_frame_in_time(tmp_pat
     frame.rename(tmp_path / "sky_20240620_090000.png")
     assert run([part.replace("0621_14", "0620_09") for part in command]) == 2
     assert "hours before" not in capsys.readouterr().err
+    (tmp_path / "sky_20240620_090000.png").rename(tmp_path / "sky_20250620_080000.png")
+    assert run([part.replace("20240621_14", "20250620_08") for part in command]) == 2
+    assert "2024-06-20T08:00:00Z, is 365 days before this frame" in capsys.readouterr().err

@@ -148,7 +148,8 @@ def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:
     """Note it where a model's nearest time is not that of what was seen."""
     hours = float((seen - model) / np.timedelta64(1, "h"))
     if abs(hours) > FAR_HOURS:
-        click.echo(f"note: the model's nearest time, {np.datetime_as_string(model, 's')}Z, is {abs(hours):.0f} hours "
+        apart = f"{abs(hours):.0f} hours" if abs(hours) < 96 else f"{abs(hours) / 24:.0f} days"
+        click.echo(f"note: the model's nearest time, {np.datetime_as_string(model, 's')}Z, is {apart} "
                    f"{'before' if hours > 0 else 'after'} this {what}: its clouds are not those of the {what}",
                    err=True)  # fmt: skip
 

@@ -38,7 +38,8 @@ _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
 _DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
-_FOLLOWED = 8  # levels after which rays are read in cells wider than clouds are tall, where these move by less than one
+_FOLLOWED = 8  # levels after which rays are read in cells wider than clouds are tall, where they move by less than one;
+# measured on IFS of 19 and 38 km and on GFS of 2.5 degrees
 _CLOUDS_M = 10_000.0  # height of clouds
 _MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
 
