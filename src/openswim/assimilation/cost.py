@@ -14,7 +14,7 @@ from openswim.assimilation.observing.rows import Rows
 
 F64 = NDArray[np.float64]
 
-LOOSELY = 30.0  # times the light's tolerance: gradients solved so are within .2 degrees to a column depth of 44
+LOOSELY = 3.0  # times the light's tolerance: gradients solved so are within .2 degrees to a column depth of 44
 
 
 def dot(a: F64, b: F64) -> float:

@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 
 PROBES = 6
 POWER = 0.25
-_LOOSELY = 300.0  # times the light's tolerance: probes of random signs tell their mean square roughly anyway
+_LOOSELY = 30.0  # times the light's tolerance: probes of random signs tell their mean square roughly anyway
 
 
 @dataclass(frozen=True, eq=False)

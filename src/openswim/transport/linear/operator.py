@@ -49,8 +49,7 @@ drop_stale("openswim.transport.linear", alone=True)  # `transport` has not seen 
 
 F64 = NDArray[np.float64]
 
-TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once
-_STRICTLY = 0.1  # times it: of changes and bars, which are those of x where x = K x + given, not of its image
+TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once; of changes and bars, over what is given
 
 
 @dataclass(eq=False)
@@ -229,7 +228,7 @@ class LinearCore:
             sweeps += 1
             return added(swept.moments, given)
 
-        fixed_point(sweep, given, _STRICTLY * tolerance * norm(given), self.most_sweeps, self.memory)
+        fixed_point(sweep, given, tolerance * norm(given), self.most_sweeps, self.memory)
         assert swept is not None
         return swept, sweeps
 
@@ -298,7 +297,7 @@ class LinearCore:
         else:
             start, _ = self._sweeps.transposed(f, one.swept, None, *bars)
             size, sweeps = norm(start), 1
-        wanted = _STRICTLY * tolerance * size
+        wanted = tolerance * size
 
         def ask(x: F64, expected: float) -> F64:
             nonlocal change, sweeps
