@@ -15,7 +15,6 @@ from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light
 from openswim.lights import sun_position
-from openswim.lights.refraction import lit_altitude_deg
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
@@ -56,8 +55,7 @@ class Skies:
         if camera.lat is None or camera.lon is None:
             raise UserError("compare: a camera at x and y needs the sun: give sun=(azimuth, altitude)")
         place = sun_position(time, camera.lat, camera.lon)
-        seen = place.refracted_altitude_deg
-        return place.azimuth_deg, seen if seen >= 0 else float(lit_altitude_deg(place.altitude_deg))
+        return place.azimuth_deg, place.lit_altitude_deg
 
     def simulated(self, camera: Camera, time: np.datetime64) -> xr.Dataset:
         """The model's picture, or that of the clear sky."""

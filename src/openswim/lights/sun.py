@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from openswim.lights.ephemeris import bodies, observer, skyfield_time, skyfield_times
 from openswim.lights.refraction import lit_altitude_deg
@@ -22,6 +22,11 @@ class Sun:
     refracted_altitude_deg: float
     distance_au: float
     angular_radius_deg: float
+
+    @property
+    def lit_altitude_deg(self) -> float:
+        """From where its light comes: where it is seen, and once it is down as twilight is lit."""
+        return float(_lit_from(self.refracted_altitude_deg, self.altitude_deg))
 
 
 def sun_position(
@@ -64,9 +69,12 @@ class SunTrack:
 
     @cached_property
     def lit_altitude_deg(self) -> NDArray[np.float64]:
-        """From where its light comes: where it is seen, and once it is down as twilight is lit."""
-        seen = self.refracted_altitude_deg
-        return np.where(seen >= 0, seen, lit_altitude_deg(self.altitude_deg))
+        """As `Sun` has it."""
+        return _lit_from(self.refracted_altitude_deg, self.altitude_deg)
+
+
+def _lit_from(seen_deg: ArrayLike, true_deg: ArrayLike) -> NDArray[np.float64]:
+    return np.where(np.asarray(seen_deg) >= 0, seen_deg, lit_altitude_deg(true_deg))
 
 
 def sun_track(times: NDArray[np.datetime64], lat: float, lon: float, height_m: float = 0.0) -> SunTrack:

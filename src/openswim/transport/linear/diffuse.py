@@ -227,7 +227,7 @@ class Sweeps:
         by_ground = np.zeros(w.columns) if ground_bar is None else ground_bar.copy()
         by_flux = np.zeros(w.columns) if flux_bar is None else flux_bar.copy()
         source_bar = np.zeros((len(w.ell), w.nodes), self.element)
-        light_bar, mean_bar, emission_bar, *more = self._fields(3 if value is None else 7)
+        light_bar, more_bar, emission_bar, *more = self._fields(3 if value is None else 7)
         ground_bars = np.empty((len(light_bar), w.columns))
         ext_bar = np.zeros(w.nodes)
         if value is not None:
@@ -238,7 +238,7 @@ class Sweeps:
                 by_flux += f.albedo / w.unit * by_ground
             for some in self._batches(first, last):
                 n = some.stop - some.start
-                for bars, of_light in ((taken_bar, mean_bar), (seen_bar, light_bar)):
+                for bars, of_light in ((taken_bar, more_bar), (seen_bar, light_bar)):
                     if bars is None:
                         of_light[:n] = 0.0
                     else:
@@ -246,7 +246,7 @@ class Sweeps:
                 for b in range(n if not first else 0):
                     light_bar[b, w.ground_nodes] += w.per_flux[some.start + b] * by_flux
                 given = (self._grid, w.direction[some], f.ext)
-                bars_of = Bars(light_bar[:n], mean_bar[:n], emission_bar[:n], ground_bars[:n])
+                bars_of = Bars(light_bar[:n], more_bar[:n], emission_bar[:n], ground_bars[:n])
                 if value is None:
                     in_threads(carry_transposed, *given, self._steps(f, some), bars_of, None)
                 else:
