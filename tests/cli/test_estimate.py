@@ -11,8 +11,9 @@ from pyproj import CRS
 import openswim
 from openswim.cameras import Camera
 from openswim.cli import estimate as module
-from openswim.cli.estimate import announce, estimate, passes_of
+from openswim.cli.estimate import announce, estimate, mean_of, passes_of
 from openswim.errors import UserError
+from openswim.films import Weather
 from openswim.lighting import lights_of
 from openswim.scene import Scene
 from openswim.scene.rays import Rays
@@ -22,11 +23,11 @@ from openswim.transport.montecarlo import reference
 CLEAR = SimpleNamespace(grid=None, wider=None)
 
 
-def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0) -> Scene:
-    """On the Earth, with a deck of thin cloud."""
+def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0, share: float = 1.0) -> Scene:
+    """On the Earth, with a deck of thin cloud over a share of the columns."""
     crs = CRS.from_proj4("+proj=lcc +lat_1=47 +lat_0=47 +lon_0=11 +R=6371000 +units=m +no_defs")
     cloud = np.zeros((nz, ny, nx), np.float32)
-    cloud[nz // 2] = 1e-5
+    cloud[nz // 2] = 1e-4 * (np.random.default_rng(3).random((ny, nx)) < share)
     return Scene.from_arrays(cloud, *(np.arange(n) * cell_m for n in (nx, ny)), np.linspace(0, 12e3, nz), crs=crs)
 
 
@@ -76,6 +77,36 @@ def test_each_light_takes_its_time_and_stays() -> None:
     assert lights_of(scene, time="2024-06-21T11:00") == 1
     assert lights_of(scene, time="2024-06-21T23:30") > 1
     assert lights_of(scene, sun=(180.0, -20.0)) == 1
+
+
+def test_rays_through_clear_air_take_fewer_steps() -> None:
+    """Of the same grid with a cloud nowhere, in a tenth of the columns, in half, in all."""
+    view, seconds = Camera.panorama(47, 11, size=(2048, 1024)), []
+    for share in (0.0, 0.1, 0.5, 1.0):
+        seconds.append(estimate(_scene(32, 128, 128, share=share), view).seconds)
+    assert seconds[0] < 0.75 * seconds[1] < 0.75 * seconds[2]
+    assert seconds[2] == pytest.approx(seconds[3])
+
+
+def test_a_clear_panorama_as_measured(shared: Path) -> None:
+    """Tibet at noon, 2048 x 1024 pixels, on two cores: nothing but air and traces of ice."""
+    file = shared / "data" / "nwp" / "wrfout_tibet_2005-09-21.nc"
+    scene = openswim.open_scene(file, time=np.datetime64("2005-09-21T06:00"))
+    expected = estimate(scene, Camera.panorama(30, 87, size=(2048, 1024)))
+    assert 16 / 1.5 < expected.seconds < 16 * 1.5
+
+
+def test_a_film_is_estimated_by_several_of_its_skies() -> None:
+    scenes = [replace(_scene(8, 32, 32), time=np.datetime64(f"2024-06-21T1{hour}:00", "ms")) for hour in range(6)]
+    weather, small = Weather.of_scenes(scenes), Camera.allsky(47, 11, size=100)
+    begin, end = (np.datetime64(f"2024-06-21T{time}", "ms") for time in ("10:30", "14:00"))
+    assert [str(each.time)[11:13] for each in weather.spanned([begin, end], most=3)] == ["10", "12", "14"]
+    assert [each.time for each in weather.spanned([end, end], most=3)] == [scenes[4].time]
+    assert [each.time for each in weather.spanned([end + np.timedelta64(9, "h")], most=3)] == [scenes[5].time]
+    one, other = (estimate(scene, small) for scene in (scenes[0], _scene(32, 256, 256)))
+    both = mean_of([one, other])
+    assert both.seconds == pytest.approx((one.seconds + other.seconds) / 2)
+    assert both.memory_bytes == other.memory_bytes
 
 
 def test_thick_cells_of_flat_scenes_are_divided() -> None:

@@ -1,11 +1,13 @@
 """What a job will take: one line before it starts, where it is large."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
@@ -24,12 +26,15 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera
     from openswim.scene import Scene
 
+Array = NDArray[np.float64]
 WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (docs/running.md has a table): what the estimate stands on.
 _START_S, _EARTH_START_S = 0.6, 1.6  # compiled kernels, and maps of the ground
 _VIEW_SAMPLES_PER_S, _FLAT_SAMPLES_PER_S = 1.6e7, 3.6e7
+_CLEAR_STEPS, _CLOUDY_STEPS = 80, 20  # of a ray in air alone, and with cloud, and a third of the grid's nodes across
+_SEEN_DEPTH, _BROKEN = 0.01, 0.25  # columns that count as cloudy; of so many rays go through cloud as if all were
 _SPACE_M = 1e5  # from above rays go through the air steeply ...
 _FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
 _SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
@@ -89,15 +94,25 @@ def estimate(
     drawn = (0, 0, 0) if plan is None else plan.drawn_shape
     nodes, wide = math.prod(drawn), solver == "fast" and plan is not None and plan.stands_alone
     in_space = camera.height_m > _SPACE_M
-    steps = (100 + sum(drawn) / 3) / (_FROM_SPACE if in_space else 1.0)
+    of_nodes, of_columns = _cloudy_shares(scene)
+    cloudy = (_CLOUDY_STEPS + sum(drawn) / 3) * min(1.0, of_columns / _BROKEN)
+    steps = (_CLEAR_STEPS + cloudy) / (_FROM_SPACE if in_space else 1.0)
     per_s = _VIEW_SAMPLES_PER_S if _on_earth(scene) else _FLAT_SAMPLES_PER_S
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
     fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
     solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes * wavelengths
     seconds = start_s + lights * (solve_s + pixels * steps * wavelengths / (3 * per_s))
-    swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * _cloudy_share(scene)
+    swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * of_nodes
     node_bytes = (swept or _COLUMN_NODE_BYTES) + (lights - 1) * _KEPT_NODE_BYTES
     return Estimate(seconds, start_bytes + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
+
+
+def mean_of(estimates: Sequence[Estimate]) -> Estimate:
+    """Of pictures that are made one after the other: the mean of their times, and the most memory."""
+    return Estimate(
+        sum(each.seconds for each in estimates) / len(estimates), max(each.memory_bytes for each in estimates),
+        max(each.pixel_bytes for each in estimates),
+    )  # fmt: skip
 
 
 def _estimate_reference(scene: "Scene", camera: "Camera", wavelengths: int, paths: int, start_s: float) -> Estimate:
@@ -144,15 +159,24 @@ def _mean_depth(scene: "Scene") -> float:
     """Mean vertical optical depth of the columns' clouds and haze."""
     if scene.grid is None:
         return 0.0
-    matter, height = matter_of(scene.alone(), REFERENCE_NM), scene.grid.height_m
-    rise = np.gradient(height, axis=0).reshape(height.shape[0], *(height.shape[1:] or (1, 1)))
+    matter, rise = matter_of(scene.alone(), REFERENCE_NM), _layers_m(scene.grid.height_m)
     return float(sum((one.extinction_per_m * rise).sum(axis=0).mean() for one in matter.species))
 
 
-def _cloudy_share(scene: "Scene") -> float:
-    """Share of the nodes that have cloud or haze in them."""
+def _layers_m(height_m: Array) -> Array:
+    """What of the height belongs to each node, (nz, ny, nx) or (nz, 1, 1)."""
+    return np.asarray(np.gradient(height_m, axis=0)).reshape(height_m.shape[0], *(height_m.shape[1:] or (1, 1)))
+
+
+def _cloudy_shares(scene: "Scene") -> tuple[float, float]:
+    """Shares of the nodes that have cloud or haze in them, and of the columns in which rays notice it."""
     species = () if scene.grid is None else matter_of(scene.alone(), REFERENCE_NM).species
-    return float(np.any([one.extinction_per_m > 0 for one in species], axis=0).mean()) if species else 0.0
+    if not species or scene.grid is None:
+        return 0.0, 0.0
+    nodes = np.any([one.extinction_per_m > 0 for one in species], axis=0)
+    layers_m = _layers_m(scene.grid.height_m)
+    depth: Array = np.sum([(one.extinction_per_m * layers_m).sum(axis=0) for one in species], axis=0)
+    return float(nodes.mean()), float((depth > _SEEN_DEPTH).mean())
 
 
 def _large(scene: "Scene") -> bool:

@@ -15,6 +15,8 @@ from openswim.scene.times import interval_s
 if TYPE_CHECKING:
     from openswim.films import CameraPath
 
+_LOOKED_AT = 3  # model times, for the estimate: some skies are clear
+
 
 @dataclass(frozen=True)
 class FilmRequest:
@@ -72,7 +74,7 @@ def member_of(text: str | None) -> tuple[int | None, bool]:
 
 def _run(request: FilmRequest) -> None:
     """Check the request, say what it will take, make the film."""
-    from openswim.cli.estimate import estimate
+    from openswim.cli.estimate import estimate, mean_of
     from openswim.films import CameraPath, Weather, film
     from openswim.films.making import shots_of
     from openswim.films.outputs import check_output
@@ -92,9 +94,11 @@ def _run(request: FilmRequest) -> None:
     for note in weather.first.notes:
         click.echo(f"note: {note}", err=True)
     solver = solver_of(picture)
-    lights = lights_of(weather.first, solver.name, time=shots[len(shots) // 2].time)
-    one = estimate(weather.first, camera, solver.name, quality=solver.quality, lights=lights)
-    times = len({shot.time for shot in shots})
+    middle, times = shots[len(shots) // 2].time, len({shot.time for shot in shots})
+    one = mean_of([
+        estimate(scene, camera, solver.name, quality=solver.quality, lights=lights_of(scene, solver.name, time=middle))
+        for scene in weather.spanned([shot.time for shot in shots], most=_LOOKED_AT)
+    ])
     solves = "every five minutes of the path" if path is not None else f"for {times} time{'s' if times > 1 else ''}"
     click.echo(
         f"{len(shots)} frames, light is solved {solves}; of one frame and its light {one}; what is done is kept beside "

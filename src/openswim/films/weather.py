@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from itertools import pairwise
 from pathlib import Path
@@ -77,6 +77,15 @@ class Weather:
     def first(self) -> Scene:
         """The scene of the first time."""
         return self._scene(self.times[0])
+
+    def spanned(self, times: Sequence[np.datetime64], most: int) -> Iterator[Scene]:
+        """Scenes of model times of which those of ``times`` are made, no more than so many of them, evenly chosen."""
+        first, last = np.min(times), np.max(times)
+        low = max(int(np.searchsorted(self.times, first, side="right")) - 1, 0)
+        high = max(min(int(np.searchsorted(self.times, last)), self.times.size - 1), low)
+        chosen = np.unique(np.linspace(low, high, min(most, high - low + 1)).round().astype(int))
+        for k in chosen:
+            yield self._scene(self.times[k])
 
     def check_between(self, times: Sequence[np.datetime64]) -> None:
         """Raise UserError where some of the times lie between those of the model and its grid moves, before any scene
