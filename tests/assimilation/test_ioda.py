@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,18 @@ def test_what_ioda_has_no_name_for(tmp_path: Path) -> None:
     op = observe(scene, cameras, sun=(140.0, 50.0), **given)
     with pytest.raises(UserError, match="no time"):
         write_observations(tmp_path / "a.nc", op, op.observations([op.pictures(op(op.first()))[0].values]))
+    dated = replace(scene, time=np.datetime64("2024-06-21T12:00", "ms"))
+    for time in (None, "2024-06-21T12:30"):  # a sun of one's own leaves the observations' time as it is
+        op = observe(dated, cameras, time=time, sun=(140.0, 50.0), **given)
+        image = op.pictures(op(op.first()))[0].values
+        observed = op.observations([image])
+        with pytest.raises(UserError, match="both 0"):
+            op.observations([image], noise=0.0)
+        (path,) = write_observations(tmp_path / "b.nc", op, observed)
+        with Dataset(path) as file:
+            when = np.datetime64(time or dated.time, "s").astype(int)
+            assert set(file["MetaData/dateTime"][:].tolist()) == {when}
+            assert file["MetaData/solarZenithAngle"][0] == pytest.approx(40.0, abs=0.01)
     op = observe(scene, cameras, time="2024-06-21T12:30", quantity="log_radiance", **given)
     with pytest.raises(UserError, match="no name for log_radiance"):
         write_observations(tmp_path / "a.nc", op, op.observations([np.full((5, 5), 0.1)]))

@@ -71,3 +71,12 @@ def test_wrf_of_wide_cells_by_humidity_where_the_fraction_is_all_or_nothing(wrf_
 
 def test_fine_cells_are_full_or_empty(wrf_file):
     assert "cloud_area_fraction" not in open_scene(wrf_file()).data
+
+
+@pytest.mark.parametrize("most", [0.0, 1.0])
+def test_wrf_of_fine_cells_is_full_of_cloud_where_the_fraction_is_all_or_nothing(wrf_file, most):
+    cloud = np.zeros((5, 6, 7), np.float32)
+    cloud[1] = most  # 0: the model's radiation has not run yet, and its clouds are there all the same
+    scene = open_scene(wrf_file(extra={"CLDFRA": (("bottom_top", "south_north", "west_east"), cloud, "")}))
+    assert "cloud_area_fraction" not in scene.data
+    assert scene.data.liquid_content.values.any()

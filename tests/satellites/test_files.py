@@ -52,6 +52,17 @@ def test_satpy_reads_what_is_written_into_a_folder(picture: xr.Dataset, tmp_path
         np.testing.assert_allclose(places, picture[name], atol=1e-4)
 
 
+@pytest.mark.parametrize("suffix", [".nc", ".tif"])
+def test_of_several_bands_the_one_that_is_asked_for_is_read(picture: xr.Dataset, tmp_path: Path, suffix: str) -> None:
+    names = [str(name) for name in picture.band.values]
+    path = write(picture, tmp_path / f"several{suffix}")
+    for n, name in enumerate(names):
+        found = read(path, ["C99", name])
+        assert found.attrs["band"] == name
+        np.testing.assert_array_equal(found.reflectance_factor, picture.reflectance_factor[n])
+    assert read(path).attrs["band"] == read(path, ["C99"]).attrs["band"] == names[0]
+
+
 def test_the_middle_of_a_picture_across_the_date_line() -> None:
     """What himawari's grid has east of 180 and west of it in equal parts is in the middle of it."""
     grid = FixedGrid(2.8e-5 * np.arange(3600, 4200, 20), 2.8e-5 * np.arange(300, -301, -20), 140.7)

@@ -56,6 +56,20 @@ def test_depth_by_wavelength_and_time(direct: Path) -> None:
         read_aeronet(direct, time="2013-06-27")
 
 
+def test_of_a_period_its_own_rows_count(direct: Path) -> None:
+    def depth(*period: str) -> float:
+        return read_aeronet(direct, *period).depth_at(550)
+
+    assert depth("2013-05-27T11:00", "2013-05-27T12:00") == pytest.approx(0.2, rel=1e-3)
+    assert depth("2013-05-27T12:00", "2013-05-28") == pytest.approx(0.4, rel=1e-3)
+    assert depth("2013-05-27", "2013-05-28") == pytest.approx(0.3, rel=1e-3)
+    assert depth("2013-05-27T20:00", "2013-05-28") == pytest.approx(0.4, rel=1e-3)  # none within: the nearest
+    with pytest.raises(UserError, match="six hours of 2013-05-28"):
+        depth("2013-05-28T12:00", "2013-05-29")
+    with pytest.raises(UserError, match="before it"):
+        depth("2013-05-29", "2013-05-28")
+
+
 def test_sizes_and_index_scatter_as_the_modes_they_are_of(tmp_path: Path, direct: Path) -> None:
     pytest.importorskip("miepython")
     from openswim.optics.spheres import Mode, lognormal_sizes, scattering_by_spheres

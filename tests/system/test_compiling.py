@@ -52,6 +52,17 @@ def test_what_is_damaged_is_made_anew(tmp_path):
     assert _run(tmp_path) == (42, True, "")
 
 
+def test_of_other_packages_kernels_nothing_is_said(tmp_path):
+    """Theirs may be compiled at every start; ours are still told of, after them."""
+    (tmp_path / "kernels.py").write_text(KERNEL)
+    other = "\nimport numba\ntheirs = numba.njit(lambda x: x + 1)\n"
+    before_ours = f"{other}tell_first_time([kernels.twice])\nwith spoken():\n    theirs(1)\n    kernels.twice(1)\n"
+    alone = RUN.replace("print(kernels.twice(21), sum(kernels.twice.stats.cache_hits.values()))", "pass") + other
+    for run, said in ((f"{alone}with spoken():\n    theirs(1)\n", False), (alone + before_ours, True)):
+        done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert ("kernels are compiled" in done.stderr) == said
+
+
 def test_only_numba_unpickles(tmp_path):
     """So that who watches a process for files that bring programs with them sees none of ours."""
     (tmp_path / "kernels.py").write_text(KERNEL)

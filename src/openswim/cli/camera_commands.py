@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from openswim.cli.options import PATH, QUALITIES, debug, frame_options, frame_times, quality, solver
+from openswim.cli.options import PATH, QUALITIES, debug, frame_clock, frame_options, frame_times, quality, solver
 
 
 @click.command(short_help="Find a fisheye camera's lens and mount from its frames.")
@@ -70,7 +70,8 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
               help="TOML file of a camera; once for each frame, in their order.")  # fmt: skip
 @click.option("--clear-frame", "clear_frames", type=PATH, multiple=True,
               help="A frame of the camera under a clear sky; once for each camera, in their order.")  # fmt: skip
-@click.option("--time", help="UTC, ISO 8601, of the frames, where they do not tell.")
+@click.option("--time", help="UTC, ISO 8601, of the frames.  [default: by their FITS headers, their names, their EXIF]")
+@frame_clock
 @click.option("--passes", type=int, default=2, show_default=True, help="How often the edited scene is looked at again.")
 @click.option("--hold-out/--use-all", default=True, show_default=True,
               help="Keep every second block of the sky aside, and score by it.")  # fmt: skip

@@ -132,8 +132,14 @@ def camera_content(request: CompareRequest) -> "CameraFile":
     from openswim.cameras.files import read_camera
 
     content = read_camera(request.camera_file, lat=request.lat, lon=request.lon)
-    given = {name: value for name in ("time_pattern", "utc_offset_h") if (value := getattr(request, name)) is not None}
-    return replace(content, frames=replace(content.frames, **given))
+    return with_clock(content, request.time_pattern, request.utc_offset_h)
+
+
+def with_clock(content: "CameraFile", time_pattern: str | None, utc_offset_h: float | None) -> "CameraFile":
+    """The camera with what --time-pattern and --utc-offset say of its frames' times, as far as they are given."""
+    given = {"time_pattern": time_pattern, "utc_offset_h": utc_offset_h}
+    told: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(content, frames=replace(content.frames, **told))
 
 
 def tell_without_obstacles(path: Path, content: "CameraFile", lowest_deg: float) -> None:

@@ -22,6 +22,8 @@ class CorrectCloudsRequest:
     camera_files: tuple[Path, ...] = ()
     clear_frames: tuple[Path, ...] = ()
     time: str | None = None
+    time_pattern: str | None = None
+    utc_offset_h: float | None = None
     passes: int = 2
     hold_out: bool = True
     base_m: float | None = None
@@ -36,7 +38,7 @@ class CorrectCloudsRequest:
 def run(request: CorrectCloudsRequest) -> None:
     """Correct and write; the scores before and after are printed, and written beside the scene."""
     from openswim.cameras.files import read_camera
-    from openswim.cli.compare import tell_without_obstacles
+    from openswim.cli.compare import tell_without_obstacles, with_clock
     from openswim.comparison.cloud_correction import correct_clouds
     from openswim.comparison.settings import settings_of
     from openswim.ground.earth import preload
@@ -53,13 +55,15 @@ def run(request: CorrectCloudsRequest) -> None:
         check_target(target, [*frames, *request.camera_files, *request.clear_frames, request.model])
     names = ("size", "sun_mask_deg", "lowest_deg", "encoding")
     settings: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
-    for path in request.camera_files:
-        tell_without_obstacles(path, read_camera(path), settings_of(settings).lowest_deg)
-    if frames and request.camera_files:
-        _tell_time(request, frames[0], read_camera(request.camera_files[0]))
+    cameras = [with_clock(read_camera(path), request.time_pattern, request.utc_offset_h)
+               for path in request.camera_files]  # fmt: skip
+    for path, camera in zip(request.camera_files, cameras, strict=True):
+        tell_without_obstacles(path, camera, settings_of(settings).lowest_deg)
+    if frames and cameras:
+        _tell_time(request, frames[0], cameras[0])
     preload()
     scene, history = correct_clouds(
-        str(request.model), frames, request.camera_files, time=request.time, clear_frames=request.clear_frames,
+        str(request.model), frames, cameras, time=request.time, clear_frames=request.clear_frames,
         passes=request.passes, hold_out=request.hold_out, base_m=request.base_m, thickness_m=request.thickness_m,
         solver=Solver("fast", quality=request.quality), **settings,
     )  # fmt: skip

@@ -117,12 +117,15 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
 
 
 def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
-    """What the files of AERONET say of the first time asked for, or of all that they have."""
+    """What the files of AERONET say of the times asked for, or of all that they have; told in a line."""
     if not request.aeronet:
         return None
     from openswim.stations.aeronet import read_aeronet
 
-    return read_aeronet(list(request.aeronet), request.start if request.end is None else None)
+    found = read_aeronet(list(request.aeronet), request.start, None if request.start is None else request.end)
+    lacking = "" if found.albedo else "; its single-scattering albedo is not in them: .95"
+    click.echo(f"aerosol by AERONET: optical depth {found.depth_at(550.0):.3f} at 550 nm{lacking}", err=True)
+    return found
 
 
 def _options(request: IrradianceRequest) -> dict[str, Any]:

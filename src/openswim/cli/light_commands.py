@@ -61,7 +61,7 @@ def irradiance(**options: Any) -> None:
               "the Earth's centre, as the list of EPIC's pictures has them.")  # fmt: skip
 @click.option("--size", type=int, help="Of --disc: rows and columns.  [default: 512]")
 @click.option("--imager", default="goes-16 abi", show_default=True, help="Such as 'himawari-9 ahi', 'mtg-i1 fci'.")
-@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; the first is compared.")
+@click.option("--band", "bands", multiple=True, help="Name of a band, such as C02; that of --like is compared.")
 @click.option("--time",
               help="UTC, of the model and its light.  [default: the model's nearest to the observed picture's, in the "
               "latter's light; without such a picture the model's first]")  # fmt: skip

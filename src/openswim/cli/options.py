@@ -93,11 +93,14 @@ observer_options = stacked(  # of render and film: `RenderRequest` has them
     quality,
     allow_references,
 )  # fmt: skip
-frame_times = stacked(  # of calibrate and compare
-    click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]"),
+frame_clock = stacked(  # of calibrate, compare and correct-clouds
     click.option("--time-pattern", help="How file names tell the time, such as %d%m%y_%H%M%S (strptime)."),
     click.option("--utc-offset", "utc_offset_h", type=float, help="Hours that their clock is ahead of UTC."),
 )  # fmt: skip
+frame_times = stacked(  # of calibrate and compare
+    click.option("--time", help="UTC, ISO 8601, of a single frame.  [default: by its FITS header, its name, its EXIF]"),
+    frame_clock,
+)
 frame_options = stacked(  # of compare and correct-clouds
     click.option("--size", type=int, help="Columns that frames are averaged to.  [default: 320]"),
     click.option("--sun-mask", "sun_mask_deg", type=float,

@@ -118,8 +118,15 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     from openswim.satellites.picture import reflectance
     from openswim.scene.times import parse_time
 
-    observed = read(like)
+    observed = read(like, request.bands)
     grid = grid_of(observed)
+    seen_in = observed.attrs["band"]
+    compared = bands[0].name if seen_in in ("", bands[0].name) else seen_in
+    if compared not in request.bands:
+        what = f"{like} is a picture in {seen_in}, which --band does not name"
+        if not request.outputs:
+            raise UserError(f"{what}: nothing to compare: give --band {seen_in}, or -o to write without comparing")
+        click.echo(f"note: {what}: nothing is compared", err=True)
     if not np.isfinite(observed.latitude).any():
         raise UserError(f"{like}: no pixel of it lies on the Earth")
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)
@@ -136,15 +143,18 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     picture = reflectance(scene, grid, bands, start if request.time is None and start else scene.time,
                           solver=request.solver)  # fmt: skip
     for output in request.outputs:
-        write(picture, output)
-    simulated = picture.reflectance_factor.values[0]
+        click.echo(f"{write(picture, output)}")
+    if compared not in request.bands:
+        return
+    simulated = picture.reflectance_factor.values[request.bands.index(compared)]
     found = agreement(simulated, observed.reflectance_factor.values)
-    click.echo(f"reflectance factor, {bands[0].name}, {found.n} pixels: bias {found.bias:+.3f}, RMSE {found.rmse:.3f}, "
+    click.echo(f"reflectance factor, {compared}, {found.n} pixels: bias {found.bias:+.3f}, RMSE {found.rmse:.3f}, "
                f"correlation {found.correlation:.3f}")  # fmt: skip
     for name, values in (("simulated", found.simulated), ("observed", found.observed)):
         click.echo(f"{name:10} 5, 25, 50, 75, 95 %: {', '.join(f'{value:.3f}' for value in values)}")
     down, right, best = displacement(simulated, observed.reflectance_factor.values)
     told = np.isfinite(down)
     if told.any():
-        click.echo(f"displaced by {np.median(down[told]):+.0f} rows and {np.median(right[told]):+.0f} columns "
+        rows, columns = np.median(down[told]), np.median(right[told])
+        click.echo(f"fits best when moved down by {rows:+.0f} rows and to the right by {columns:+.0f} columns "
                    f"(median of {told.sum()} windows, of {best.size})")  # fmt: skip

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +91,11 @@ def middle_of(picture: xr.Dataset, lon_0: float) -> tuple[float, float]:
     return float(np.nanmean(picture.latitude.values)), (lon + 180.0) % 360.0 - 180.0
 
 
-def read(path: str | Path) -> xr.Dataset:
-    """An observed picture: ``reflectance_factor`` on (y, x), and its grid, as `write` writes them.
+def read(path: str | Path, bands: Sequence[str] = ()) -> xr.Dataset:
+    """An observed picture: ``reflectance_factor`` on (y, x), and its grid, as `write` writes them. Attribute ``band``
+    is the name of its band, "" where the file does not tell.
+
+    bands : of a file of several, the first of these that it has; else its first.
 
     Takes netCDF with a CF grid mapping "geostationary" and a reflectance factor (ABI L2 CMI, our own), and GeoTIFF in
     the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
@@ -99,26 +104,49 @@ def read(path: str | Path) -> xr.Dataset:
     check_ordinary(source)
     check_name(source)
     try:
-        return _from_netcdf(source) if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff(source)
+        take = _from_netcdf if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff
+        return take(source, bands)
     except (OSError, ValueError, KeyError) as error:
         raise UserError(f"{source}: no picture on a fixed grid of a geostationary imager ({error})") from error
 
 
-def _from_netcdf(path: Path) -> xr.Dataset:
+def _from_netcdf(path: Path, bands: Sequence[str]) -> xr.Dataset:
     with xr.open_dataset(path) as file:
         names = ("reflectance_factor", "CMI", "Rad")
         name = next((one for one in names if one in file), None)
         if name in (None, "Rad"):
             raise UserError(f"{path}: no reflectance factor in it (reflectance_factor, CMI)")
         values = file[name]
+        told = _names(path, file)
+        at = _which(told, bands)
         if "band" in values.dims:
-            values = values.isel(band=0)
+            values = values.isel(band=at)
         mapping = file[str(values.attrs.get("grid_mapping", values.encoding.get("grid_mapping", "geostationary")))]
         grid = FixedGrid.of_cf(file.x.values, file.y.values, mapping.attrs)
-        return _picture(values.values.astype(np.float32), grid, str(file.attrs.get("time_coverage_start", "")))
+        time = str(file.attrs.get("time_coverage_start", ""))
+        return _picture(values.values.astype(np.float32), grid, time, told[at])
 
 
-def _from_geotiff(path: Path) -> xr.Dataset:
+def _names(path: Path, file: xr.Dataset) -> list[str]:
+    """Of a netCDF file's bands: our own names, ABI's number, or what the name of the file says."""
+    if "band" in file.coords:
+        return [str(name) for name in np.atleast_1d(file.band.values)]
+    if "band_id" in file.variables:
+        return [f"C{int(number):02d}" for number in np.atleast_1d(file.band_id.values)]
+    return [_named(path.name)]
+
+
+def _named(name: str) -> str:
+    """The band that a name of an ABI file tells, such as OR_ABI-L2-CMIPC-M6C02_G16_..."""
+    told = re.search(r"ABI-L\w+-\w+-M\d+(C\d\d)_G\d\d", name)
+    return "" if told is None else told.group(1)
+
+
+def _which(names: Sequence[str], bands: Sequence[str]) -> int:
+    return next((names.index(name) for name in bands if name in names), 0)
+
+
+def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
     try:
         import rasterio
         from pyproj import CRS
@@ -135,21 +163,26 @@ def _from_geotiff(path: Path) -> xr.Dataset:
         mapping = {} if file.crs is None else CRS.from_wkt(file.crs.to_wkt()).to_cf()
         if mapping.get("grid_mapping_name") != "geostationary":
             raise UserError(f"{path}: its projection is not that of a geostationary imager (+proj=geos)")
-        raw = file.read(1, masked=True)
-        values = np.ma.filled(raw.astype(np.float32) * file.scales[0] + file.offsets[0], np.nan)
+        tags = file.tags()  # with the prefix as GDAL has it of a netCDF file, without as `write` does
+        if any(file.descriptions):
+            names = [each or "" for each in file.descriptions]
+        else:
+            names = [_named(path.name) or _named(tags.get("NC_GLOBAL#dataset_name", ""))] * file.count
+        at = _which(names, bands)
+        raw = file.read(at + 1, masked=True)
+        values = np.ma.filled(raw.astype(np.float32) * file.scales[at] + file.offsets[at], np.nan)
         height, transform = float(mapping["perspective_point_height"]), file.transform
         x = (transform.c + transform.a * (np.arange(file.width) + 0.5)) / height
         y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
         grid = FixedGrid.of_cf(x, y, mapping)
-        tags = file.tags()  # with the prefix as GDAL has it of a netCDF file, without as `write` does
         time = tags.get("NC_GLOBAL#time_coverage_start") or tags.get("time_coverage_start", "")
-        return _picture(values, grid, time)
+        return _picture(values, grid, time, names[at])
 
 
-def _picture(values: Any, grid: FixedGrid, time: str) -> xr.Dataset:
+def _picture(values: Any, grid: FixedGrid, time: str, band: str) -> xr.Dataset:
     lat, lon = grid.latlon()
     return xr.Dataset(
         {"reflectance_factor": (("y", "x"), values), "geostationary": ((), 0, grid.to_cf())},
         coords={"x": grid.x, "y": grid.y, "latitude": (("y", "x"), lat), "longitude": (("y", "x"), lon)},
-        attrs={"time_coverage_start": time},
+        attrs={"time_coverage_start": time, "band": band},
     )

@@ -71,7 +71,8 @@ class Sunphotometer:
         """Bulk optics of the size distribution and index, by Mie theory; the share that is no spheres as irregular
         particles (docs/optics.md), since no table of spheroids is at hand."""
         if not self.radius_um.size or not self.index:
-            raise UserError("no size distribution and refractive index in the AERONET files: give an inversion")
+            raise UserError("no size distribution and refractive index in the AERONET files: give an inversion of both "
+                            "(-999 is none; level 2.0 has an index in thick aerosol only, level 1.5 more often)")
         sizes, known = self._sizes(), sorted(self.index)
         index = complex(*(np.interp(wavelength_nm, known, [part(self.index[wl]) for wl in known])
                           for part in (np.real, np.imag)))  # fmt: skip
@@ -111,13 +112,17 @@ class Sunphotometer:
         return AerosolProfile(**given)
 
 
-def read_aeronet(files: Any, time: Time = None) -> Sunphotometer:
+def read_aeronet(files: Any, time: Time = None, until: Time = None) -> Sunphotometer:
     """AERONET files of version 3 as their site's download has them: .lev10, .lev15, .lev20 of the direct sun, .all of
     inversions, or single products (.aod, .ssa, .rin, .siz, .pfn). Several files together make one aerosol.
 
     time : UTC; the row nearest to it of each file, within six hours. None: the mean of all rows.
+    until : UTC; the mean of each file's rows from ``time`` to it, or where there are none, the row nearest to either.
     """
-    rows = [_row(Path(path), parse_time(time)) for path in paths("files", files)]
+    first, last = parse_time(time), parse_time(until)
+    if last is not None and (first is None or last < first):
+        raise UserError(f"AERONET: until = {last} needs a time before it")
+    rows = [_row(Path(path), first, last) for path in paths("files", files)]
     found = {key: value for row in rows for key, value in row.items()}
     spectral = {name: _by_wavelength(found, pattern) for name, pattern in _SPECTRAL.items()}
     depth = spectral["depth"] or spectral["inverted_depth"]
@@ -153,8 +158,8 @@ def _phases(found: dict[str, float]) -> dict[float, PhaseFunction]:
     return out
 
 
-def _row(path: Path, time: np.datetime64 | None) -> dict[str, float]:
-    """Numbers by column: of the row nearest to a time, or the mean of all rows."""
+def _row(path: Path, time: np.datetime64 | None, until: np.datetime64 | None) -> dict[str, float]:
+    """Numbers by column: of the row nearest to a time, or the mean of the rows of a period, or of all."""
     check_ordinary(path)
     try:
         with path.open(newline="", encoding="latin-1") as file:
@@ -170,10 +175,14 @@ def _row(path: Path, time: np.datetime64 | None) -> dict[str, float]:
         raise UserError(f"{path}: no rows")
     if time is not None:
         stamps = np.array([_stamp(path, header, row) for row in rows])
-        nearest = int(np.argmin(np.abs(stamps - time)))
-        if abs(stamps[nearest] - time) > _NEAR:
-            raise UserError(f"{path}: nothing within six hours of {time}; the nearest row is of {stamps[nearest]}")
-        rows = [rows[nearest]]
+        last = time if until is None else until
+        beside = np.maximum(np.maximum(time - stamps, stamps - last), np.timedelta64(0, "ms"))  # of the period
+        nearest = int(np.argmin(beside))
+        if beside[nearest] > _NEAR:
+            when = time if until is None else f"{time} to {until}"
+            raise UserError(f"{path}: nothing within six hours of {when}; the nearest row is of {stamps[nearest]}")
+        within = [row for row, apart in zip(rows, beside, strict=True) if not apart]
+        rows = within or [rows[nearest]]
     out = {}
     for number, name in enumerate(header):
         values = [_number(row[number]) for row in rows if number < len(row)]

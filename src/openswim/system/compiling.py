@@ -121,7 +121,9 @@ class _FirstTime(event.Listener):
     def __init__(self, kernels: Iterable[Any]) -> None:
         self._kernels = list(kernels)
 
-    def on_start(self, _: Any) -> None:
+    def on_start(self, compiling: Any) -> None:
+        if not any(compiling.data["dispatcher"] is kernel for kernel in self._kernels):
+            return  # of another package, which may keep nothing and compile at every start
         event.unregister("numba:compile", self)
         missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels)
         seconds = _KERNEL_S * missing

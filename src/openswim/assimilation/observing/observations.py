@@ -60,6 +60,9 @@ def observations(
         light = np.where(good, light, 0.0)
         mean = light[:, good].mean(axis=1, keepdims=True)
         total = np.hypot(of_noise, _share("representation", shares[n]))
+        if total == 0:
+            raise UserError("observations: noise and representation are both 0, and an analysis weighs by errors: give "
+                            "noise = .02, for instance")  # fmt: skip
         sigma = total * np.sqrt(0.5 * (light**2 + mean**2))
         light = np.where(good, light, mean)
         value[part.here] = each.quantity.value(light).ravel()

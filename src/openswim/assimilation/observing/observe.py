@@ -68,6 +68,7 @@ def observe(
 
     cameras : as for `render`; ``quantity`` of each, or of all: "radiance", "log_radiance", "reflectance_factor" or
         "ratio" (of channels to the first one).
+    time : UTC, when it is observed and lit; by default the scene's. sun : (azimuth, altitude) of its light instead.
     irradiance : (latitude, longitude) of pyranometers, in flat scenes (y, x) in metres: global irradiance, W m-2.
     controls : what may change: "cloud_liquid", "cloud_ice" and other contents, "<species>_effective_radius",
         "<species>_number", "extinction_<name>", "aerosol_extinction", "aerosol_factor", "albedo", "scale" (of each
@@ -112,7 +113,7 @@ def observe(
     made = core if core is not None else _core(scene, listed, points, wavelengths, day.direction, tolerance, lean)
     albedo = np.asarray(made.albedo, float)
     held = Controls.of(scene, controls, wavelengths, allowed, albedo, len(listed), floor)
-    when = None if sun is not None else (scene.time if time is None else parse_time(time))
+    when = scene.time if time is None else parse_time(time)
     watts = np.zeros((wavelengths.size, len(points)))
     if len(points):
         watts += watts_of(scene, wavelengths, day)[:, None]

@@ -85,12 +85,13 @@ def hydrometeors(file: WRFFile, dry_density: F32, notes: list[str]) -> dict[str,
 
 
 def cover(file: WRFFile, cell_m: float, air: dict[str, F32], dry_density: F32, notes: list[str]) -> dict[str, F32]:
-    """Cloud fraction: CLDFRA, or that of humidity where cells are wide and CLDFRA is missing or knows only 0 and 1.
+    """Cloud fraction: CLDFRA. Where it is missing or knows only 0 and 1, that of humidity in wide cells, and none in
+    others: they are full of cloud wherever they have any, also before the model's radiation has set CLDFRA at all.
 
     air: scene variables read so far, pressure, temperature and contents among them.
     """
     guessed = cover_guess(file, cell_m)
-    if "CLDFRA" in file and guessed is None:
+    if guessed is None and _has_fractions(file):
         fraction = checked_values("CLDFRA", file.field("CLDFRA", MASS_LEVELS, ""), _FRACTION, notes)
         return {"cloud_area_fraction": fraction}
     water = [air[f"{kind}_content"] for kind in ("liquid", "ice") if f"{kind}_content" in air]
@@ -110,8 +111,15 @@ def cover_guess(file: WRFFile, cell_m: float) -> str | None:
         return None
     if "CLDFRA" not in file:
         return XU_RANDALL
+    return None if _has_fractions(file) else f"{XU_RANDALL}, since CLDFRA is 0 or 1"
+
+
+def _has_fractions(file: WRFFile) -> bool:
+    """Whether CLDFRA knows more than 0 and 1."""
+    if "CLDFRA" not in file:
+        return False
     fraction = file.field("CLDFRA", MASS_LEVELS, "")
-    return None if ((fraction > 0) & (fraction < 1)).any() else f"{XU_RANDALL}, since CLDFRA is 0 or 1"
+    return bool(((fraction != 0) & (fraction != 1)).any())
 
 
 def aerosol(file: WRFFile, dry_density: F32, humidity: F32, notes: list[str]) -> Haze:
