@@ -11,7 +11,7 @@ from pyproj import CRS
 import openswim
 from openswim.cameras import Camera
 from openswim.cli import estimate as module
-from openswim.cli.estimate import announce, estimate, mean_of, passes_of
+from openswim.cli.estimate import Pictured, announce, estimate, mean_of, passes_of
 from openswim.errors import UserError
 from openswim.films import Weather
 from openswim.lighting import lights_of
@@ -20,7 +20,7 @@ from openswim.scene.rays import Rays
 from openswim.solver import Solver
 from openswim.transport.montecarlo import reference
 
-CLEAR = SimpleNamespace(grid=None, wider=None)
+CLEAR = SimpleNamespace(grid=None, wider=None, atmosphere=None)
 
 
 def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0, share: float = 1.0) -> Scene:
@@ -88,6 +88,24 @@ def test_rays_through_clear_air_take_fewer_steps() -> None:
     assert seconds[2] == pytest.approx(seconds[3])
 
 
+def test_wavelengths_are_solved_for_in_fours_and_bands_of_gases_in_several_terms() -> None:
+    scene = replace(_scene(32, 128, 128), atmosphere=Scene.clear(47, 11).atmosphere)
+    small, three = Camera.allsky(47, 11, size=100), [450.0, 500.0, 550.0]
+    one, four, five, within = (
+        estimate(scene, small, wavelengths_nm=nm)
+        for nm in ([550.0], [*three, 600.0], [*three, 600.0, 650.0], [*three, 940.0])
+    )
+    assert one.seconds == four.seconds
+    assert 1.5 * one.seconds < five.seconds <= within.seconds
+    assert 1.3 * four.memory_bytes < five.memory_bytes < 2 * four.memory_bytes
+
+
+def test_an_imagers_picture_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "free_memory", lambda: 1e9)
+    with pytest.raises(UserError, match=r"this picture takes about \d+\.\d GB of memory, and 1\.0 GB are free"):
+        announce(_scene(64, 500, 500), Pictured((62, 79), 36e6), "fast", wavelengths_nm=[640.0, 810.0])
+
+
 def test_a_clear_panorama_as_measured(shared: Path) -> None:
     """Tibet at noon, 2048 x 1024 pixels, on two cores: nothing but air and traces of ice."""
     file = shared / "data" / "nwp" / "wrfout_tibet_2005-09-21.nc"
@@ -142,7 +160,7 @@ def test_domains_lit_in_parts_take_less() -> None:
     field = SimpleNamespace(nbytes=4 * 50 * 1059 * 1799)
     shape = SimpleNamespace(shape=(50, 1059, 1799), periodic=False, curved=True, height_m=field)
     scene = SimpleNamespace(grid=shape, data=_Fields(dict.fromkeys(names, field)), species=[*"abcd"],
-                            wider=None)  # fmt: skip
+                            wider=None, atmosphere=None)  # fmt: skip
     expected = estimate(scene, Camera.satellite(0, 0, size=(1059, 1799)))
     assert 20 < expected.seconds < 90
     assert 4e9 < expected.memory_bytes < 8e9

@@ -178,8 +178,8 @@ def _of_scene(work: "Work", scene: "Scene") -> "Estimate":
     lights = lights_of(scene, plan.solver.name, plan.wavelengths_nm, **plan.sun_options)
 
     def of(camera: "Camera") -> Estimate:
-        count = len(plan.wavelengths_nm)
-        return estimate(scene, camera, plan.solver.name, count, quality=plan.solver.quality, lights=lights)
+        solver = plan.solver
+        return estimate(scene, camera, solver.name, plan.wavelengths_nm, quality=solver.quality, lights=lights)
 
     found = [of(each.camera) for each in plan.cameras]
     point = replace(plan.cameras[0].camera, view="perspective", shape=(1, 1), fov_deg=1.0, lens_optics=None, given=None,

@@ -9,8 +9,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
+from openswim.lighting import WAVELENGTHS_NM
+from openswim.optics.gas_bands import terms_of
 from openswim.optics.matter import matter_of
 from openswim.optics.species import REFERENCE_NM
 from openswim.options import Options
@@ -23,11 +26,9 @@ from openswim.transport.montecarlo.reference import PASS_PATHS
 from openswim.transport.plan import plan_of
 
 if TYPE_CHECKING:
-    from openswim.cameras import Camera
     from openswim.scene import Scene
 
 Array = NDArray[np.float64]
-WAVELENGTHS = 3
 LARGE_BYTES = 1_000_000_000
 
 # Measured on two cores (docs/running.md has a table): what the estimate stands on.
@@ -37,9 +38,9 @@ _CLEAR_STEPS, _CLOUDY_STEPS = 80, 20  # of a ray in air alone, and with cloud, a
 _SEEN_DEPTH, _BROKEN = 0.01, 0.25  # columns that count as cloudy; of so many rays go through cloud as if all were
 _SPACE_M = 1e5  # from above rays go through the air steeply ...
 _FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
-_SOLVE_S_PER_NODE = 0.7e-6  # `fast`, per node of the grid and wavelength, all sweeps
-_COLUMN_NODE_S = 0.21e-6  # the same where every column is solved by itself
-_SWIM_NODE_S = 0.1e-6
+_SOLVE_S_PER_NODE = 2.1e-6  # `fast`, per node of the grid and pack of wavelengths, full or not, all sweeps
+_COLUMN_NODE_S = 0.63e-6  # the same where every column is solved by itself
+_SWIM_NODE_S = 0.3e-6
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
 REFERENCE_PATHS = 256
 _LOOK_S = 53e-6  # of `reference`, per ray and pass: air and cloud along it
@@ -48,9 +49,21 @@ _SKY_RAYS, _SKY_PATHS = 4096, 1 / 16  # of the sky's irradiance, and how many of
 _BYTES, _EARTH_BYTES, _REFERENCE_BYTES = 2.8e8, 4.5e8, 3e8  # of a process whatever it does: libraries, kernels, maps
 _SURE = 0.8  # of the free memory, for pictures that are said to fit
 _NODE_BYTES, _CLOUD_NODE_BYTES = 85, 300  # optics and scratch per node and wavelength, and moments where there is cloud
+_OF_A_PACK, _KEPT_PACK = 3, 0.48  # as many times that, and what is left of a pack while others are solved for
 _COLUMN_NODE_BYTES, _KEPT_NODE_BYTES = 55, 30  # the same without sweeps; of a light while the next one is solved for
 _COLUMN_S, _SEEN_PIXEL_S = 13e-6, 5e-6  # of large domains, whatever the solver
 _LEVELS, _PART_BYTES, _SEEN_PIXEL_BYTES = 40, 0.9e9, 120
+
+
+@dataclass(frozen=True)
+class Pictured:
+    """What an estimate needs to know of a picture that no `Camera` takes: its pixels, and from how high it is taken."""
+
+    shape: tuple[int, int]
+    height_m: float
+
+
+View = Camera | Pictured
 
 
 @dataclass(frozen=True)
@@ -71,17 +84,20 @@ class Estimate:
 
 
 def estimate(
-    scene: "Scene", camera: "Camera", solver: str = "fast", wavelengths: int = WAVELENGTHS, paths: int | None = None,
-    quality: str = "standard", lights: int = 1,
+    scene: "Scene", camera: View, solver: str = "fast", wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
+    paths: int | None = None, quality: str = "standard", lights: int = 1,
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores; nested grids and ``lights`` (sun, moon, night
     sky) are solved one after the other and kept."""
     start_s, start_bytes = (_EARTH_START_S, _EARTH_BYTES) if _on_earth(scene) else (_START_S, _BYTES)
+    wavelengths = _terms(scene, wavelengths_nm)
+    packs = -(-wavelengths // PACK)  # solved for one after the other, and kept
     if solver == "reference":
         return _estimate_reference(scene, camera, wavelengths, paths or REFERENCE_PATHS, start_s)
     if scene.wider is not None:
         inner, wider = (
-            estimate(one, camera, solver, wavelengths, paths, quality, lights) for one in (scene.alone(), scene.wider)
+            estimate(one, camera, solver, wavelengths_nm, paths, quality, lights)
+            for one in (scene.alone(), scene.wider)
         )
         of_pixels = math.prod(camera.shape) * inner.pixel_bytes
         return Estimate(
@@ -89,7 +105,7 @@ def estimate(
             inner.pixel_bytes,
         )
     if _large(scene):
-        return _estimate_large(scene, camera, wavelengths)
+        return _estimate_large(scene, camera, wavelengths, packs)
     plan = _plan(scene, solver, quality)
     drawn = (0, 0, 0) if plan is None else plan.drawn_shape
     nodes, wide = math.prod(drawn), solver == "fast" and plan is not None and plan.stands_alone
@@ -100,11 +116,12 @@ def estimate(
     per_s = _VIEW_SAMPLES_PER_S if _on_earth(scene) else _FLAT_SAMPLES_PER_S
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
     fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
-    solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes * wavelengths
-    seconds = start_s + lights * (solve_s + pixels * steps * wavelengths / (3 * per_s))
+    solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes
+    seconds = start_s + lights * packs * (solve_s + pixels * steps / per_s)
     swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * of_nodes
     node_bytes = (swept or _COLUMN_NODE_BYTES) + (lights - 1) * _KEPT_NODE_BYTES
-    return Estimate(seconds, start_bytes + nodes * wavelengths * node_bytes + pixels * per_pixel, per_pixel)
+    kept = 1.0 + _KEPT_PACK * (packs - 1)
+    return Estimate(seconds, start_bytes + nodes * _OF_A_PACK * kept * node_bytes + pixels * per_pixel, per_pixel)
 
 
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:
@@ -115,7 +132,7 @@ def mean_of(estimates: Sequence[Estimate]) -> Estimate:
     )  # fmt: skip
 
 
-def _estimate_reference(scene: "Scene", camera: "Camera", wavelengths: int, paths: int, start_s: float) -> Estimate:
+def _estimate_reference(scene: "Scene", camera: View, wavelengths: int, paths: int, start_s: float) -> Estimate:
     """Of paths that scatter, on their mean, twice as often as the mean optical depth of the columns says.
 
     That holds whatever the clouds' shapes: where light is the same from all sides it is the same within, so that of S
@@ -140,6 +157,11 @@ def passes_of(paths: int) -> int:
         size = paths if paths <= 1.5 * size else size
         passes, paths, size = passes + 1, paths - size, min(2 * size, PASS_PATHS)
     return passes
+
+
+def _terms(scene: "Scene", wavelengths_nm: Sequence[float]) -> int:
+    """How many terms are solved for: several of each wavelength at which gases absorb in lines."""
+    return int(terms_of(np.array(wavelengths_nm, float), scene.atmosphere is not None).nm.size)
 
 
 def _on_earth(scene: "Scene") -> bool:
@@ -183,37 +205,45 @@ def _large(scene: "Scene") -> bool:
     return scene.grid is not None and lit_in_parts(scene.grid, "cloud_area_fraction" in scene.data)
 
 
-def _estimate_large(scene: "Scene", camera: "Camera", wavelengths: int) -> Estimate:
+def _estimate_large(scene: "Scene", camera: View, wavelengths: int, packs: int) -> Estimate:
     """Of a domain lit in parts: the scene's own fields, their extinction on levels, and a part."""
     assert scene.grid is not None
     columns = scene.grid.shape[1] * scene.grid.shape[2]
     pixels, per_pixel = math.prod(camera.shape), wavelengths * _SEEN_PIXEL_BYTES
     own = sum(values.nbytes for values in scene.data.data_vars.values()) + scene.grid.height_m.nbytes
-    seconds = _START_S + (columns * _COLUMN_S + pixels * _SEEN_PIXEL_S) * -(-wavelengths // PACK)
+    seconds = _START_S + (columns * _COLUMN_S + pixels * _SEEN_PIXEL_S) * packs
     held = own + 4 * _LEVELS * columns * len(scene.species)
     return Estimate(seconds, held + _PART_BYTES + pixels * per_pixel, per_pixel)
 
 
 def announce(
-    scene: "Scene", camera: "Camera", solver: str, paths: int | None = None, quality: str = "standard",
-    wavelengths: int = WAVELENGTHS, lights: int = 1,
+    scene: "Scene", camera: View, solver: str, paths: int | None = None, quality: str = "standard",
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM, lights: int = 1,
 ) -> None:
-    """Print the estimate of a large job to stderr."""
+    """Print the estimate of a large job to stderr; UserError where it does not fit into memory."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
     if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
-    expected = estimate(scene, camera, solver, wavelengths, paths, quality, lights)
+    expected = estimate(scene, camera, solver, wavelengths_nm, paths, quality, lights)
     if expected.memory_bytes > free_memory():
-        raise UserError(_too_large(camera, expected))
+        raise UserError(_too_large(camera, expected) if isinstance(camera, Camera) else _no_room(expected))
     if expected.large:
         click.echo(str(expected), err=True)
 
 
-def _too_large(camera: "Camera", expected: Estimate) -> str:
+def _no_room(expected: Estimate) -> str:
+    """Why an imager's picture is not begun."""
+    return f"this picture {_takes(expected)}: give one --band at a time, a larger --every, or --solver swim"
+
+
+def _takes(expected: Estimate) -> str:
+    return f"takes about {expected.memory_bytes / 1e9:.1f} GB of memory, and {free_memory() / 1e9:.1f} GB are free"
+
+
+def _too_large(camera: Camera, expected: Estimate) -> str:
     """Why a picture is not begun, and the largest one like it that the machine has memory for."""
-    free, of_pixels = free_memory(), expected.pixel_bytes * math.prod(camera.shape)
-    says = f"takes about {expected.memory_bytes / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free"
+    free, of_pixels, says = free_memory(), expected.pixel_bytes * math.prod(camera.shape), _takes(expected)
     share = (_SURE * free - (expected.memory_bytes - of_pixels)) / max(of_pixels, 1.0)
     rows, columns = (int(pixels * math.sqrt(max(share, 0.0))) for pixels in camera.shape)
     if min(rows, columns) < 1:

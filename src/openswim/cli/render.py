@@ -129,7 +129,7 @@ def run(request: RenderRequest) -> None:
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
     lights = lights_of(scene, solver.name, wavelengths, **sun)
-    announce(scene, camera, solver.name, request.paths, solver.quality, len(wavelengths), lights)
+    announce(scene, camera, solver.name, request.paths, solver.quality, wavelengths, lights)
     if solver.name == "reference":
         scene = scene.alone()
     chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}

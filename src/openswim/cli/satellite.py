@@ -13,9 +13,10 @@ import numpy as np
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
-    from openswim.satellites import Band
+    from openswim.satellites import Band, FixedGrid, Pixels
+    from openswim.scene import Scene
 
-
+_HIGH_M = 36e6  # imagers stand so high, or higher
 _DISC_DEG = 0.62  # field of EPIC: the whole disc and a little beside it
 
 
@@ -94,11 +95,12 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
         grid = whole = named_grid(request.imager, request.grid or "full", request.lon_0)
         lat, lon = 0.0, whole.lon_0
     scene = openswim.open_scene(request.files, time=parse_time(request.time),
-                                around=Neighbourhood.seen_from(lat, lon, 36e6))  # fmt: skip
+                                around=Neighbourhood.seen_from(lat, lon, _HIGH_M))  # fmt: skip
     if isinstance(grid, FixedGrid):
         grid, every = shown_part(grid, scene.levels[-1].grid, request.every)
         some = "" if every == 1 else f", each {every}. of the imager's"
         click.echo(f"{grid.y.size} rows and {grid.x.size} columns{some}", err=True)
+    _announce(scene, grid, bands, request.solver)
     picture = reflectance(scene, grid, bands, solver=request.solver)
     for output in request.outputs:
         click.echo(f"{write(picture, output)}")
@@ -106,6 +108,13 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     known = values[np.isfinite(values)]
     told = ", ".join(f"{value:.3f}" for value in np.percentile(known, (5, 25, 50, 75, 95)))
     click.echo(f"reflectance factor, {bands[0].name}, {known.size} pixels, 5, 25, 50, 75, 95 %: {told}")
+
+
+def _announce(scene: Scene, grid: FixedGrid | Pixels, bands: list[Band], solver: str) -> None:
+    from openswim.cli.estimate import Pictured, announce
+
+    wavelengths = sorted({nm for one in bands for nm in one.wavelength_nm})
+    announce(scene, Pictured(grid.latlon()[0].shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
 
 
 def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
@@ -132,7 +141,7 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)
     if start is None and request.time is None:
         raise UserError(f"{like}: does not say its time: give --time, of the model and of the light")
-    around = Neighbourhood.seen_from(*middle_of(observed, grid.lon_0), 36e6)
+    around = Neighbourhood.seen_from(*middle_of(observed, grid.lon_0), _HIGH_M)
     chosen = parse_time(request.time)
     if chosen is None and start is not None:
         times = [parse_time(each) for each in describe(request.files).times]
@@ -140,6 +149,7 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     scene = openswim.open_scene(request.files, time=chosen, around=around)
     if request.time is None and start is not None and scene.time is not None:
         tell_when_far(start, scene.time, "picture")
+    _announce(scene, grid, bands, request.solver)
     picture = reflectance(scene, grid, bands, start if request.time is None and start else scene.time,
                           solver=request.solver)  # fmt: skip
     for output in request.outputs:
