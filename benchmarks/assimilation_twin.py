@@ -162,7 +162,7 @@ def main() -> None:
         "81 pyranometers, 60, lean": {
             "cameras": 0, "satellites": 0, "pyranometers": 81, "iterations": 60, "lean": True,
         },
-        "1 above, 9 cameras, 250, lean": {"cameras": 9, "satellites": 1, "iterations": 250, "lean": True},
+        "1 above, 9 cameras, 330, lean": {"cameras": 9, "satellites": 1, "iterations": 330, "lean": True},
         "1 above, 3 cameras, Gauss-Newton": {"cameras": 3, "satellites": 1, "iterations": 60, "method": "gauss-newton"},
     }
     for name, settings in cases.items():
