@@ -225,6 +225,19 @@ def test_failures_are_listed_and_tried_again(
     assert "1 made, 2 stood already, 0 failed" in capsys.readouterr().out
 
 
+def test_where_nothing_can_be_estimated_it_is_said_why(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in plan.parent.glob("run_*.nc"):
+        with xr.open_dataset(path) as held:
+            bad = held.load().copy()
+        bad["extinction_cloud"] = bad["extinction_cloud"] * np.nan
+        path.unlink()
+        bad.to_netcdf(path)
+    assert run(["batch", str(plan), "--dry-run"]) == 0
+    told = capsys.readouterr().err
+    assert "what they take is not told, since the first of them fail: " in told
+    assert "extinction_cloud" in told
+
+
 def test_a_camera_that_fails_is_named_and_the_others_are_made_counted_and_listed(
     plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,8 +2,8 @@
 
 import re
 import time as clock
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -138,8 +138,9 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
         click.echo(f"{told}; nothing is left to render", err=True)
         return
     one = _of_a_task(work)
-    if one is None:
-        click.echo(f"{told}; {pictures} files; what they take cannot be told from the first of them", err=True)
+    if isinstance(one, str):
+        why = f"what they take is not told, since the first of them fail: {one}"
+        click.echo(f"{told}; {pictures} files; {why}", err=True)
         return
     if request.scheduler is not None:
         click.echo(f"{told}; {pictures} files by {request.scheduler}; one of them: {one}", err=True)
@@ -160,14 +161,17 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     click.echo(f"{told}; {pictures} files by {by}; {whole}", err=True)
 
 
-def _of_a_task(work: "Work") -> "Estimate | None":
-    """What one solve with all its cameras takes; None where the first few cannot be opened."""
+def _of_a_task(work: "Work") -> "Estimate | str":
+    """What one solve with all its cameras takes; where the first few cannot be opened for any camera, why."""
     from openswim.batches.working import scene_of
 
-    for task in work.waiting[:_TRIED]:
-        with suppress(UserError):  # it will be listed with those that failed
-            return _of_scene(work, scene_of(work.plan, task, work.plan.cameras[0]))
-    return None
+    why = ""
+    for task, each in product(work.waiting[:_TRIED], work.plan.cameras):
+        try:
+            return _of_scene(work, scene_of(work.plan, task, each))
+        except UserError as fault:  # it will be listed with those that failed
+            why = why or str(fault)
+    return why
 
 
 def _of_scene(work: "Work", scene: "Scene") -> "Estimate":
