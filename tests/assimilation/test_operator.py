@@ -160,7 +160,7 @@ def test_wrong_requests_are_one_line() -> None:
     scene, core = flat_scene(), toy_core(flat_scene(), CAMERAS, POINTS)
     for words, match in (
         ({"controls": ("cloud_liqid",)}, "did you mean cloud_liquid"),
-        ({"controls": ("cloud_liquid",)}, "has no liquid_content"),
+        ({"controls": ("cloud_liquid",)}, "has no liquid_content; controls that it has: extinction_cloud, albedo"),
         ({"controls": ()}, "missing"),
         ({"quantity": "colour"}, "unknown"),
         ({"sun": (140.0, -5.0)}, "sun is down"),

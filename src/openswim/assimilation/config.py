@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_keys, number, shown, whole
+from openswim.arguments import check_keys, number, shown
 from openswim.assimilation.background import Background
+from openswim.assimilation.settings import Settings
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
@@ -98,9 +99,7 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
         if not isinstance(sun, list) or len(sun) != 2:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
-    for name in ("outer", "iterations", "signal"):
-        if name in parts["analyse"]:
-            whole(f"[analyse] {name}", parts["analyse"][name])
+    Settings(**parts["analyse"])  # what is wrong there is told now
     time = tables.get("time")
     own = _times(listed, "camera", time), _times(tables.get("pyranometer", []), "pyranometer", time)
     window = any("time" in each for each in (*listed, *tables.get("pyranometer", [])))
