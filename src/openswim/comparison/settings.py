@@ -91,9 +91,10 @@ def known_camera(
         return KnownCamera(None, given.red_blue, scale, "camera file" if given.red_blue is not None else "")
     frame = prepared(frame_of(clear_frame, content), content.camera, encoding_of(settings, content), settings.size)
     clear = Skies(None, solver, skies.aod if skies.aod is not None else DEFAULT_AOD, skies.albedo, skies.sun)
-    truth = np.asarray(clear.clear(frame.camera, frame.time))
+    camera = skies.on_earth(frame.camera, frame.time)
+    truth = np.asarray(clear.clear(camera, frame.time))
     truth = truth if frame.linear.shape[-1] == 3 else truth[..., 1:2]
-    valid = valid_pixels(frame, clear.sun_at(frame.camera, frame.time), settings.sun_mask_deg, settings.lowest_deg)
+    valid = valid_pixels(frame, clear.sun_at(camera, frame.time), settings.sun_mask_deg, settings.lowest_deg)
     region = Region.of(frame, valid & np.isfinite(truth).all(axis=-1))
     linear, sky = frame.linear[region.valid].astype(float), truth[region.valid]
     curves = [fit_curve(a, b, region.weight) for a, b in zip(linear.T, sky.T, strict=True)]
