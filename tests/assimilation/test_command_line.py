@@ -10,7 +10,7 @@ import xarray as xr
 from tests.assimilation.test_analysing import CAMERAS, POINTS, twin
 from tests.assimilation.test_writing_back import wrf
 
-from openswim import save_camera
+from openswim import UserError, save_camera
 from openswim.assimilation import Operator, configured
 from openswim.assimilation.config import read_config
 from openswim.cli.main import run
@@ -119,6 +119,25 @@ def test_check_looks_at_the_files_that_it_is_given(config: Path, capsys: pytest.
     assert run([*asked, "-o", str(config.with_name("found.nc"))]) == 0
     assert "dot product" in capsys.readouterr().out
     assert not config.with_name("found.nc").exists()
+
+
+def test_cloud_cover_can_be_left_out(
+    config: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = operator(config).scene
+    scene.data["cloud_area_fraction"] = (0.5 + 0 * scene.data["extinction_cloud"]).assign_attrs(units="1")
+    scene.to_netcdf(config.with_name("model.nc"))
+    monkeypatch.undo()
+    assert run(["analyse", str(config), "--check"]) == 2
+    assert "leave it out, so that clouds fill their cells, by cover = false in its file" in capsys.readouterr().err
+    text = config.read_text()
+    config.write_text("cover = false\n" + text)
+    opened = operator(config).scene
+    assert "cloud_area_fraction" not in opened.data
+    assert any("clouds fill their cells" in note for note in opened.notes)
+    config.write_text("cover = 0\n" + text)
+    with pytest.raises(UserError, match="cover is 0: write true or false"):
+        read_config(config)
 
 
 def test_a_time_that_the_model_has_not_names_no_option(
