@@ -7,7 +7,7 @@ import pytest
 from tests.assimilation.test_analysing import BELIEF, error, twin
 
 from openswim import UserError
-from openswim.assimilation.ensemble import _mixed, _nearness, _segments, ensemble_filter, ensemble_of
+from openswim.assimilation.ensemble import _mixed, _nearness, _relaxed, _segments, ensemble_filter, ensemble_of
 
 
 def test_without_localisation_it_is_the_kalman_filter() -> None:
@@ -22,6 +22,40 @@ def test_without_localisation_it_is_the_kalman_filter() -> None:
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + np.diag(sigma**2))
     assert np.allclose(after.mean(axis=0), mean + gain @ (y - h @ mean), atol=1e-12)
     assert np.allclose(np.cov(after.T), (np.eye(8) - gain @ h) @ p, atol=1e-12)
+
+
+@pytest.mark.parametrize(("inflation", "share"), [(1.0, 0.0), (1.3, 0.0), (1.0, 0.6), (1.3, 0.6), (1.0, 1.0)])
+def test_inflation_and_relaxation_of_one_number(inflation: float, share: float) -> None:
+    """Its variance after is 1/(1/(inflation b^2) + 1/r^2); its spread is drawn to b by a share of what is lost."""
+    x = np.random.default_rng(1).standard_normal(12)
+    b, r, y = x.std(ddof=1), 0.8, 1.7
+    mixed = _mixed((x - x.mean())[:, None] / r, np.array([y - x.mean()]) / r, np.ones(1), inflation).T @ x
+    after = _relaxed(x, mixed, share)
+    variance = 1 / (1 / (inflation * b**2) + 1 / r**2)
+    assert after.mean() == pytest.approx(x.mean() + variance / r**2 * (y - x.mean()), rel=1e-12)
+    assert after.std(ddof=1) == pytest.approx((1 - share) * np.sqrt(variance) + share * b, rel=1e-12)
+    unseen = _mixed((x - x.mean())[:, None] / r, np.array([9.0]), np.zeros(1), inflation).T @ x
+    assert np.allclose(unseen, x.mean() + np.sqrt(inflation) * (x - x.mean()), rtol=1e-12)
+    assert np.allclose(_relaxed(x, unseen, 1.0), x, rtol=1e-12)
+    assert (_relaxed(np.ones(4), np.ones(4), 0.5) == 1).all()
+
+
+def test_the_filter_relaxes_to_the_spread_before() -> None:
+    op, observed, _ = twin()
+    states = ensemble_of(op, BELIEF, 5)
+    seen = op.ensemble(states)
+    found = {share: ensemble_filter(op, observed, states, 120.0, 1.0, seen=seen, relaxation=share)
+             for share in (0.0, 0.5, 1.0)}  # fmt: skip
+    albedo = {share: np.stack([each["surface_albedo"] for each in after]) for share, after in found.items()}
+    before = np.stack([each["surface_albedo"] for each in states])
+    spread = {share: values.std(axis=0) for share, values in albedo.items()}
+    assert spread[0.0].mean() < 0.9 * before.std(axis=0).mean()
+    assert np.allclose(spread[0.5], 0.5 * (spread[0.0] + before.std(axis=0)), rtol=1e-9)
+    assert np.allclose(spread[1.0], before.std(axis=0), rtol=1e-9)
+    assert np.allclose(albedo[1.0].mean(axis=0), albedo[0.0].mean(axis=0), rtol=1e-9)
+    for wrong in (-0.1, 1.5, np.nan, "much"):
+        with pytest.raises(UserError, match="relaxation must be"):
+            ensemble_filter(op, observed, states, 100.0, seen=seen, relaxation=wrong)  # type: ignore[arg-type]
 
 
 def test_what_is_far_counts_nothing() -> None:

@@ -160,7 +160,7 @@ def test_wrong_requests_are_one_line() -> None:
     scene, core = flat_scene(), toy_core(flat_scene(), CAMERAS, POINTS)
     for words, match in (
         ({"controls": ("cloud_liqid",)}, "did you mean cloud_liquid"),
-        ({"controls": ("cloud_liquid",)}, "has no liquid_content"),
+        ({"controls": ("cloud_liquid",)}, "has no liquid_content; controls that it has: extinction_cloud, albedo"),
         ({"controls": ()}, "missing"),
         ({"quantity": "colour"}, "unknown"),
         ({"sun": (140.0, -5.0)}, "sun is down"),
@@ -204,6 +204,31 @@ def test_wrong_requests_are_one_line() -> None:
     ):
         with pytest.raises(UserError, match=match):
             op.observations(images, [1.0, 2.0], **given)
+
+
+def test_what_a_linearisation_is_not_asked_is_one_line() -> None:
+    op = operator()
+    lin = op.linearize(op.first())
+    cloud_alone, ground = op.first()[["extinction_cloud"]], op.first()[["surface_albedo"]]
+    for call, match in (
+        (lambda: lin.jvp(cloud_alone.rename(extinction_cloud="extinction_fog")), "'extinction_fog' is no control"),
+        (lambda: lin.jvp(op.first().assign(fog=("q", np.zeros(3)))), "'fog' is no control: those of this operator are"),
+        (lambda: lin.jvp(ground.isel(y=slice(0, 2))), "change: surface_albedo is"),
+        (lambda: lin.jvp(np.nan * cloud_alone), "change: extinction_cloud has values"),
+        (lambda: lin.jacobian([10**6]), f"no observation 1000000: they are numbered from 0 to {op.size - 1}"),
+        (lambda: lin.jacobian([0.5]), "whole number"),
+        (lambda: lin.jacobian(3), "by their numbers"),
+        (lambda: lin.jacobian([]), "by their numbers"),
+        (lambda: lin.vjp(np.full(op.size, np.nan)), "vjp: bar has values that are no numbers"),
+        (lambda: lin.vjp("all"), "must be numbers"),
+        (lambda: lin.vjp(np.zeros(3)), "this operator has"),
+    ):
+        with pytest.raises(UserError, match=match):
+            call()
+    parts = [lin.jvp(part) for part in (cloud_alone, ground)]
+    assert np.allclose(sum(parts), lin.jvp(op.first()[["extinction_cloud", "surface_albedo"]]), rtol=1e-12)
+    row = lin.jacobian([op.size - 1])["extinction_cloud"]
+    assert np.array_equal(row, lin.jacobian([-1])["extinction_cloud"])
 
 
 def test_albedo_alone_may_change_below_clear_air() -> None:

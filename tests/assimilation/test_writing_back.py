@@ -16,6 +16,7 @@ from openswim import Scene, UserError, open_scene
 from openswim.assimilation import Analysis, write_back
 from openswim.assimilation.observing.controls import Controls
 from openswim.cli.main import run
+from openswim.readers.fields.increments import vapour_beside_cloud
 from openswim.readers.wrf.increments import put_increments
 
 SECOND = "2005-08-28T15:00"
@@ -139,6 +140,31 @@ def test_removed_cloud_leaves_air_below_saturation(tmp_path: Path) -> None:
     np.testing.assert_allclose(humidity(out, ice=True)[1, 8, :, 3:], 0.95, atol=0.008)
     np.testing.assert_array_equal(after["QVAPOR"][1, 8, :, :3], before["QVAPOR"][1, 8, :, :3])  # some ice is left
     np.testing.assert_array_equal(after["QVAPOR"][1, 3], before["QVAPOR"][1, 3])  # clear before and after
+
+
+def test_traces_of_cloud_move_vapour_by_their_share(tmp_path: Path) -> None:
+    """Cloud is 1e-6 kg/kg: of less, vapour goes its share of the way, up as well as down, in a straight line."""
+    dry = np.full(7, 2e-3, np.float32)
+    pressure, temperature, zero = np.full(7, 8e4), np.full(7, 280.0), np.zeros(7)
+    amounts = np.array([0.0, 1e-12, 1e-8, 2.5e-7, 5e-7, 1e-6, 1e-3])
+    shares = [0, 1e-6, 0.01, 0.25, 0.5, 1, 1]
+
+    def vapour(start: np.ndarray, liquid: tuple[Any, Any], ice: tuple[Any, Any] = (0, 0)) -> np.ndarray:
+        before, after = ({"liquid": zero + liquid[n], "ice": zero + ice[n]} for n in (0, 1))
+        return vapour_beside_cloud(start, pressure, temperature, before, after)
+
+    saturated = 0.622 * 991.9 / (8e4 - 991.9)  # Murphy and Koop (2005) at 280 K
+    np.testing.assert_allclose(vapour(dry, (0, amounts)), 2e-3 + shares * (saturated - dry), rtol=2e-3)
+    assert vapour(dry, (0, amounts))[0] == dry[0]
+    np.testing.assert_array_equal(vapour(dry, (1e-3, 1e-3)), dry)  # cloud as it was
+    moist = np.full(7, 9e-3, np.float32)
+    lowered = 0.622 * 0.95 * 991.9 / (8e4 - 0.95 * 991.9)
+    for taken in ((amounts, 0), (1e-3, 1e-6 - np.minimum(amounts, 1e-6))):  # little was there; little is left
+        np.testing.assert_allclose(vapour(moist, taken), 9e-3 + shares * (lowered - moist), rtol=2e-3)
+    cold, nothing = np.full(7, 250.0), {"liquid": zero, "ice": zero}
+    both = {"liquid": zero + 1e-9, "ice": zero + 1e-4}
+    mixed = vapour_beside_cloud(zero.astype(np.float32), pressure, cold, nothing, both)
+    np.testing.assert_allclose(mixed, 0.622 * 76.0 / (8e4 - 76.0), rtol=5e-3)  # over ice: the liquid is a trace
 
 
 def test_numbers_that_are_controlled_are_put_back(tmp_path: Path) -> None:

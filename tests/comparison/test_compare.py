@@ -190,6 +190,11 @@ def test_wrong_requests_are_one_line(srgb_frame, tmp_path):
         openswim.compare(None, srgb_frame, small_camera(64))
     with pytest.raises(UserError, match="no frame"):
         openswim.compare(None, [], CAMERA)
+    unnamed = tmp_path / "clear.png"
+    unnamed.write_bytes(srgb_frame.read_bytes())
+    for given in ({"frames": srgb_frame, "clear_frame": unnamed}, {"frames": [srgb_frame, unnamed]}):
+        with pytest.raises(UserError, match=r"clear.png: neither .* give it a name such as"):
+            openswim.compare(None, camera=CAMERA, **given)
 
 
 def test_the_response_of_a_camera_is_kept_in_its_file(tmp_path):

@@ -1,5 +1,6 @@
 """Which skies are solved for, and for which ground and eye."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
@@ -9,8 +10,9 @@ import pytest
 import xarray as xr
 from tests.comparison.skies import small_camera, write_frame
 
+import openswim
 from openswim import Camera, Scene
-from openswim.cameras.files import write_camera
+from openswim.cameras.files import CameraFile, write_camera
 from openswim.cli.main import run
 from openswim.comparison import cloud_correction, skies
 from openswim.comparison.skies import Skies
@@ -69,6 +71,67 @@ def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):
         these = Skies(model)
         assert [these.simulated(camera, TIME) for camera in cameras] == cameras
         assert len(solved) == count
+
+
+def plain(**more):
+    """Flat, level and clear, with air."""
+    given = {"surface_albedo": 0.15, "place": (47, 8), "atmosphere": Atmosphere.us_standard(), **more}
+    return Scene.from_arrays(np.zeros((3, 21, 21)), AXIS, AXIS, np.array([100.0, 2000.0, 4000.0]), **given)
+
+
+@pytest.mark.parametrize("sun", [None, (100.0, 40.0)])
+def test_a_camera_at_x_and_y_stands_at_the_place_of_its_flat_scene(sun):
+    """Its sun, its clear sky and its clear frame are those of that place, or of the sun that is given."""
+    flat, on_earth = Camera.allsky(x_m=5000.0, y_m=5000.0, size=8), Camera.allsky(47.0, 8.0, size=8)
+    found, expected = Skies(plain(), sun=sun), Skies(None, sun=sun)
+    assert found.sun_at(flat, TIME) == expected.sun_at(on_earth, TIME)
+    np.testing.assert_allclose(found.clear(flat, TIME), expected.clear(on_earth, TIME), rtol=1e-5)
+    found.table = expected.table = True
+    np.testing.assert_allclose(found.clear(flat, TIME), expected.clear(on_earth, TIME), rtol=1e-5)
+
+
+def test_flat_scenes_and_cameras_that_do_not_go_together_are_told_before_light_is_solved(monkeypatch, tmp_path):
+    def solved(*given):
+        raise AssertionError("light was solved")
+
+    monkeypatch.setattr(skies, "light", solved)
+    flat, on_earth = Camera.allsky(x_m=5000.0, y_m=5000.0, size=8), Camera.allsky(47.0, 8.0, size=8)
+    plain().to_netcdf(tmp_path / "flat.nc")
+    for model, camera, match in (
+        (None, flat, "give the camera lat and lon"),
+        (plain(place=None), flat, "flat scene without a place"),
+        (plain(), on_earth, "flat: give x_m and y_m"),
+        (tmp_path / "flat.nc", on_earth, "flat: give x_m and y_m"),
+        (Scene.clear(47, 8), flat, "curved Earth: give lat and lon"),
+    ):
+        these = Skies(model)
+        with pytest.raises(UserError, match=match):
+            _ = these.sun_at(camera, TIME), these.simulated(camera, TIME)
+
+
+@pytest.mark.slow
+def test_a_flat_scene_is_compared_with_the_frames_of_its_camera(tmp_path, capsys):
+    """One cloud, the same in both: r is 1 but for the counts' rounding; a clear frame of the camera gives the masks."""
+    cloud, places = np.zeros((3, 21, 21)), CameraFile(Camera.allsky(x_m=5000.0, y_m=5000.0, size=48))
+    cloud[1, 8:12, 12:16] = 0.01
+    sky = Scene.from_arrays(cloud, AXIS, AXIS, np.array([100.0, 2000.0, 4000.0]), surface_albedo=0.15, place=(47, 8),
+                            atmosphere=Atmosphere.us_standard())  # fmt: skip
+    write_camera(places, tmp_path / "camera.toml")
+    names = []
+    for scene, name in ((sky, "sky_20240620_080000.png"), (plain(), "clear_20240620_080000.png")):
+        radiance = np.nan_to_num(openswim.render(scene, places.camera, time=TIME).radiance.values)
+        names.append(str(write_frame(tmp_path / name, radiance, (2.0, 2.0, 2.0))))
+    sky.to_netcdf(tmp_path / "flat.nc")
+    asked = [str(tmp_path / "flat.nc"), names[0], "--camera", str(tmp_path / "camera.toml"), "--utc-offset", "0",
+             "--clear-frame", names[1]]  # fmt: skip
+    assert run(["compare", *asked, "-o", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "with the response undone" in said
+    assert float(re.search(r"([0-9.]+) with the response undone", said)[1]) > 0.99
+    cover = re.search(r"cloud ([0-9]+) % observed, ([0-9]+) % simulated", said)
+    assert cover
+    assert abs(int(cover[1]) - int(cover[2])) <= 3  # 26 and 24
+    assert run(["correct-clouds", *asked, "--passes", "1", "-o", str(tmp_path / "edited.nc")]) == 0
 
 
 def test_a_series_reckons_irradiance_where_it_is_asked_for():

@@ -9,25 +9,23 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind, whole
+from openswim.arguments import check_kind
 from openswim.assimilation.background import Background, Space
 from openswim.assimilation.checkpoint import Checkpoint
 from openswim.assimilation.cost import Cost
-from openswim.assimilation.departures import checked_solver, seen_by
+from openswim.assimilation.departures import seen_by
 from openswim.assimilation.minimising import Spectrum, gauss_newton, lbfgs
 from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.report import write_report
 from openswim.assimilation.result import Found
+from openswim.assimilation.settings import Settings
 from openswim.assimilation.signal import signal as signal_of
-from openswim.errors import UserError
 from openswim.progress import job
 from openswim.solver import Solver
 from openswim.system.interrupts import claim
 
 F64 = NDArray[np.float64]
-
-METHODS = ("lbfgs", "gauss-newton")
 
 
 class Analysis(Found):
@@ -66,21 +64,9 @@ def analyse(
         tell of each control, and of its columns and heights: `Analysis.told`.
     """
     check_kind("operator", op, Operator, "give one: openswim.observe(scene, cameras, ...)")
-    check_kind("background", background, Background, "give Background(length_m=...): how far errors are alike")
-    assert background is not None
-    solver = checked_solver(departures)
-    loops = whole("analyse: outer", (1 if solver is None and method == "lbfgs" else 3) if outer is None else outer)
-    if loops < 1 or whole("analyse: iterations", iterations) < 1:
-        raise UserError("analyse: outer and iterations must be 1 or more")
-    if whole("analyse: signal", signal) < 0:
-        raise UserError("analyse: signal must be 0 or a number of probes, such as 2")
-    if method not in METHODS:
-        raise UserError(f"analyse: method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    check_observed(op, observed)
-    guess = op.controls.lifted(op.first() if first is None else first, 1.0)
-    space = Space(op, guess, background, transform)
-    cost = Cost.of(op, space, observed)
-    kept = Checkpoint.of(checkpoint, space, observed, (method, loops, iterations, solver))
+    settings = Settings(transform, outer, iterations, method, departures, signal)
+    cost, kept = prepared(op, observed, first, background, settings, checkpoint)
+    solver, loops = settings.solver, settings.loops
     each = max(1, -(-iterations // loops))
     spectrum = Spectrum()
     with job("analysis", iterations) as meter:
@@ -106,6 +92,20 @@ def analyse(
             kept.save()
             run.interrupted = True
         return run.result(solver, observed, signal)
+
+
+def prepared(
+    op: Operator, observed: xr.Dataset, first: xr.Dataset | None, background: Background | None, settings: Settings,
+    checkpoint: str | os.PathLike[str] | None,
+) -> tuple[Cost, Checkpoint]:  # fmt: skip
+    """What an analysis begins with; all that can be wrong with it is found here, before any light is solved."""
+    check_kind("background", background, Background, "give Background(length_m=...): how far errors are alike")
+    assert background is not None
+    check_observed(op, observed)
+    guess = op.controls.lifted(op.first() if first is None else first, 1.0)
+    space = Space(op, guess, background, settings.transform)
+    way = (settings.method, settings.loops, settings.iterations, settings.solver)
+    return Cost.of(op, space, observed), Checkpoint.of(checkpoint, space, observed, way)
 
 
 class _Run:

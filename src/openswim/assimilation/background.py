@@ -15,7 +15,7 @@ from openswim.assimilation.filters import Filter
 from openswim.assimilation.observing.controls import LEAST_SHARE
 from openswim.assimilation.observing.rows import Rows
 from openswim.assimilation.observing.variables import ALIASES, Variable, variable_of
-from openswim.assimilation.transforms import OF_LEVELS, Transform
+from openswim.assimilation.transforms import Transform, check_transform
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -79,8 +79,7 @@ class Space:
     transform: str = "softplus"
 
     def __post_init__(self) -> None:
-        if self.transform not in OF_LEVELS:
-            raise UserError(f"transform {self.transform!r} is unknown: choose one of {', '.join(OF_LEVELS)}")
+        check_transform(self.transform)
 
     @cached_property
     def pieces(self) -> list[Piece]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_keys, number, shown, whole
+from openswim.arguments import check_keys, check_kind, number, shown
 from openswim.assimilation.background import Background
+from openswim.assimilation.settings import Settings
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
@@ -33,13 +34,14 @@ _TABLES: dict[str, tuple[str, ...]] = {
     "camera": ("file", "image", "time"),
     "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2", "time"),
 }  # fmt: skip
-_TOP = ("openswim_analysis", "model", "time", "sun", *_TABLES)
+_TOP = ("openswim_analysis", "model", "time", "sun", "cover", *_TABLES)
 
 
 @dataclass(frozen=True)
 class Configuration:
     """All that such a file says. Keys of ``observe``, ``observations`` and ``analyse`` are arguments of functions of
-    these names. Times of cameras and points are their own, or the file's; of a ``window`` there are several."""
+    these names. cover: whether the model's cloud cover counts, which the linear core refuses.
+    Times of cameras and points are their own, or the file's; of a ``window`` there are several."""
 
     path: Path
     models: tuple[Path, ...]
@@ -54,6 +56,7 @@ class Configuration:
     camera_times: tuple[np.datetime64 | None, ...] = ()
     point_times: tuple[np.datetime64 | None, ...] = ()
     window: bool = False
+    cover: bool = True
     observe: dict[str, Any] = field(default_factory=dict)
     observations: dict[str, Any] = field(default_factory=dict)
     analyse: dict[str, Any] = field(default_factory=dict)
@@ -98,9 +101,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
         if not isinstance(sun, list) or len(sun) != 2:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
-    for name in ("outer", "iterations", "signal"):
-        if name in parts["analyse"]:
-            whole(f"[analyse] {name}", parts["analyse"][name])
+    Settings(**parts["analyse"])  # what is wrong there is told now
+    check_kind("cover", tables.get("cover", True), bool, "write true or false")
     time = tables.get("time")
     own = _times(listed, "camera", time), _times(tables.get("pyranometer", []), "pyranometer", time)
     window = any("time" in each for each in (*listed, *tables.get("pyranometer", [])))
@@ -109,7 +111,7 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     return Configuration(
         path, _models(tables, path), None if time is None else str(time), sun, Background(**parts["background"]),
         tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
-        *own, window, parts["observe"], parts["observations"], parts["analyse"],
+        *own, window, tables.get("cover", True), parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
 
 

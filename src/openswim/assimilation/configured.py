@@ -12,18 +12,29 @@ from openswim.assimilation.observing.observe import observe
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.observing.window import observe_window
 from openswim.readers import open_scene
+from openswim.scene import Scene
+
+COVER = "cloud_area_fraction"
 
 
 def operator_of(config: Configuration) -> Operator:
     """Of the model's file; where there are times of their own, with the wind by which its cloud is carried."""
     settings: dict[str, Any] = {"sun": config.sun, **config.observe}
     if not config.window:
-        scene = open_scene(list(config.models), config.time)
+        scene = _opened(config)
         return observe(scene, config.cameras, config.points, time=config.time, **settings)
     wind = settings.pop("wind", None)
-    scene = open_scene(list(config.models), config.time, winds=wind is None)
+    scene = _opened(config, winds=wind is None)
     cameras = _by_time(config.camera_times, config.cameras)
     return observe_window(scene, cameras, _by_time(config.point_times, config.points), wind, **settings)
+
+
+def _opened(config: Configuration, winds: bool = False) -> Scene:
+    scene = open_scene(list(config.models), config.time, winds=winds)
+    if not config.cover and COVER in scene.data:
+        scene.data = scene.data.drop_vars(COVER)
+        scene.notes.append("the model's cloud cover is left out: clouds fill their cells")
+    return scene
 
 
 def _by_time(times: Sequence[np.datetime64 | None], each: Sequence[Any]) -> dict[Any, list[Any]]:

@@ -40,11 +40,15 @@ def ensemble_filter(
     inflation: float = 1.05,
     transform: str = "softplus",
     seen: xr.DataArray | None = None,
+    relaxation: float = 0.0,
 ) -> list[xr.Dataset]:
     """Members after the observations.
 
     length_m : of localisation (Gaspari and Cohn 1999), along the ground: an observation counts the less in a column,
-    the farther its ray passes by within the layer that may change. inflation : of the members' spread before.
+    the farther its ray passes by within the layer that may change.
+    inflation : of the members' variance before (Hunt et al. 2007, Sect. 4.4), where nothing was observed too.
+    relaxation : of the spread after to that before (RTPS, Whitaker and Hamill 2012, Eq. 2), from 0 (none, as befits one
+    analysis) to 1 (the spread stays what it was); an ensemble that goes from analysis to analysis needs some.
     transform : in which members are mixed, so that no mix is a negative cloud. seen : H of the members
     (`Operator.ensemble`), where it is known; another model's may be given.
     """
@@ -54,6 +58,8 @@ def ensemble_filter(
         raise UserError("ensemble_filter: length_m must be positive")
     if not 1 <= number("ensemble_filter: inflation", inflation) < np.inf:
         raise UserError("ensemble_filter: inflation must be 1 or more")
+    if not 0 <= number("ensemble_filter: relaxation", relaxation) <= 1:
+        raise UserError("ensemble_filter: relaxation must be from 0 (none) to 1 (to all of the spread before)")
     check_observed(op, observed)
     lifted = [op.controls.lifted(state) for state in states]
     rows = (op.ensemble(lifted) if seen is None else seen).values
@@ -79,6 +85,7 @@ def ensemble_filter(
             mixed = np.einsum("m...yx,yxmn->n...yx", stack, inner)
         else:
             mixed = np.einsum("m...,mn->n...", stack, everywhere)
+        mixed = _relaxed(stack, mixed, relaxation)
         for state, values in zip(out, mixed, strict=True):
             state[p.name] = state[p.name].copy(data=p.whole(p.transform.value(values)))
     return out
@@ -101,6 +108,16 @@ def _mixed(changes: F64, departure: F64, near: F64, inflation: float) -> F64:
     spread = (vector * np.sqrt((m - 1) / value)) @ vector.T
     about = np.eye(m) - 1 / m
     return np.asarray(1 / m + about @ (to_mean[:, None] + spread @ about))
+
+
+def _relaxed(before: F64, after: F64, share: float) -> F64:
+    """Members (m, ...) about their mean with a spread of (1 - share) of their own and a share of that before
+    (Whitaker and Hamill 2012, Eq. 2)."""
+    if share == 0:
+        return after
+    mean, own = after.mean(axis=0), after.std(axis=0, ddof=1)
+    wanted = (1 - share) * own + share * before.std(axis=0, ddof=1)
+    return np.asarray(mean + (after - mean) * np.where(own > 0, wanted / np.where(own > 0, own, 1.0), 1.0))
 
 
 def _nearness(place: F64, ends: F64, length_m: float) -> F64:

@@ -15,6 +15,12 @@ OF_LEVELS = ("softplus", "sqrt", "log")  # that make nothing below the floor
 NAMES = (*OF_LEVELS, "linear")
 
 
+def check_transform(name: str) -> None:
+    """Raise UserError unless fields on levels can be transformed by it."""
+    if name not in OF_LEVELS:
+        raise UserError(f"transform {name!r} is unknown: choose one of {', '.join(OF_LEVELS)}")
+
+
 @dataclass(frozen=True, eq=False)
 class Transform:
     """value = floor + unit t(x): t is ln(1 + e^x) of "softplus", x^2 of "sqrt", e^x of "log", x of "linear".

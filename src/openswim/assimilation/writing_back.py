@@ -36,8 +36,8 @@ def write_back(analysis: Found, model_file: Names | Sequence[Names], out: Names)
 
     model_file : of WRF, or of LAPS, whose products of one time may be several; on the grid of the analysis and with its
     time. It is never written to. out : a file, of several products a folder. Contents and numbers that were controls
-    are put back, as analysis minus first guess, at the analysis's time only. Where cloud was added vapour is raised to
-    saturation, where all was taken away it is lowered to 95 % of it; temperature stays.
+    are put back, as analysis minus first guess, at the analysis's time only. Where cloud was added (1e-6 kg/kg; of less
+    its share) vapour is raised to saturation, where all was taken away it is lowered to 95 % of it; temperature stays.
     """
     check_kind("write_back: analysis", analysis, Found, "give what openswim.analyse returns")
     listed = list(model_file) if isinstance(model_file, list | tuple) else [model_file]

@@ -29,22 +29,28 @@ class AnalyseRequest:
 
 
 def run(request: AnalyseRequest) -> None:
-    """Analyse and write; what can be wrong with the request is found before any light is solved."""
+    """Analyse and write; what can be wrong with the request is found before any light is solved, by --check as well."""
+    from openswim.assimilation.analysing import prepared
     from openswim.assimilation.config import read_config
     from openswim.assimilation.configured import operator_of
+    from openswim.assimilation.settings import Settings
     from openswim.ground.earth import preload
 
     config = read_config(request.config)
-    files = None if request.check else _files(request, config)
+    files = None if request.check and request.output is None else _files(request, config)
     images = config.images()
     preload()
     op = operator_of(config)
     click.echo(f"{op}", err=True)
-    if files is None:
+    observed = op.observations(images, config.w_m2 or None, **config.observations)
+    checkpoint = None
+    if files is not None:
+        files.check_observations(op)
+        checkpoint = files.checkpoint
+    prepared(op, observed, None, config.background, Settings(**config.analyse), checkpoint)
+    if request.check or files is None:
         click.echo(f"{op.linearize(op.first()).check()}")
         return
-    files.check_observations(op)
-    observed = op.observations(images, config.w_m2 or None, **config.observations)
     _analyse(op, observed, config, files)
 
 
@@ -96,7 +102,7 @@ def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _
 
     found = analyse(op, observed, background=config.background, checkpoint=files.checkpoint, **config.analyse)
     if found.interrupted:
-        click.echo(f"stopped; the same command goes on from {files.checkpoint}", err=True)
+        click.echo(f"stopped; the same command goes on from {files.checkpoint}; what there is, is written", err=True)
     scene = found.scene
     (scene.to_zarr if files.scene.suffix == ".zarr" else scene.to_netcdf)(files.scene)
     found.report(files.page)
@@ -111,6 +117,8 @@ def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _
     if not found.interrupted:
         files.checkpoint.unlink(missing_ok=True)  # all that was found has been written
     _tell(found, files)
+    if found.interrupted:
+        raise KeyboardInterrupt  # as of any command that was stopped
 
 
 def _tell(found: Analysis, files: _Files) -> None:

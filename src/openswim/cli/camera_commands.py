@@ -98,7 +98,8 @@ def correct_clouds(**options: Any) -> None:
 @click.argument("config", type=PATH)
 @click.option("-o", "--output", type=PATH,
               help="The analysed scene, .nc or .zarr; a page and the departures are written beside it.")  # fmt: skip
-@click.option("--check", is_flag=True, help="Only test the linearisation: tangent linear and adjoint, by four numbers.")
+@click.option("--check", is_flag=True,
+              help="Only test CONFIG, and by four numbers the linearisation: tangent linear and adjoint.")  # fmt: skip
 @click.option("--observations", type=PATH,
               help="Also write what was observed and is seen, as JEDI's IODA reads it, .nc.")  # fmt: skip
 @click.option("--write-back", type=PATH,
@@ -108,7 +109,7 @@ def correct_clouds(**options: Any) -> None:
 def analyse(**options: Any) -> None:
     """Find clouds and ground of a model by what cameras and pyranometers measured, as CONFIG (.toml) says.
 
-    Ctrl-C writes what there is; the same command then goes on.
+    Ctrl-C writes what there is and ends with exit code 130; the same command then goes on.
     """
     from openswim.cli.analyse import AnalyseRequest, run
 

@@ -158,7 +158,7 @@ def _compare_one(comparing: Comparing, path: Path) -> Compared:
     content, settings, target = comparing.content, comparing.settings, comparing.folder / f"{path.stem}.nc"
     camera = content.camera.resized(settings.size) if settings.size < content.camera.shape[1] else content.camera
     try:
-        frame = frame_of(path, content, comparing.time)
+        frame = frame_of(path, content, comparing.time, not comparing.series)
         done = compare_frame(comparing.skies, frame, content, settings, comparing.known)
     except UserError as error:
         return Compared(path, failure=str(error))

@@ -27,7 +27,7 @@ def scores_over_time(
         raise UserError("compare: no frame is given")
     found = []
     for frame in frames:
-        read = frame_of(frame, content)
+        read = frame_of(frame, content, alone=False)
         found.append(of_series(compare_frame(skies, read, content, settings, known), content.camera))
     return joined(found)
 

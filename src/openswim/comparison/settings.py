@@ -76,9 +76,9 @@ def skies_of(
     return Skies(model, solver, aod, albedo, sun, table)
 
 
-def frame_of(frame: Any, content: CameraFile, time: Any = None) -> SkyFrame:
-    """A frame that is read already, or a file's."""
-    return frame if isinstance(frame, SkyFrame) else read_frame(frame, time, content.frames)
+def frame_of(frame: Any, content: CameraFile, time: Any = None, alone: bool = True) -> SkyFrame:
+    """A frame that is read already, or a file's. alone: whether its time could be given."""
+    return frame if isinstance(frame, SkyFrame) else read_frame(frame, time, content.frames, alone)
 
 
 def known_camera(
@@ -89,11 +89,13 @@ def known_camera(
     scale = None if given.radiance_per_unit is None else np.array(given.radiance_per_unit)
     if clear_frame is None:
         return KnownCamera(None, given.red_blue, scale, "camera file" if given.red_blue is not None else "")
-    frame = prepared(frame_of(clear_frame, content), content.camera, encoding_of(settings, content), settings.size)
+    seen = frame_of(clear_frame, content, alone=False)
+    frame = prepared(seen, content.camera, encoding_of(settings, content), settings.size)
     clear = Skies(None, solver, skies.aod if skies.aod is not None else DEFAULT_AOD, skies.albedo, skies.sun)
-    truth = np.asarray(clear.clear(frame.camera, frame.time))
+    camera = skies.on_earth(frame.camera, frame.time)
+    truth = np.asarray(clear.clear(camera, frame.time))
     truth = truth if frame.linear.shape[-1] == 3 else truth[..., 1:2]
-    valid = valid_pixels(frame, clear.sun_at(frame.camera, frame.time), settings.sun_mask_deg, settings.lowest_deg)
+    valid = valid_pixels(frame, clear.sun_at(camera, frame.time), settings.sun_mask_deg, settings.lowest_deg)
     region = Region.of(frame, valid & np.isfinite(truth).all(axis=-1))
     linear, sky = frame.linear[region.valid].astype(float), truth[region.valid]
     curves = [fit_curve(a, b, region.weight) for a, b in zip(linear.T, sky.T, strict=True)]

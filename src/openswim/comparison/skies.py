@@ -1,7 +1,7 @@
 """The skies to compare with: a model's, lit for a frame's time, and the clear sky of that place and time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.readers import Neighbourhood, open_scene, states_of
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.frame import scene_frame
 from openswim.solver import Solver
 
 F64 = NDArray[np.float64]
@@ -46,21 +47,27 @@ class Skies:
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
     _states: list[tuple[np.datetime64 | None, list[Path]]] | None = field(default=None, repr=False)
+    _place: tuple[float, float] | None = field(default=None, repr=False)  # of a flat model
     _picture: tuple[LitScene, Camera, Viewpoint, xr.Dataset] | None = field(default=None, repr=False)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
         """Azimuth and altitude (degrees) at which the sun is seen, or from which its twilight comes."""
         if self.sun is not None:
             return self.sun
-        if camera.lat is None or camera.lon is None:
-            raise UserError("compare: a camera at x and y needs the sun: give sun=(azimuth, altitude)")
-        place = sun_position(time, camera.lat, camera.lon)
+        place = sun_position(time, *self._latlon(camera, time))
         return place.azimuth_deg, place.lit_altitude_deg
+
+    def on_earth(self, camera: Camera, time: np.datetime64) -> Camera:
+        """The camera as it stands under a clear sky, which is round: one at x and y is at its flat scene's place."""
+        if camera.lat is not None:
+            return camera
+        lat, lon = (0.0, 0.0) if self.sun is not None else self._latlon(camera, time)
+        return replace(camera, x_m=None, y_m=None, lat=lat, lon=lon)
 
     def simulated(self, camera: Camera, time: np.datetime64) -> xr.Dataset:
         """The model's picture, or that of the clear sky."""
         if self.model is None:
-            return self._clear_lit(camera, time, self.aod).viewpoint(camera).view()
+            return self._clear_view(camera, time, self.aod)
         lit, kept = self._model_lit(camera, time), self._picture
         if kept is None or kept[0] is not lit or kept[1] is not camera:  # what has the same light looks the same
             eye = lit.viewpoint(camera)
@@ -77,7 +84,7 @@ class Skies:
         """Radiance (ny, nx, 3; W m-2 sr-1 nm-1) of the clear sky; `aod` in place of that which the model has."""
         aod = self.aod if aod is None else aod
         if not self.table:
-            return np.asarray(self._clear_lit(camera, time, aod).viewpoint(camera).view().radiance.values, float)
+            return np.asarray(self._clear_view(camera, time, aod).radiance.values, float)
         atmosphere, albedo, ground_m = self._air(camera, time, aod)
         eye_m = camera.height_above_sea_m(ground_m) - ground_m
         key = (camera.lat, camera.lon, aod, albedo, ground_m, eye_m)
@@ -92,7 +99,12 @@ class Skies:
         return 0.0 if air is None else float(air.aerosol_depth_at(550.0))
 
     def scene(self, camera: Camera, time: np.datetime64) -> Scene:
-        """The model's scene that is nearest to a time."""
+        """The model's scene that is nearest to a time; raises UserError where the camera's place is of another kind."""
+        scene = self._scene(camera, time)
+        camera.check_frame(scene_frame(scene).curved)
+        return scene
+
+    def _scene(self, camera: Camera, time: np.datetime64) -> Scene:
         if isinstance(self.model, LitScene):
             return self.model.scene
         if isinstance(self.model, Scene):
@@ -134,12 +146,25 @@ class Skies:
             self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
         return self._lit[1]
 
+    def _latlon(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
+        """Latitude and longitude of a camera, of one at x and y those of its flat scene."""
+        if camera.lat is not None and camera.lon is not None:
+            return camera.lat, camera.lon
+        if self.model is None:
+            raise UserError("compare: the clear sky of a place needs that place: give the camera lat and lon")
+        if self._place is None:
+            self._place = self.scene(camera, time).place
+        return self._place
+
+    def _clear_view(self, camera: Camera, time: np.datetime64, aod: float | None) -> xr.Dataset:
+        return self._clear_lit(camera, time, aod).viewpoint(self.on_earth(camera, time)).view()
+
     def _clear_lit(self, camera: Camera, time: np.datetime64, aod: float | None) -> LitScene:
         atmosphere, albedo, ground_m = self._air(camera, time, aod)
         key = (str(time), camera.lat, camera.lon, aod, albedo, ground_m)
         if key not in self._clear:
             self._clear.clear()
-            lon, lat = place_of(camera) if camera.lat is not None else (0.0, 0.0)
+            lon, lat = place_of(self.on_earth(camera, time))
             scene = Scene.clear(lat, lon, atmosphere, albedo, ground_m)
             self._clear[key] = light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else time, self.sun)
         return self._clear[key]

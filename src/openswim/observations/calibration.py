@@ -138,7 +138,7 @@ def _looked_at(
     out: list[Sky | Sighting] = []
     shape: tuple[int, int] | None = None
     for path in given:
-        frame = read_frame(path, time, settings)
+        frame = read_frame(path, time, settings, len(given) == 1)
         pixels = f"{path}: is {frame.shape[1]}x{frame.shape[0]} pixels"
         require(shape in (None, frame.shape), f"{pixels}, the frames before are not: give those of one camera")
         require(hidden is None or hidden.shape == frame.shape, f"{pixels}, the mask is not")

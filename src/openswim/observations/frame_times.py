@@ -22,6 +22,7 @@ _USUAL = re.compile(
 )
 _ZONE = re.compile(r"(?<![A-Za-z])(?:UTC|GMT)(?:([pm+-])(\d{1,2}))?(?![A-Za-z\d])")
 _LONGEST_EXPOSURE_S = 3600.0
+_NAME = "it a name such as sky_20240620_110000.jpg"
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,15 @@ class FrameTime:
     source: str
 
 
-def frame_time(path: Path, header: dict[str, Any], exif: dict[str, str], settings: FrameSettings) -> FrameTime:
-    """FITS goes before the name, and the name before EXIF, whose clocks are set by hand."""
+def frame_time(
+    path: Path, header: dict[str, Any], exif: dict[str, str], settings: FrameSettings, alone: bool = True
+) -> FrameTime:
+    """FITS goes before the name, and the name before EXIF, whose clocks are set by hand. alone: --time can tell it."""
+    option = "--time, or " if alone else ""
     if "DATE-OBS" in header:
-        return FrameTime(_of_fits(path, header), "FITS DATE-OBS and half of the exposure")
+        return FrameTime(_of_fits(path, header, option), "FITS DATE-OBS and half of the exposure")
     pattern = settings.time_pattern
-    local = _by_pattern(path, pattern) if pattern else _by_usual(path.name)
+    local = _by_pattern(path, pattern, option) if pattern else _by_usual(path.name)
     if local is not None:
         said = _ZONE.search(path.stem)
         stated = None if said is None else _hours(said)
@@ -47,9 +51,10 @@ def frame_time(path: Path, header: dict[str, Any], exif: dict[str, str], setting
             )
         return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h), "name")
     if "DateTimeOriginal" in exif:
-        return FrameTime(_of_exif(path, exif, settings.utc_offset_h), "EXIF and half of the exposure")
+        return FrameTime(_of_exif(path, exif, settings.utc_offset_h, option), "EXIF and half of the exposure")
     raise UserError(
-        f"{path}: neither its name nor its metadata tell the time: give --time, or time_pattern in the camera's file"
+        f"{path}: neither its name nor its metadata tell the time: give {option}{_NAME}, or say by time_pattern in the "
+        "camera's file (--time-pattern) how its name tells it"
     )
 
 
@@ -76,7 +81,7 @@ def _by_usual(name: str) -> datetime | None:
         return None
 
 
-def _by_pattern(path: Path, pattern: str) -> datetime:
+def _by_pattern(path: Path, pattern: str, option: str) -> datetime:
     """The first place in the name that a strptime pattern fits."""
     parts = re.split(r"(%.)", pattern)
     unknown = [part for part in parts[1::2] if part not in _DIRECTIVES]
@@ -90,7 +95,7 @@ def _by_pattern(path: Path, pattern: str) -> datetime:
             return datetime.strptime(found[1], pattern)
         except ValueError:
             continue
-    raise UserError(f"{path}: its name does not follow the time pattern {pattern!r}: give another, or --time")
+    raise UserError(f"{path}: its name does not follow the time pattern {pattern!r}: give {option}another pattern")
 
 
 def _hours(said: re.Match[str]) -> float:
@@ -98,7 +103,7 @@ def _hours(said: re.Match[str]) -> float:
     return 0.0 if said[1] is None else (1 if said[1] in "p+" else -1) * float(said[2])
 
 
-def _of_fits(path: Path, header: dict[str, Any]) -> np.datetime64:
+def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
     text = str(header["DATE-OBS"])
     clock = header.get("TIME-OBS") or header.get("UTSTART") or header.get("UT")
     if "T" not in text and clock:
@@ -106,11 +111,11 @@ def _of_fits(path: Path, header: dict[str, Any]) -> np.datetime64:
     try:
         start = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise UserError(f"{path}: FITS DATE-OBS {text!r} is no time: give --time") from None
+        raise UserError(f"{path}: FITS DATE-OBS {text!r} is no time: give {option}a header that has one") from None
     return _utc(path, start + _half(header.get("EXPTIME", header.get("EXPOSURE"))), 0.0)
 
 
-def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None) -> np.datetime64:
+def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: str) -> np.datetime64:
     text = exif["DateTimeOriginal"]
     try:
         start = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
@@ -118,7 +123,7 @@ def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None) -> np.dat
         if zone and offset_h is None:
             start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
     except ValueError:
-        raise UserError(f"{path}: EXIF time {text!r} is none: give --time") from None
+        raise UserError(f"{path}: EXIF time {text!r} is none: give {option}{_NAME}") from None
     return _utc(path, start + _half(exif.get("ExposureTime")), offset_h)
 
 

@@ -53,11 +53,12 @@ class SkyFrame:
 
 
 def read_frame(
-    path: str | os.PathLike[str], time: Time = None, settings: FrameSettings | None = None
+    path: str | os.PathLike[str], time: Time = None, settings: FrameSettings | None = None, alone: bool = True
 ) -> SkyFrame:
     """Read a frame: JPEG, PNG, JPEG 2000, TIFF, FITS (also packed), or a camera's raw file.
 
-    `time`: UTC, where file and name do not tell; `settings`: how the name tells it, and the zone of its clock.
+    `time`: UTC, where file and name do not tell; `settings`: how the name tells it, and the zone of its clock;
+    `alone`: whether it is a frame whose time could be given, which is then said where nothing tells it.
     """
     check_kind("frame", path, (str, os.PathLike), "give a file's name")
     path, settings = Path(path), settings or FrameSettings()
@@ -68,7 +69,7 @@ def read_frame(
             raise UserError(f"time {time!r} is none: write it as 2020-12-11T20:09:33 (UTC)")
         when = FrameTime(stamp, "given")
     else:
-        when = frame_time(path, picture.header, picture.exif, settings)
+        when = frame_time(path, picture.header, picture.exif, settings, alone)
     # JPEG and the like blur what is cut off: a few counts below the end are full too
     saturated = settings.saturated_count or picture.full_scale * (0.98 if picture.full_scale < 256 else 0.999)
     return SkyFrame(path, picture.counts, when.time, when.source, picture.full_scale, saturated)

@@ -31,7 +31,7 @@ def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhoo
     if abs(near - wanted) > np.timedelta64(1, "s"):
         raise UserError(
             f"{paths[0]}: no time {iso(wanted)} in it and the others; they have {times_text(everything)}: "
-            "choose one of these (--time)"
+            "choose one of these times"
         )
     holding = [path for path in paths if near in np.asarray(times[path], "datetime64[ms]")]
     if len(holding) > 1:

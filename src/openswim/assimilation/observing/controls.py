@@ -102,22 +102,26 @@ class Controls:
             out[name].values[:] = np.where(self.where, np.maximum(out[name].values, share * floor), self._own(name))
         return out
 
-    def checked(self, state: xr.Dataset) -> xr.Dataset:
-        """The state's controls as float64, in their order and shape; raises UserError."""
-        check_kind("state", state, xr.Dataset, "give an xarray.Dataset such as operator.first()")
+    def checked(self, state: xr.Dataset, what: str = "state", left_out: float | None = None) -> xr.Dataset:
+        """The state's controls as float64, in their order and shape; raises UserError. left_out: the value of controls
+        that it may be without."""
+        check_kind(what, state, xr.Dataset, "give an xarray.Dataset such as operator.first()")
         shapes = dict(zip(LEVEL_DIMS, self.where.shape, strict=True))
         shapes |= {"wavelength": self.wavelengths_nm.size, "camera": self.cameras}
         data = {}
         for each in self.variables:
+            if each.name not in state and left_out is not None:
+                data[each.name] = (each.dims, np.full([shapes[d] for d in each.dims], left_out), {"units": each.units})
+                continue
             if each.name not in state:
-                raise UserError(f"state: {each.name} is missing; operator.first() has all that is needed")
+                raise UserError(f"{what}: {each.name} is missing; operator.first() has all that is needed")
             given = state[each.name]
             if set(given.dims) != set(each.dims) or any(given.sizes[d] != shapes[d] for d in each.dims):
                 want = tuple(shapes[d] for d in each.dims)
-                raise UserError(f"state: {each.name} is {dict(given.sizes)}; give {each.dims} of {want}")
+                raise UserError(f"{what}: {each.name} is {dict(given.sizes)}; give {each.dims} of {want}")
             values = np.asarray(given.transpose(*each.dims).values, float)
             if not np.isfinite(values).all():
-                raise UserError(f"state: {each.name} has values that are no numbers")
+                raise UserError(f"{what}: {each.name} has values that are no numbers")
             data[each.name] = (each.dims, values, {"units": each.units})
         return xr.Dataset(data, coords={"wavelength": self.wavelengths_nm})
 

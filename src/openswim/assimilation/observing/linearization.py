@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, numbers, shown, whole
 from openswim.assimilation.observing.checking import Check, check
 from openswim.assimilation.observing.core import Images
 from openswim.assimilation.observing.rows import Rows
@@ -59,8 +59,7 @@ class Linearization:
         times the tolerance of the light, to which that of the change is solved."""
         self._check_fresh()
         op = self.operator
-        whole = op.controls.checked(self._whole(change))
-        fill = op.controls.tangent(self.slopes, whole)
+        fill = op.controls.tangent(self.slopes, self._whole(change))
         images = op.light_tangent(self._light, fill, loosely)
         return op.row(op.tangent_values(self.images, images, self._scale, fill.scale))
 
@@ -68,21 +67,24 @@ class Linearization:
         """J^T r: the gradient by the state of r . H(x)."""
         self._check_fresh()
         op = self.operator
-        row = op.row(np.asarray(bar, float)).values
+        row = op.row(numbers("vjp: bar", bar)).values
+        if not np.isfinite(row).all():
+            raise UserError("vjp: bar has values that are no numbers: put 0 where an observation is not used")
         images, scale = op.adjoint_values(self.images, row, self._scale)
         fill = op.light_adjoint(self._light, images, loosely)
         return op.controls.adjoint(self.slopes, replace(fill, scale=scale))
 
     def jacobian(self, pixels: Iterable[int]) -> xr.Dataset:
         """Rows of J of some observations (numbers in the row of all), by an adjoint each: for a look, not for use."""
-        rows = []
-        for n in pixels:
-            bar = np.zeros(self.operator.size)
-            bar[n] = 1.0
-            rows.append(self.vjp(bar))
-        if not rows:
+        check_kind("jacobian: pixels", pixels, Iterable, "name some observations by their numbers")
+        size = self.operator.size
+        asked = [whole("jacobian: an observation", n) for n in pixels]
+        if not asked:
             raise UserError("jacobian: name some observations by their numbers")
-        return xr.concat(rows, "observation")
+        for n in asked:
+            if not -size <= n < size:
+                raise UserError(f"jacobian: there is no observation {n}: they are numbered from 0 to {size - 1}")
+        return xr.concat([self.vjp(np.eye(1, size, n % size)[0]) for n in asked], "observation")
 
     def check(self, seed: int = 0) -> Check:
         """Four tests of OOPS: zero gives zero, linearity, the adjoint's dot product, and the tangent linear against
@@ -103,8 +105,11 @@ class Linearization:
 
     def _whole(self, change: xr.Dataset) -> xr.Dataset:
         check_kind("change", change, xr.Dataset, "give an xarray.Dataset like a state")
-        missing = [v.name for v in self.operator.controls.variables if v.name not in change]
-        return change.assign({name: xr.zeros_like(self.state[name]) for name in missing})
+        names = [v.name for v in self.operator.controls.variables]
+        for name in change:
+            if name not in names:
+                raise UserError(f"change: {shown(name)} is no control: those of this operator are {', '.join(names)}")
+        return self.operator.controls.checked(change, "change", left_out=0.0)
 
     def _check_fresh(self) -> None:
         if _mark(self._given, self.operator) != self._was:

@@ -17,6 +17,7 @@ Kind = Literal["extinction", "content", "effective_radius", "number", "factor", 
 ALIASES = {"cloud_liquid": "liquid_content", "cloud_ice": "ice_content", "albedo": "surface_albedo",
            "aerosol": "aerosol_extinction", "scale": "camera_scale"}  # fmt: skip
 _SIZES = ("content", "effective_radius", "number")
+_OF_PARTICLES = ("aerosol_extinction", *(f"{species}_content" for species in HYDROMETEORS))
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def variables_of(scene: Scene, controls: Sequence[str]) -> tuple[Variable, ...]:
     for each in found:
         content = f"{each.species}_content"
         if each.kind in _SIZES and content not in scene.data:
-            raise UserError(f"control {each.name}: the scene has no {content}; it has {', '.join(scene.species)}")
+            raise UserError(f"control {each.name}: the scene has no {content}; {_instead(scene)}")
         if each.kind in ("effective_radius", "number") and each.name not in scene.data:
             raise UserError(f"control {each.name}: the scene has no such field: put one in, as a first guess")
         if each.kind in ("effective_radius", "number") and not (scene.data[each.name] > 0).any():
@@ -82,5 +83,12 @@ def variables_of(scene: Scene, controls: Sequence[str]) -> tuple[Variable, ...]:
             raise UserError(f"control {each.name}: the scene's {each.species}_effective_radius goes before it")
         own = "aerosol_extinction" if each.kind == "factor" else each.name
         if each.kind in ("extinction", "factor") and own not in scene.data:
-            raise UserError(f"control {each.name}: the scene has no {own}; it has {', '.join(scene.species)}")
+            raise UserError(f"control {each.name}: the scene has no {own}; {_instead(scene)}")
     return found
+
+
+def _instead(scene: Scene) -> str:
+    """What of particles in a scene can be a control, and what always can."""
+    names = map(str, scene.data.data_vars)
+    there = [name for name in names if name.startswith(DIRECT_PREFIX) or name in _OF_PARTICLES]
+    return f"controls that it has: {', '.join([*there, 'albedo'])}"

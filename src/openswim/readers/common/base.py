@@ -138,7 +138,7 @@ def pick_time(path: Path, times: NDArray[Any], wanted: Time) -> int:
     if (apart <= np.timedelta64(1, "s")).any():
         return int(known[np.argmin(apart)])
     listed = times_text(times[known])
-    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {listed}: choose one of these (--time)")
+    raise UserError(f"{path}: no time {iso(stamp)} in it; it has {listed}: choose one of these times")
 
 
 def labelled(on_levels: Mapping[str, Any], on_ground: Mapping[str, Any]) -> xr.Dataset:

@@ -17,7 +17,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 HUMIDITY_LEFT = 0.95  # of saturation, at most, where an analysis took all cloud away
-NO_CLOUD = 1e-8  # kg/kg of liquid and ice, up to which a node has no cloud
+CLOUD = 1e-6  # kg/kg of liquid or ice: the least that models and retrievals usually call cloud
 _ROUNDING = 1e-6  # share of what was there, below which the rest is rounding of single precision
 _SAME_PLACE = 0.01  # cells, by which columns may be off
 
@@ -67,20 +67,27 @@ def vapour_beside_cloud(
 ) -> F32:
     """QVAPOR (kg/kg) that goes with liquid and ice (kg/kg) as they were before and are after.
 
-    Where there is more liquid, saturated over water at least; where only ice is more, over ice. Where no cloud is left,
-    `HUMIDITY_LEFT` of saturation at most, over the phase of which there had been more.
+    Where liquid was added, saturated over water at least; where ice was, over ice. Where cloud was taken away and none
+    is left, `HUMIDITY_LEFT` of saturation at most, over the phase of which there had been more. Less than `CLOUD`
+    carries vapour only its share of the way: an analysis leaves traces of cloud where air may be far from saturated.
     """
     celsius: NDArray[Any] = temperature_k - 273.15
-    over_water = saturation_pa(celsius)
-    over_ice = np.where(celsius < 0, saturation_over_ice_pa(celsius), over_water)
-    wetter = after["liquid"] > before["liquid"]
-    icier = ~wetter & (after["ice"] > before["ice"])
+    over_water: NDArray[Any] = saturation_pa(celsius)
+    over_ice: NDArray[Any] = np.where(celsius < 0, saturation_over_ice_pa(celsius), over_water)
     was, left = before["liquid"] + before["ice"], after["liquid"] + after["ice"]
-    gone = (left < was) & (left <= NO_CLOUD) & ~wetter & ~icier
-    least = np.where(wetter, over_water, np.where(icier, over_ice, 0.0))
+    own = vapour.astype(float)
+    out = own
+    for phase, saturated in (("liquid", over_water), ("ice", over_ice)):
+        missing = np.maximum(_mixing_ratio(saturated, pressure_pa) - own, 0.0)
+        out = np.maximum(out, own + _of_cloud(after[phase] - before[phase]) * missing)
     most = HUMIDITY_LEFT * np.where(before["liquid"] >= before["ice"], over_water, over_ice)
-    out = np.where(wetter | icier, np.maximum(vapour, _mixing_ratio(least, pressure_pa)), vapour)
-    return np.where(gone, np.minimum(out, _mixing_ratio(most, pressure_pa)), out).astype(np.float32)
+    gone = _of_cloud(was - left) * (1 - _of_cloud(left))
+    return np.asarray(out - gone * np.maximum(out - _mixing_ratio(most, pressure_pa), 0.0)).astype(np.float32)
+
+
+def _of_cloud(amount: F64) -> F64:
+    """How far some liquid or ice (kg/kg) counts as cloud, from 0 to 1."""
+    return np.asarray(np.clip(amount / CLOUD, 0.0, 1.0))
 
 
 def _mixing_ratio(vapour_pa: F64, pressure_pa: F64) -> F64:

@@ -159,8 +159,14 @@ def _plan(options: Options, matter: Matter, surface: Surface, sun: F64) -> Mediu
     """How the grid is drawn: on the scene's own columns, with levels as fine as `fast` has them."""
     if matter.grid is None:
         raise UserError("solver linear: the scene has no grid; take solver fast")
-    if matter.grid.periodic or matter.cover is not None or matter.wider is not None:
-        raise UserError(f"solver linear: periods, cloud cover and nested grids are not followed; {_INSTEAD}")
+    if matter.cover is not None:
+        raise UserError(
+            "solver linear: cloud cover within cells is not followed: take solver fast; for an analysis leave it out, "
+            "so that clouds fill their cells, by cover = false in its file, or in Python by "
+            'scene.data = scene.data.drop_vars("cloud_area_fraction")'
+        )
+    if matter.grid.periodic or matter.wider is not None:
+        raise UserError(f"solver linear: periods and nested grids are not followed; {_INSTEAD}")
     plan = plan_medium(matter, surface.terrain_m, float(sun[2]), Fineness(divide=False, extend=True))
     if plan.fineness > 1 or plan.sideless or min(plan.columns) < 2:
         raise UserError(
