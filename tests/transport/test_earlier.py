@@ -1,5 +1,6 @@
 """A solve that begins from the light of the time before."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import openswim
 from openswim import Camera, Scene, Solver
+from openswim.pictures.viewpoint import LitScene
 from openswim.scene.procedural import demo_scene
 from openswim.transport import EarlierLight
 
@@ -31,12 +33,18 @@ def scene() -> Scene:
     return demo_scene(64, 64, 24)
 
 
-@pytest.mark.parametrize(("columns", "most", "rms"), [(0, 0.55, 0.0014), (7, 0.9, 0.0088)])
-def test_it_takes_fewer_sweeps_and_ends_where_it_would(scene: Scene, columns: int, most: float, rms: float) -> None:
-    """Light of clouds that have moved is that of a solve from the beginning, well within the tolerance of .1."""
+@pytest.fixture(scope="module")
+def first(scene: Scene) -> tuple[EarlierLight, LitScene]:
+    """What a solve of the scene from the beginning leaves to later ones, to be copied, and its light."""
     earlier = EarlierLight()
-    openswim.light(scene, SOLVER, earlier=earlier)
-    for count in (1, 2):
+    return earlier, openswim.light(scene, SOLVER, earlier=earlier)
+
+
+@pytest.mark.parametrize(("columns", "counts", "most", "rms"), [(0, (1,), 0.55, 0.0009), (7, (1, 2), 0.9, 0.0088)])
+def test_it_takes_fewer_sweeps_and_ends_where_it_would(scene, first, columns, counts, most, rms) -> None:
+    """Light of clouds that have moved is that of a solve from the beginning, well within the tolerance of .1."""
+    earlier = deepcopy(first[0])
+    for count in counts:
         now = moved(scene, columns * count, 5 * count)
         anew, begun = openswim.light(now, SOLVER), openswim.light(now, SOLVER, earlier=earlier)
         one, other = (np.sum(lit.field.lit[0].sweeps) for lit in (anew, begun))
@@ -54,23 +62,23 @@ def changed(scene: Scene, by) -> Scene:
     return replace(scene, data=data)
 
 
-def test_light_of_other_clouds_does_no_harm(scene: Scene) -> None:
+def test_light_of_other_clouds_does_no_harm(scene: Scene, first: tuple[EarlierLight, LitScene]) -> None:
     earlier = EarlierLight()
     openswim.light(changed(scene, lambda clouds: clouds[:, ::-1, ::-1].copy()), SOLVER, earlier=earlier)
-    anew, begun = openswim.light(scene, SOLVER), openswim.light(scene, SOLVER, earlier=earlier)
+    anew, begun = first[1], openswim.light(scene, SOLVER, earlier=earlier)
     one, other = seen(anew), seen(begun)
     off = (other - one)[np.isfinite(one)] / np.nanmean(one)
     assert 0 < np.sqrt((off**2).mean()) < 0.0015
     assert np.sum(begun.field.lit[0].sweeps) <= np.sum(anew.field.lit[0].sweeps)
 
 
-def test_other_levels_and_other_grids(scene: Scene) -> None:
+def test_other_levels_and_other_grids(scene: Scene, first: tuple[EarlierLight, LitScene]) -> None:
     """Thicker clouds divide levels more finely: what was on the nearest ones still helps. Another grid's is left."""
     earlier = EarlierLight()
     thick = changed(scene, lambda clouds: 1.5 * clouds)
-    openswim.light(demo_scene(48, 48, 20), SOLVER, earlier=earlier)
+    openswim.light(demo_scene(16, 16, 16), SOLVER, earlier=earlier)
     before = openswim.light(thick, SOLVER, earlier=earlier)
-    anew, begun = openswim.light(scene, SOLVER), openswim.light(scene, SOLVER, earlier=earlier)
+    anew, begun = first[1], openswim.light(scene, SOLVER, earlier=earlier)
     assert before.field.medium.shape != begun.field.medium.shape
     assert np.sum(begun.field.lit[0].sweeps) <= 0.6 * np.sum(anew.field.lit[0].sweeps)
     one, other = seen(anew), seen(begun)
@@ -79,7 +87,7 @@ def test_other_levels_and_other_grids(scene: Scene) -> None:
 
 
 def test_every_light_of_a_night_begins_from_its_own() -> None:
-    scene = replace(demo_scene(48, 48, 20), time=np.datetime64("2026-06-30T23:00", "ms"))  # a full moon
+    scene = replace(demo_scene(24, 24, 20), time=np.datetime64("2026-06-30T23:00", "ms"))  # a full moon
     earlier = EarlierLight()
     first = openswim.light(scene, SOLVER, earlier=earlier)
     assert len(first.lights) > 1
@@ -87,4 +95,4 @@ def test_every_light_of_a_night_begins_from_its_own() -> None:
     again = openswim.light(scene, SOLVER, earlier=earlier)
     for one, other in zip(first.lights, again.lights, strict=True):
         sweeps = [np.sum(light.field.lit[0].sweeps) for light in (one, other)]
-        assert sweeps[1] <= 0.55 * sweeps[0]
+        assert sweeps[1] <= 0.46 * sweeps[0]

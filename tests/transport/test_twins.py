@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba import config
 from tests.transport.twins.cases import CASES, apart
 
 from openswim.errors import UserError
@@ -34,6 +35,9 @@ def test_kernels_are_their_twins(name: str) -> None:
 def checked(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the cases tell when they run on kernels in double precision that check where they read and write."""
     more = {"OPENSWIM_ELEMENT": "float64", "OPENSWIM_CHECKED": "1"}
+    # Nearly all the time goes to compiling, and nothing here asks for speed; what is so compiled is kept apart.
+    kept = Path(config.CACHE_DIR or Path(types.__file__).parents[1] / "__pycache__") / "unoptimised"
+    more |= {"NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(kept)}
     root = Path(__file__).parents[2]
     path = os.pathsep.join([str(root), *sys.path])
     done = subprocess.run(
