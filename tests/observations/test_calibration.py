@@ -1,6 +1,8 @@
 """Cameras found again from their pictures, and refused where pictures do not give them."""
 
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,10 +34,21 @@ def worst_deg(camera, optics, lowest_deg=15.0):
     return float(np.degrees(np.linalg.norm(found - there, axis=-1)).max())
 
 
+@pytest.fixture(scope="module")
+def of_stars(tmp_path_factory):
+    """One night's frame of a camera, and what is found in it."""
+    path = tmp_path_factory.mktemp("stars") / f"sky_{NIGHT.translate({45: None, 58: None})}00.png"
+    star_frame(path, mounted(EQUISOLID), NIGHT)
+    return path, calibrate(path, LAT, LON, settings=FrameSettings(utc_offset_h=0.0))
+
+
+def test_the_camera_of_a_frame_is_found_again(of_stars):
+    found_again(of_stars[1], mounted(EQUISOLID), "equisolid")
+
+
 @pytest.mark.parametrize(
     ("lens", "options", "name"),
     [
-        (EQUISOLID, {}, "equisolid"),
         (Lens("stereographic", 225.0), {"mirrored": True, "rotation_deg": -140.0, "tilt_deg": 0.0}, "stereographic"),
         (Lens("kannala-brandt", 230.0, (0.03, -0.015)), {"tilt_deg": 4.0}, "polynomial, 2 coefficients"),
     ],
@@ -43,25 +56,23 @@ def worst_deg(camera, optics, lowest_deg=15.0):
 def test_a_known_camera_is_found_again(tmp_path, lens, options, name):
     """To .02 degrees over the sky above 15, from nothing but place and time."""
     optics = mounted(lens, **options)
-    found = calibrate(star_frame(tmp_path / "stars.png", optics, NIGHT), LAT, LON, time=NIGHT)
+    found_again(calibrate(star_frame(tmp_path / "stars.png", optics, NIGHT), LAT, LON, time=NIGHT), optics, name)
+
+
+def found_again(found, optics, name):
     assert found.chosen.name == name
     assert worst_deg(found.camera, optics) < 0.02
     assert found.chosen.held_out_px < 0.15
     assert found.chosen.matches > 3 * found.fit.next_matches
 
 
-def test_frames_of_two_nights_are_fitted_together_and_one_checks_the_other(tmp_path):
-    optics = mounted(EQUISOLID)
-    frames = [
-        star_frame(tmp_path / f"sky_{time.translate({45: None, 58: None})}00.png", optics, time, seed=seed)
-        for seed, time in enumerate((NIGHT, "2024-03-20T20:00"))
-    ]
-    settings = FrameSettings(utc_offset_h=0.0)
-    both = calibrate(frames, LAT, LON, settings=settings)
+def test_frames_of_two_nights_are_fitted_together_and_one_checks_the_other(of_stars, tmp_path):
+    path, one = of_stars
+    other = star_frame(tmp_path / "sky_20240320T200000.png", mounted(EQUISOLID), "2024-03-20T20:00", seed=1)
+    both = calibrate([path, other], LAT, LON, settings=FrameSettings(utc_offset_h=0.0))
     assert set(both.matched.frame.tolist()) == {0, 1}
-    one = calibrate(frames[:1], LAT, LON, settings=settings)
     write_camera(one.content, tmp_path / "camera.toml")
-    matches, median = check(read_camera(tmp_path / "camera.toml"), frames[1])
+    matches, median = check(read_camera(tmp_path / "camera.toml"), other)
     assert matches > 60
     assert median < 0.15
 
@@ -95,9 +106,15 @@ SMALL = {"centre_row": 236.0, "centre_column": 254.0, "rotation_deg": -20.0, "ti
 UTC = FrameSettings(utc_offset_h=0.0)
 
 
-def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path):
+@pytest.fixture(scope="module")
+def day(tmp_path_factory):
+    """A camera, and its frames of a day."""
     optics = mounted(Lens("equidistant", 160.0), **SMALL)
-    frames = day_frames(tmp_path, optics)
+    return optics, day_frames(tmp_path_factory.mktemp("day"), optics)
+
+
+def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path, day):
+    optics, frames = day
     grey = spot_frame(tmp_path / "cam_20240610_170000.png", optics, DAY[5], overcast=True)
     found = calibrate([*frames, grey], LAT, LON, settings=UTC)
     assert found.by == "sun"
@@ -106,6 +123,9 @@ def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path):
     assert any("tilt" in line for line in found.cannot_tell)
     assert any("clock" in line for line in found.cannot_tell)
     assert found.fit.left_out == ("cam_20240610_170000.png: no sun in this frame",)
+    write_camera(found.content, tmp_path / "camera.toml")
+    with pytest.raises(UserError, match="degrees high: a camera is checked by the stars"):
+        check(read_camera(tmp_path / "camera.toml"), frames[5])
 
 
 def test_suns_of_two_seasons_tell_the_tilt(tmp_path):
@@ -126,18 +146,8 @@ def test_a_night_of_moon_gives_a_camera(tmp_path):
     assert worst_deg(found.camera, optics, 25.0) < 0.5
 
 
-def test_a_camera_is_not_checked_by_day(tmp_path):
-    optics = mounted(Lens("equidistant", 160.0), **SMALL)
-    frames = day_frames(tmp_path, optics)
-    found = calibrate(frames, LAT, LON, settings=UTC)
-    write_camera(found.content, tmp_path / "camera.toml")
-    with pytest.raises(UserError, match="degrees high: a camera is checked by the stars"):
-        check(read_camera(tmp_path / "camera.toml"), frames[5])
-
-
-def test_what_gives_no_camera_is_refused(tmp_path):
-    optics = mounted(Lens("equidistant", 160.0), **SMALL)
-    frames = day_frames(tmp_path, optics)
+def test_what_gives_no_camera_is_refused(tmp_path, day):
+    optics, frames = day
     with pytest.raises(UserError, match="one sun tells no camera"):
         calibrate(frames[5], LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="one moon tells no camera; give 6 frames or more of a clear night"):
@@ -151,10 +161,8 @@ def test_what_gives_no_camera_is_refused(tmp_path):
         calibrate(frames[4:6] * 4, LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="neither sun nor stars"):
         calibrate(frames[0], LAT, LON, time="2024-06-10T19:45")
-    scrambled = day_frames(tmp_path, optics, times=DAY)
-    names = [path.rename(tmp_path / f"x{i}.png") for i, path in enumerate(scrambled)]
-    for i, k in enumerate(np.random.default_rng(3).permutation(len(names))):
-        names[k].rename(scrambled[i])
+    order = np.random.default_rng(3).permutation(len(frames))
+    scrambled = [Path(shutil.copy(frames[k], tmp_path / name.name)) for name, k in zip(frames, order, strict=True)]
     with pytest.raises(UserError, match=r"follow the sun's way|left out lie"):
         calibrate(scrambled, LAT, LON, settings=UTC)
 

@@ -147,10 +147,14 @@ def broken():
     return scene, sun / np.linalg.norm(sun)
 
 
-def test_a_single_ray_to_water_is_a_pixel_of_a_picture(broken) -> None:
+@pytest.fixture(scope="module")
+def under_cumulus(broken):
+    return Solver(tolerance=0.3, detail=False).solve(*broken, [550.0])
+
+
+def test_a_single_ray_to_water_is_a_pixel_of_a_picture(under_cumulus) -> None:
     """As the picture has it, as a viewpoint that was aimed at something else has it, and by a viewpoint of its own."""
-    scene, sun = broken
-    field = Solver(tolerance=0.3, detail=False).solve(scene, sun, [550.0])
+    field = under_cumulus
     eye, _, direction = glance(np.repeat(np.arange(0.0, 90.0), 30), np.tile(np.linspace(3.0, 25.0, 30), 90), 60.0)
     picture = field.viewpoint(Rays(eye, direction))
     some = direction[7::400]
@@ -168,14 +172,13 @@ def test_a_single_ray_to_water_is_a_pixel_of_a_picture(broken) -> None:
 
 
 @pytest.mark.slow
-def test_single_rays_to_water_under_broken_cloud_are_near_reference(broken) -> None:
+def test_single_rays_to_water_under_broken_cloud_are_near_reference(broken, under_cumulus) -> None:
     """Within 15 %, as under a clear sky: `reference` leaves out what meets a second wave. By the clear sky in place of
     the clouds they would be 1.8 times too bright."""
-    scene, sun = broken
     eye, _, direction = glance(np.repeat(np.arange(0.0, 90.0, 6.0), 4), np.tile([6.0, 12.0, 20.0, 28.0], 15), 60.0)
     aside = Rays(eye, glance(np.arange(200.0, 240.0), 20.0)[2])
-    found = Solver(detail=False).solve(scene, sun, [550.0]).viewpoint(aside).view(Rays(eye, direction)).radiance
-    true = Solver("reference", paths=1500, seed=2).solve(scene, sun, [550.0]).view(Rays(eye, direction)).radiance
+    found = under_cumulus.viewpoint(aside).view(Rays(eye, direction)).radiance
+    true = Solver("reference", paths=1500, seed=2).solve(*broken, [550.0]).view(Rays(eye, direction)).radiance
     assert found.mean() == pytest.approx(true.mean(), rel=0.19)
 
 

@@ -7,7 +7,7 @@ from openswim import Scene, Solver
 from openswim.cameras import Rays
 from openswim.scene.phase import HenyeyGreenstein
 
-_CUTS = [(30, 40), (50, 60)]  # columns to a depth of 17 and 22
+_CUT = 30, 40  # columns to a depth of 17
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +21,8 @@ def extinction(shared):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cut", _CUTS)
-def test_cumulus_from_above_and_aslant_is_that_of_fast(extinction, cut):
-    y, x = cut
+def test_cumulus_from_above_and_aslant_is_that_of_fast(extinction):
+    y, x = _CUT
     part = np.zeros((55, 48, 48))
     part[11:50, 2:-2, 2:-2] = extinction[:, y + 2 : y + 46, x + 2 : x + 46]
     across, levels = 20.0 * np.arange(48), 40.0 * np.arange(55)
@@ -34,12 +33,12 @@ def test_cumulus_from_above_and_aslant_is_that_of_fast(extinction, cut):
     fast, core = (Solver(name, tolerance=1e-3).solve(scene, sun, [550.0]) for name in ("fast", "linear"))
     middle = np.stack([*np.meshgrid(*2 * [np.linspace(60, 880, 120)]), np.full((120, 120), 1000.0)], axis=-1)
     aslant = -_direction(np.pi / 2 - slant, azimuth)
-    for down, most, mean in ((np.array([0.0, 0.0, -1.0]), 1.45, 0.47), (aslant, 1.25, 0.13)):  # 1.14, -.36; .95, -.10
+    for down, most, mean in ((np.array([0.0, 0.0, -1.0]), 1.45, 0.47), (aslant, 1.23, 0.13)):  # 1.11, -.36; .95, -.10
         starts = (middle - down * ((1000.0 - 2250.0) / down[2])).reshape(-1, 3)
         rays = Rays(starts, np.broadcast_to(down, starts.shape).copy())
         theirs, own = (np.ravel(light.view(rays).radiance).astype(float) for light in (fast, core))
         off = 100 * (own - theirs) / theirs.mean()
-        print(cut, np.sqrt((off**2).mean()), off.mean())
+        print(np.sqrt((off**2).mean()), off.mean())
         assert np.sqrt((off**2).mean()) < most
         assert abs(off.mean()) < mean
 
