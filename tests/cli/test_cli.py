@@ -38,7 +38,8 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
 def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
     calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[], suns=[])
-    scene = SimpleNamespace(grid=None, wider=None, optics={}, notes=["no ice species in the file: none assumed"])
+    notes = ["no ice species in the file: none assumed"]
+    scene = SimpleNamespace(grid=None, wider=None, atmosphere=None, optics={}, notes=notes)
     scene.levels = [scene]
 
     def open_scene(path, time=None, around=None, ground=None, **more):
