@@ -36,7 +36,7 @@ def cloud(shape: tuple[int, int, int]) -> np.ndarray:
 def scenes() -> dict[str, Scene]:
     wide = grid_scene(cloud((6, 12, 12)), (6, 12, 12), (3000.0, 3000.0, 500.0), curved=True, air=True)
     return {
-        "demo": demo_scene(16, 16, 16),
+        "demo": demo_scene(32, 32, 16),
         "clear": Scene.clear(47.0, 8.0, time=np.datetime64("2024-06-21T10:00")),
         "wide cells": wide,
         "flat": grid_scene(cloud((6, 12, 12)), (6, 12, 12), (100.0, 100.0, 100.0)),
