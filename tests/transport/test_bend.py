@@ -51,10 +51,12 @@ def scattered_once(extinction: np.ndarray, start: np.ndarray, along: np.ndarray,
 
 @pytest.mark.parametrize("body", ["box", "ball"])
 @pytest.mark.parametrize("zenith", [75.0, 40.0])
-def test_single_scattering_on_the_shaded_side(body: str, zenith: float) -> None:
+@pytest.mark.parametrize(("solver", "bound"), [("fast", 0.08), ("linear", 0.14)])
+def test_single_scattering_on_the_shaded_side(body: str, zenith: float, solver: str, bound: float) -> None:
     """The beam grazes faces, fades into them and ends behind them within a cell of optical depth 1.2 or 2.4.
 
-    4 to 7 % off; straight lines between the nodes' square roots are 13 to 49.
+    `fast` is 4 to 7 % off and the linear core 5 to 12; straight lines between the nodes' square roots are 13 to 49, and
+    31 to 67.
     """
     extinction, sun = bodies()[body], sun_at_zenith_angle(zenith)
     scene = grid_scene(extinction.astype(np.float32), extinction.shape, (CELL_M,) * 3, single_scattering_albedo=OMEGA)
@@ -64,9 +66,9 @@ def test_single_scattering_on_the_shaded_side(body: str, zenith: float) -> None:
     offset = (across[:, None, None] * right + across[:, None] * up).reshape(-1, 3)
     start = NODES // 2 + offset - 18.0 * along
     middle = np.array([scene.grid.x[NODES // 2], scene.grid.y[NODES // 2], CELL_M * (NODES // 2)])
-    seen = Solver(step=0.25).solve(scene, sun, [WAVELENGTH_NM]).view(
+    seen = Solver(solver, step=0.25).solve(scene, sun, [WAVELENGTH_NM]).view(
         Rays(middle + CELL_M * (start - NODES // 2), along)
     )  # fmt: skip
     expected = scattered_once(extinction, start, along, sun)
     error = seen.radiance[:, 0] - expected
-    assert np.sqrt(np.mean(error**2)) < 0.08 * expected.mean()
+    assert np.sqrt(np.mean(error**2)) < bound * expected.mean()

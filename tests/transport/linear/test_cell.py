@@ -69,6 +69,25 @@ def test_slopes_of_an_amendment():
     assert by_both == pytest.approx(-a / both, rel=1e-8)
 
 
+@pytest.mark.parametrize("depth", [0.0, 1e-3, 0.2, 1.5, 12.0, 90.0])
+@pytest.mark.parametrize("asked", [-30.0, -1.3, -0.2, 0.0, 0.3, 2.1, 40.0])
+def test_slopes_of_a_bend(depth, asked):
+    """Where what is asked for is met, and where bounds hold it; the mean is half of the greatest rise."""
+    given = (asked * max(depth, 1e-2), 0.5 * depth, depth**4 + 1e-9)
+    slopes = cell.bend_slopes.py_func(*given)
+    for n, size in enumerate((abs(given[0]) + given[2] ** 0.25, given[1] + 0.1, given[2])):
+        found = _difference(cell.bend.py_func, given, n, 2e-4 * size)
+        assert found == pytest.approx(slopes[n], rel=1e-7, abs=1e-9 / size), n
+
+
+@pytest.mark.parametrize("bent", [-1.1, 0.0, 0.4, 7.0])
+def test_slopes_of_the_beam(bent):
+    beam, share = cell.beam_of.py_func(0.7, bent)
+    by_root = _difference(lambda r: cell.beam_of.py_func(r, bent)[0], (0.7,), 0, 1e-3)
+    by_bent = _difference(lambda b: cell.beam_of.py_func(0.7, b)[0], (bent,), 0, 1e-3)
+    assert (by_root, by_bent) == pytest.approx((2 * 0.7 * share, -beam), rel=1e-9)
+
+
 @njit
 def _of_fast(near, far, ds):
     return step_weights_of_fast(near, far, ds)

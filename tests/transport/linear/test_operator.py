@@ -14,9 +14,10 @@ from tests.transport.linear.scenes import lumpy
 from openswim import Scene, Solver
 from openswim.errors import UserError
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.transport.linear import beam_taken, diffuse
+from openswim.transport.linear import beam_taken, diffuse, sun_depth
 from openswim.transport.linear.diffuse import Change
 from openswim.transport.linear.moments import emit, gather
+from openswim.transport.linear.optics import mixed
 from openswim.transport.linear.sun_depth import depths
 
 EXACT = 1e-12
@@ -68,6 +69,20 @@ def test_what_cells_take_of_the_beam_is_transposed(linearised):
     moved = [beam_taken.lit(beam * (1 + s * h * d_beam), ext * (1 + s * h * d_ext), *core._cells) for s in (1, -1)]
     slope = beam_taken.lit_tangent(beam, ext, *core._cells, beam * d_beam, ext * d_ext)
     assert np.abs((moved[0] - moved[1]) / (2 * h) - slope).max() < 1e-7 * np.abs(slope).max()
+
+
+def test_bends_of_the_depth_are_transposed(linearised):
+    core, one, rng = linearised[0], linearised[4].terms[0], np.random.default_rng(4)
+    ext = mixed(core.optics[0].scaled, one.extinction)
+    d_depth, d_ext = rng.standard_normal((2, core.world.nodes)) * np.reshape([1.0, 1e-2], (2, 1))
+    bar = rng.standard_normal((core.world.nodes, 3))
+    found = sun_depth.bends_tangent(core.world, one.depth, ext, d_depth, d_ext)
+    by_depth, by_ext = sun_depth.bends_transposed(core.world, one.depth, ext, bar)
+    assert _apart([(found, bar)], [(d_depth, by_depth), (d_ext, by_ext)]) < EXACT
+    h = 1e-5
+    moved = [sun_depth.bends(core.world, one.depth * (1 + s * h * d_depth), ext * (1 + s * h * d_ext)) for s in (1, -1)]
+    slope = sun_depth.bends_tangent(core.world, one.depth, ext, one.depth * d_depth, ext * d_ext)
+    assert np.abs((moved[0] - moved[1]) / (2 * h) - slope).max() < 2e-7 * np.abs(slope).max()
 
 
 @pytest.mark.parametrize(("depth", "bound"), [(0.1, 0.0017), (1.0, 0.0008), (3.0, 0.0028), (10.0, 0.01)])

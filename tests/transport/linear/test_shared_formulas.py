@@ -6,14 +6,17 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numba import njit
+from tests.transport.linear.plain import plain_world
 
 from openswim.scene.phase import HenyeyGreenstein
+from openswim.transport.beam.within_cells import _cell
 from openswim.transport.diffuse.absorbed_beam import cell_ratios
 from openswim.transport.diffuse.absorbed_light import _amend_row
 from openswim.transport.diffuse.step import Row, Step
 from openswim.transport.engine.pack import LANES, PACK, spread, write
 from openswim.transport.engine.types import FLOAT
-from openswim.transport.linear import beam_taken, cell
+from openswim.transport.linear import beam_taken, cell, sun_depth
+from openswim.transport.linear.sun_depth import depths
 from openswim.transport.march.forward_peak import peak_row, peak_table
 from openswim.transport.march.march import _plain_step
 from openswim.transport.march.sample import _peak_at, _peak_place
@@ -100,11 +103,33 @@ def test_a_step_of_an_eye_is_the_same(depth: float) -> None:
     far = np.array([1.4 * depth / ds, 0.03, 0.06, 0.3, 1.0])
     _step_of_fast(np.stack([near, far]).astype(FLOAT), FLOAT(ds), out)
     trans, w_near, w_far = cell.step_weights.py_func(near[0], far[0], ds)
-    less = cell.bend.py_func(near[2], far[2], near[3], far[3])
+    less = cell.less_between.py_func(near[2], far[2], near[3], far[3])
     want = w_near * (near[1] + near[2] * near[3] - less) + w_far * (far[1] + far[2] * far[3] - less)
     assert out[0] == pytest.approx(want, rel=4e-5)
     assert out[PACK] == pytest.approx(trans, rel=4e-5)
     assert abs(less * (w_near + w_far)) > 0.05 * want
+
+
+@pytest.mark.parametrize(("depth", "apart"), [(0.3, 0.021), (3.0, 0.025), (30.0, 0.011)])
+def test_depths_bend_alike_within_cells(depth: float, apart: float) -> None:
+    """Of a body of thick and thin cells, the sun aslant. They differ where `fast` cuts what the core bounds."""
+    cells, size = np.zeros((7, 8, 9)), np.array([40.0, 30.0, 20.0])
+    cells[2:5, 2:6, 3:6] = depth / 30.0 * np.random.default_rng(0).uniform(0.5, 1.5, (3, 4, 3))
+    world = plain_world(size[0] * np.arange(7), (20.0, 30.0), (8, 9), (0.5, -0.4, 0.77))
+    to_sun = depths(world, np.stack([cells.ravel()] * 2, axis=-1))[:, 0].copy()
+    own = sun_depth.bends(world, to_sun, cells.ravel()).reshape(*world.shape, 3)
+    theirs, speed = np.zeros((*world.shape, 3)), world.local_sun[0, 0] / size[::-1]
+    for k, j, i in np.ndindex(6, 7, 8):
+        corner, out = (slice(k, k + 2), slice(j, j + 2), slice(i, i + 2)), np.zeros(3, FLOAT)
+        _bend_of_fast(to_sun.reshape(world.shape)[corner].ravel(), cells[corner].ravel(), speed, out)
+        theirs[k, j, i] = out
+    assert np.ptp(theirs) > depth
+    assert np.sqrt(((own - theirs) ** 2).mean()) < apart * np.sqrt((theirs**2).mean())
+
+
+@njit
+def _bend_of_fast(depths, extinctions, speed, out):
+    _cell(depths, extinctions, speed, True, out, 0)
 
 
 def test_cells_take_the_same_of_the_beam() -> None:
@@ -121,8 +146,8 @@ def test_cells_take_the_same_of_the_beam() -> None:
         np.array([0.0, size[2]]), size[:2], np.ones(2, np.bool_), out,
     )  # fmt: skip
     speed = tuple(np.full((1, 1, LANES), sun[n] / size[n]) for n in (2, 1, 0))
-    taken, _ = beam_taken._taken(beam, speed)
+    found, _ = beam_taken._taken(beam, speed)
     corners = [(slice(None), slice(b, b + 1), slice(a, a + LANES)) for b in (0, 1) for a in (0, 1)]
     told = sum((beam * extinction)[c].mean(axis=0) for c in corners) / 4
-    assert out[0, 0, :LANES] == pytest.approx((taken[0] / told)[0], rel=1e-4)
+    assert out[0, 0, :LANES] == pytest.approx((found[0] / told)[0], rel=1e-4)
     assert np.ptp(out[0, 0, :LANES]) > 0.1

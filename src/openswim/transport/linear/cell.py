@@ -6,6 +6,7 @@ precision and without limiters; tests/transport/linear/test_cell.py holds slopes
 against those that `fast` computes with.
 """
 
+import math
 from typing import Any
 
 from numba import njit
@@ -16,6 +17,8 @@ _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": 
 SMALL = 0.02  # depth below which a slope is a series: it differs from the closed form by 1e-13 there
 DARK = 44.0  # depth
 _MOST, _NONE = 0.25, 1e-12  # of what steps take, over the light at nodes; added to that, lest it be none
+_LEVEL = 1e-12  # a depth of .001 to the fourth: rises below it hardly bound, else a level field would have no slopes
+_DEEP = 16.0  # to the fourth, -2: the least that a depth bends by
 SOFT = 0.02  # twice the depth of a step below which its ends are trusted, see `amendment`
 
 
@@ -150,13 +153,45 @@ def peak_slope(row, depth):
 
 
 @njit(**_FLAGS)
-def beam_of(root):
-    """The beam from what is linear between nodes, its root (F5); its slope is twice the root."""
-    return root * root
+def bend(linear, mean, rises):
+    """By how much the depth to the sun bends along an axis of a cell, c of F5, for the square of a line between roots.
+
+    linear: what extinction and depth at the corners ask for; mean: of the rises of the depth along the four edges;
+    rises: sum of the fourth powers of these. ``linear`` stays within twice the largest rise and the whole above -2, as
+    in `fast`, but smoothly: x (m^4/(m^4 + x^4))^(1/4).
+    """
+    most = 16.0 * rises + _LEVEL
+    c = linear * math.sqrt(math.sqrt(most / (most + linear**4)))
+    c += mean * mean / (64.0 + abs(mean) ** 3) ** (1.0 / 3.0)
+    low = min(c, 0.0)
+    return c - low + low * math.sqrt(math.sqrt(_DEEP / (_DEEP + low**4)))
 
 
 @njit(**_FLAGS)
-def bend(single, single_far, beam, beam_far):
+def bend_slopes(linear, mean, rises):
+    """Slopes of `bend` by each."""
+    most = 16.0 * rises + _LEVEL
+    whole = most + linear**4
+    share = math.sqrt(math.sqrt(most / whole))
+    cube = abs(mean) ** 3
+    part = (64.0 + cube) ** (1.0 / 3.0)
+    low = min(linear * share + mean * mean / part, 0.0)
+    kept = _DEEP / (_DEEP + low**4)
+    kept *= math.sqrt(math.sqrt(kept))
+    by_most = 0.25 * linear * share * (linear**4 / whole) / most
+    return kept * share * (most / whole), kept * mean / part * (2.0 - cube / (64.0 + cube)), kept * 16.0 * by_most
+
+
+@njit(**_FLAGS)
+def beam_of(root, bent):
+    """The beam where its root is linear between nodes and its depth bends besides (F5), and e to the minus that; its
+    slope by the root is 2 root times the latter, by the depth it is less than nothing, itself."""
+    share = math.exp(-bent)
+    return root * root * share, share
+
+
+@njit(**_FLAGS)
+def less_between(single, single_far, beam, beam_far):
     """By how much the mean of single scattering times beam along a step is less than that of its ends; linear in
     either, so that its slopes are itself (fast's `march._plain_step`)."""
     return (single_far - single) * (beam_far - beam) / 6.0

@@ -4,12 +4,12 @@ The places of a ray are fixed by its geometry: none is skipped where it is empty
 its gradient, and none is left out where it has become dark. Channels at the nodes (nodes, `channels`), linear
 between: extinction of every kind of matter; what it scatters toward the eye of the diffuse light, per its extinction;
 the root of the scaled beam; the forward depth to the sun; and unused ones up to a multiple of eight, which are read at
-once. At a place kind s emits
+once. Of the cells, how the depth to the sun bends within (`sun_depth.bends`). At a place kind s emits
 
     beta_s (J_s + (once_s + share R_s(phi)) T),   phi: forward depth to the sun and on to the eye (F16-F18);
 
-along a step what is scattered of the beam and the beam change together, which `cell.bend` takes into account. A ray is
-gone along three times: places one after the other, then eight steps at once, then what is left of the light.
+along a step what is scattered of the beam and the beam change together, which `cell.less_between` takes into account.
+A ray is gone along three times: places one after the other, then eight steps at once, then what is left of the light.
 """
 
 import math
@@ -20,7 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.lanes import LANES, read, write
-from openswim.transport.linear.cell import beam_of, bend, peak, peak_slope, step_weights
+from openswim.transport.linear.cell import beam_of, less_between, peak, peak_slope, step_weights
 from openswim.transport.march.forward_peak import peak_row
 
 FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
@@ -52,12 +52,20 @@ class Matter(NamedTuple):
     forward: np.ndarray  # (k,)
 
 
+class Between(NamedTuple):
+    """What there is between nodes, or changes or bars of it."""
+
+    fields: np.ndarray  # (nodes, `channels`) linear between them
+    bends: np.ndarray  # (nodes, 3) see `sun_depth.bends`
+
+
 class Along(NamedTuple):
     """Of the places (m,) of a ray; for eight at once there is room for LANES more."""
 
     value: np.ndarray  # (m, channels)
     node: np.ndarray  # the lowest of the eight nodes around
     weight: np.ndarray  # (m, 8) and their weights; the lowest level's come first
+    inside: np.ndarray  # (m, 3) along x, y, z: h (1 - h), h the place in the cell
     length: np.ndarray  # of the step to it, m
     ext: np.ndarray  # scaled extinction and gas
     depth: np.ndarray  # forward depth to the sun and to the eye
@@ -65,6 +73,7 @@ class Along(NamedTuple):
     single: np.ndarray  # what is scattered of a beam of 1,
     by_depth: np.ndarray  # and its slope by the depth
     beam: np.ndarray
+    bent: np.ndarray  # e to the minus what its depth bends
     passed: np.ndarray  # transmission of the step to it
     told: np.ndarray  # what the step emits
 
@@ -95,10 +104,9 @@ def along_of(first, channels):
         most = max(most, first[n + 1] - first[n])
     room = most + LANES
     a, b, c, d, e = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room)
-    f, g, h, i = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room)
-    return Along(
-        np.zeros((most, channels)), np.zeros(most, np.int64), np.zeros((most, 8)), a, b, c, d, e, f, g, h, i
-    )  # fmt: skip
+    f, g, h, i, j = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room)
+    value, node = np.zeros((most, channels)), np.zeros(most, np.int64)
+    return Along(value, node, np.zeros((most, 8)), np.zeros((most, 3)), a, b, c, d, e, f, g, h, i, j)
 
 
 @njit(**FLAGS)
@@ -138,6 +146,7 @@ def look(z, y, x, m, shape, along):
     k, j, i = min(max(k, 0), shape[0] - 2), min(max(j, 0), shape[1] - 2), min(max(i, 0), shape[2] - 2)
     c, b, a = min(max(z - k, 0.0), 1.0), min(max(y - j, 0.0), 1.0), min(max(x - i, 0.0), 1.0)
     along.node[m] = (k * shape[1] + j) * shape[2] + i
+    along.inside[m, 0], along.inside[m, 1], along.inside[m, 2] = a * (1.0 - a), b * (1.0 - b), c * (1.0 - c)
     weight = along.weight
     b0, b1, b2, b3 = (1.0 - b) * (1.0 - a), (1.0 - b) * a, b * (1.0 - a), b * a
     low = 1.0 - c
@@ -158,6 +167,13 @@ def fetch(fields, m, shape, along, out):
 
 
 @njit(**PART)
+def bent_by(bends, m, along):
+    """By how much the depth to the sun bends at place m."""
+    node, inside = along.node[m], along.inside
+    return inside[m, 0] * bends[node, 0] + inside[m, 1] * bends[node, 1] + inside[m, 2] * bends[node, 2]
+
+
+@njit(**PART)
 def dims(value, m, scaled):
     total = 0.0
     for s in range(scaled.shape[0]):
@@ -174,14 +190,14 @@ def phase_of(s, share, depth, forward, aim):
 
 
 @njit(**PART)
-def go_along(n, rays, matter, fields, aim, along):
+def go_along(n, rays, matter, between, aim, along):
     """What lies at the places of ray n: all of `Along` but for its steps. How many they are."""
     shape, gas, scaled, forward = matter.shape, matter.gas, matter.scaled, matter.forward
     start, place, share, kinds = rays.first[n], rays.place, rays.share[n], scaled.shape[0]
     count, value, ahead, before, at = rays.first[n + 1] - start, along.value, 0.0, 0.0, 0.0
     for m in range(count):
         k, c = look(place[start + m, 0], place[start + m, 1], place[start + m, 2], m, shape, along)
-        fetch(fields, m, shape, along, value)
+        fetch(between.fields, m, shape, along, value)
         ds, at = place[start + m, 3] - at if m > 0 else 0.0, place[start + m, 3]
         along.length[m] = ds
         along.ext[m] = dims(value, m, scaled) + gas[k] * (1 - c) + gas[k + 1] * c
@@ -196,7 +212,7 @@ def go_along(n, rays, matter, fields, aim, along):
             if share > 0.0 and forward[s] > 0.0:
                 by_depth += value[m, s] * share * peak_slope(aim.row[s], depth)
         along.depth[m], along.diffuse[m], along.single[m], along.by_depth[m] = depth, diffuse, single, by_depth
-        along.beam[m] = beam_of(value[m, 2 * kinds])
+        along.beam[m], along.bent[m] = beam_of(value[m, 2 * kinds], bent_by(between.bends, m, along))
     return count
 
 
@@ -206,7 +222,7 @@ def step_ends(m, along):
     much less than that is in between."""
     single0, single = read(along.single, m, None), read(along.single, m + 1, None)
     beam0, beam = read(along.beam, m, None), read(along.beam, m + 1, None)
-    less = bend(single0, single, beam0, beam)
+    less = less_between(single0, single, beam0, beam)
     one = read(along.diffuse, m, None) + single0 * beam0 - less
     two = read(along.diffuse, m + 1, None) + single * beam - less
     return single0, single, beam0, beam, one, two
@@ -244,12 +260,12 @@ def _come_out(count, along):
 
 
 @njit(**FLAGS)
-def march(t, threads, rays, matter, fields, out):
-    """Radiance (n,) of rays, with channels ``fields`` at the nodes."""
-    aim, along = aim_of(matter.table), along_of(rays.first, fields.shape[1])
+def march(t, threads, rays, matter, between, out):
+    """Radiance (n,) of rays."""
+    aim, along = aim_of(matter.table), along_of(rays.first, between.fields.shape[1])
     for n in range(t, out.shape[0], threads):
         take_aim(rays.cosine[n], rays.share[n], matter, aim)
-        count = go_along(n, rays, matter, fields, aim, along)
+        count = go_along(n, rays, matter, between, aim, along)
         _take_steps(count, along)
         light, trans = _come_out(count, along)
         behind = at_end(matter.ground, count - 1, matter.shape, along) if rays.ground_hit[n] else rays.back[n]

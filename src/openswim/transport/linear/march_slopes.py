@@ -11,13 +11,14 @@ import numpy as np
 from numba import njit
 
 from openswim.transport.engine.lanes import LANES, read, write
-from openswim.transport.linear.cell import bend, step_slopes, step_weights
+from openswim.transport.linear.cell import less_between, step_slopes, step_weights
 from openswim.transport.linear.march import (
     FLAGS,
     PART,
     aim_of,
     along_of,
     at_end,
+    bent_by,
     corner,
     dims,
     fetch,
@@ -54,18 +55,19 @@ def _slopes_of(room):
 
 
 @njit(**PART)
-def _change_along(count, share, matter, d_fields, aim, along, d_value):
+def _change_along(count, share, matter, d_between, aim, along, d_value):
     """Changes of what comes out of the grid, and of what it lets through; what it does let through. Into d_value (m,
     channels) the changes at places."""
     shape, scaled, forward, value = matter.shape, matter.scaled, matter.forward, along.value
     kinds, d_light, trans, d_trans, d_ahead = scaled.shape[0], 0.0, 1.0, 0.0, 0.0
     de0, d_ext0, d_fwd0, d_single0, d_beam0 = 0.0, 0.0, 0.0, 0.0, 0.0
     for m in range(count):
-        fetch(d_fields, m, shape, along, d_value)
+        fetch(d_between.fields, m, shape, along, d_value)
         d_ext, d_fwd, ds = dims(d_value, m, scaled), dims(d_value, m, forward), along.length[m]
         d_ahead += 0.5 * ds * (d_fwd0 + d_fwd)
         single, beam, ext = along.single[m], along.beam[m], along.ext[m]
-        d_beam = 2.0 * value[m, 2 * kinds] * d_value[m, 2 * kinds]
+        d_beam = 2.0 * value[m, 2 * kinds] * along.bent[m] * d_value[m, 2 * kinds]
+        d_beam -= beam * bent_by(d_between.bends, m, along)
         d_diffuse, d_single = 0.0, along.by_depth[m] * (d_value[m, 2 * kinds + 1] + d_ahead)
         for s in range(kinds):
             d_diffuse += d_value[m, s] * value[m, kinds + s] + value[m, s] * d_value[m, kinds + s]
@@ -75,8 +77,8 @@ def _change_along(count, share, matter, d_fields, aim, along, d_value):
             single0, beam0, ext0, ds = along.single[m - 1], along.beam[m - 1], along.ext[m - 1], max(ds, _SHORT)
             passed, near, far = step_weights(ext0, ext, ds)
             t_n, t_f, n_n, n_f, f_n, f_f = step_slopes(ext0, ext, ds)
-            less = bend(single0, single, beam0, beam)
-            d_less = bend(d_single0, d_single, beam0, beam) + bend(single0, single, d_beam0, d_beam)
+            less = less_between(single0, single, beam0, beam)
+            d_less = less_between(d_single0, d_single, beam0, beam) + less_between(single0, single, d_beam0, d_beam)
             one, two = along.diffuse[m - 1] + single0 * beam0 - less, along.diffuse[m] + single * beam - less
             d_step = near * (de0 - d_less) + far * (de - d_less)
             d_step += (n_n * one + f_n * two) * d_ext0 + (n_f * one + f_f * two) * d_ext
@@ -88,14 +90,14 @@ def _change_along(count, share, matter, d_fields, aim, along, d_value):
 
 
 @njit(**FLAGS)
-def march_tangent(t, threads, rays, matter, fields, d_fields, d_ground, out):
-    """Change (n,) of `march`'s radiance with changes of its fields and ground."""
-    aim, along = aim_of(matter.table), along_of(rays.first, fields.shape[1])
+def march_tangent(t, threads, rays, matter, between, d_between, d_ground, out):
+    """Change (n,) of `march`'s radiance with changes of what there is between nodes, and of the ground."""
+    aim, along = aim_of(matter.table), along_of(rays.first, between.fields.shape[1])
     d_value = np.zeros_like(along.value)
     for n in range(t, out.shape[0], threads):
         take_aim(rays.cosine[n], rays.share[n], matter, aim)
-        count = go_along(n, rays, matter, fields, aim, along)
-        d_light, d_trans, trans = _change_along(count, rays.share[n], matter, d_fields, aim, along, d_value)
+        count = go_along(n, rays, matter, between, aim, along)
+        d_light, d_trans, trans = _change_along(count, rays.share[n], matter, d_between, aim, along, d_value)
         if rays.ground_hit[n]:
             d_light += d_trans * at_end(matter.ground, count - 1, matter.shape, along)
             d_light += trans * at_end(d_ground, count - 1, matter.shape, along)
@@ -113,7 +115,8 @@ def _take_slopes(count, along, slopes):
         ds = max(read(along.length, m + 1, None), _SHORT)
         passed, near, far = step_weights(ext0, ext, ds)
         t_n, _, n_n, n_f, f_n, f_f = step_slopes(ext0, ext, ds)
-        by_single, by_beam, both = bend(0.0, 1.0, beam0, beam), bend(single0, single, 0.0, 1.0), near + far
+        by_single, by_beam = less_between(0.0, 1.0, beam0, beam), less_between(single0, single, 0.0, 1.0)
+        both = near + far
         write(along.passed, m + 1, passed, None)
         write(along.told, m + 1, near * one + far * two, None)
         write(slopes.passed, m + 1, t_n, None)
@@ -158,16 +161,20 @@ def _walk_back(count, share, light_bar, trans_bar, matter, aim, along, slopes):
             by_ext = value[m, kinds + s] * diffuse_bar + phase_of(s, share, along.depth[m], forward, aim) * single_bar
             value[m, kinds + s] = value[m, s] * diffuse_bar
             value[m, s] = by_ext + scaled[s] * ext_bar + forward[s] * fwd_bar
-        value[m, 2 * kinds], value[m, 2 * kinds + 1] = 2.0 * value[m, 2 * kinds] * beam_bar, depth_bar
+        value[m, 2 * kinds] *= 2.0 * along.bent[m] * beam_bar
+        value[m, 2 * kinds + 1] = depth_bar
+        along.bent[m] = -along.beam[m] * beam_bar
         diffuse_bar, single_bar, beam_bar = diffuse0_bar, single0_bar, beam0_bar
         ext_bar, fwd_bar = ext0_bar, fwd0_bar
 
 
 @njit(**PART)
-def _scatter(count, shape, along, own):
-    """Add bars at places to those of the nodes around, own (nodes, channels)."""
+def _scatter(count, shape, along, own, own_bends):
+    """Add bars at places to those of the nodes around and of their cells."""
     value, weight, width = along.value, along.weight, own.shape[1]
     for m in range(count):
+        for axis in range(3):
+            own_bends[along.node[m], axis] += along.inside[m, axis] * along.bent[m]
         for c in range(0, width, LANES):
             bar = read(value, m * width + c, None)
             for n in range(8):
@@ -176,19 +183,20 @@ def _scatter(count, shape, along, own):
 
 
 @njit(**FLAGS)
-def march_transposed(t, threads, rays, matter, fields, bar, fields_bar, ground_bar):
-    """Transpose of `march_tangent`: bar (n,) added to fields_bar (TEAMS, nodes, channels), ground_bar (TEAMS,
-    columns)."""
-    aim, along, shape = aim_of(matter.table), along_of(rays.first, fields.shape[1]), matter.shape
+def march_transposed(t, threads, rays, matter, between, bar, between_bar, ground_bar):
+    """Transpose of `march_tangent`: bar (n,) added to between_bar, of which each team has its own (TEAMS, nodes, ...),
+    and ground_bar (TEAMS, columns)."""
+    aim, along, shape = aim_of(matter.table), along_of(rays.first, between.fields.shape[1]), matter.shape
     slopes, columns = _slopes_of(along.length.shape[0]), shape[1] * shape[2]
-    for team in range(t, fields_bar.shape[0], threads):
-        own, own_ground = fields_bar[team], ground_bar[team]
-        for n in range(team, bar.shape[0], fields_bar.shape[0]):
+    teams = ground_bar.shape[0]
+    for team in range(t, teams, threads):
+        own, own_bends, own_ground = between_bar.fields[team], between_bar.bends[team], ground_bar[team]
+        for n in range(team, bar.shape[0], teams):
             light_bar = rays.dim[n] * bar[n]
             if light_bar == 0.0 or rays.first[n + 1] == rays.first[n]:
                 continue
             take_aim(rays.cosine[n], rays.share[n], matter, aim)
-            count = go_along(n, rays, matter, fields, aim, along)
+            count = go_along(n, rays, matter, between, aim, along)
             trans, behind = _take_slopes(count, along, slopes), rays.back[n]
             if rays.ground_hit[n]:
                 behind = at_end(matter.ground, count - 1, shape, along)
@@ -197,4 +205,4 @@ def march_transposed(t, threads, rays, matter, fields, bar, fields_bar, ground_b
                         along.weight[count - 1, q] * trans * light_bar
                     )
             _walk_back(count, rays.share[n], light_bar, behind * light_bar, matter, aim, along, slopes)
-            _scatter(count, shape, along, own)
+            _scatter(count, shape, along, own, own_bends)

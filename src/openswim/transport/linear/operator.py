@@ -16,7 +16,7 @@ Everything else is held fixed: see docs/linear.md.
     diffuse moments           m = G(m, beta), K its slope by m                a fixed point of sweeps
     at the nodes              n: moments of the same sweep's light there, which eyes see
     ground                    F = flux down, G = albedo (mu0 T + F)/unit      of the same sweep
-    eye rays                  y = march(beta, J(n), root of T, forward depth, G)
+    eye rays                  y = march(beta, J(n), root of T and its bend within cells, forward depth, G)
 
 Tangent linear and adjoint differentiate the fixed point implicitly: they solve (1 - K) dm = dK m + db and
 (1 - K)^T lambda = what eyes and ground ask of m, by sweeps of their own.
@@ -37,12 +37,20 @@ from openswim.transport.linear import beam_taken
 from openswim.transport.linear.anderson import MOST, Asked, Solved, added, ahead, begun, fixed_point, norm
 from openswim.transport.linear.diffuse import KEEP_BYTES, Change, Filled, Sweeps, Swept
 from openswim.transport.linear.images import Images
-from openswim.transport.linear.march import Matter, channels, march
+from openswim.transport.linear.march import Between, Matter, channels, march
 from openswim.transport.linear.march_slopes import march_tangent, march_transposed
 from openswim.transport.linear.moments import Eye, toward, toward_transposed, ways_to
 from openswim.transport.linear.optics import Optics, Scatterer, mixed, optics_of
 from openswim.transport.linear.rays import View
-from openswim.transport.linear.sun_depth import TEAMS, depths, depths_transposed, summed
+from openswim.transport.linear.sun_depth import (
+    TEAMS,
+    bends,
+    bends_tangent,
+    bends_transposed,
+    depths,
+    depths_transposed,
+    summed,
+)
 from openswim.transport.linear.world import World
 
 drop_stale("openswim.transport.linear", alone=True)  # `transport` has not seen these kernels: it does not import them
@@ -54,14 +62,17 @@ TOLERANCE = 1e-3  # of a sweep's change, over what light is scattered once; of c
 
 @dataclass(eq=False)
 class OneState:
-    """A forward run at one term: extinction (k, nodes), what it fills nodes with, beam and forward depth (nodes,), the
-    converged sweep with the moments before it, how many sweeps that took, and how much is scattered after one sweep
-    from the dark, to which its tolerance is. solved: it and the states that it was begun from; earlier: what adjoints
-    of these were asked; asked: the last of its own."""
+    """A forward run at one term: extinction (k, nodes), what it fills nodes with, the beam, depths to the sun through
+    the grid, by how much these bend within cells (nodes, 3), forward depths (nodes,), the converged sweep with the
+    moments before it, how many sweeps that took, and how much is scattered after one sweep from the dark, to which its
+    tolerance is. solved: it and the states that it was begun from; earlier: what adjoints of these were asked; asked:
+    the last of its own."""
 
     extinction: F64
     filled: Filled
     beam: F64
+    depth: F64
+    bends: F64
     forward_depth: F64
     swept: Swept
     sweeps: int
@@ -133,6 +144,7 @@ class LinearCore:
             np.zeros(w.nodes, element), albedo, np.zeros(w.columns), w.inflow[term],
         )  # fmt: skip
         depth = self._depth(optics, extinction)
+        of_grid = depth[:, 0].copy()
         if w.more_depth is not None:
             depth[:, 0] += w.more_depth[term].ravel()
         if w.more_forward is not None:
@@ -157,7 +169,8 @@ class LinearCore:
         swept = swept._replace(moments=before)
         earlier = () if start is None else (*start.earlier, *([start.asked] if start.asked else []))
         return OneState(
-            extinction, filled, beam, np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size,
+            extinction, filled, beam, of_grid, bends(w, of_grid, mixed(optics.scaled, extinction)),
+            np.ascontiguousarray(depth[:, 1]), swept, sweeps + (start is None), size,
             (*solved, Solved(filled.ext, image))[-self._most :], earlier[-self._most :],
         )  # fmt: skip
 
@@ -165,10 +178,11 @@ class LinearCore:
         """What views, the core's own if none are given, and pyranometers see of a state at a term."""
         w, found = self.world, []
         fields = self._fields(one.extinction, np.sqrt(one.beam), one.forward_depth)
+        between = Between(fields, one.bends)
         for view in self.views if views is None else views:
             self._toward(view, term, one.swept.seen, fields)
             out = np.empty(len(view))
-            in_threads(march, view.sent(term), self._matter(term, one), fields, out)
+            in_threads(march, view.sent(term), self._matter(term, one), between, out)
             found.append(out)
         ghi = w.per_beam(term) * one.beam[w.ground_nodes] + one.swept.flux
         return found, self._at_points(ghi)
@@ -206,14 +220,16 @@ class LinearCore:
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
         d_fields = self._fields(d_extinction, -0.5 * root * d_depth[:, 0], d_depth[:, 1])
+        ext = mixed(optics.scaled, one.extinction)
+        d_bends = bends_tangent(w, one.depth, ext, np.ascontiguousarray(d_depth[:, 0]), d_ext)
         found = []
         for view in self.views:
             self._toward(view, term, one.swept.seen, fields)
             self._toward(view, term, d_seen, d_fields)
             out = np.empty(len(view))
             in_threads(
-                march_tangent, view.sent(term), self._matter(term, one), fields, d_fields,
-                by_values.ground + by_moments.ground, out,
+                march_tangent, view.sent(term), self._matter(term, one), Between(fields, one.bends),
+                Between(d_fields, d_bends), by_values.ground + by_moments.ground, out,
             )  # fmt: skip
             found.append(out)
         return (found, self._at_points(w.per_beam(term) * d_beam[w.ground_nodes] + d_flux)), sweeps + 1
@@ -257,15 +273,16 @@ class LinearCore:
         root = np.sqrt(one.beam)
         fields = self._fields(one.extinction, root, one.forward_depth)
         fields_bar, seen_bar = np.zeros_like(fields), np.zeros((len(w.ell), w.nodes), self._sweeps.element)
-        by_team, ground_by_team = channels(TEAMS, w.nodes, kinds), np.zeros((TEAMS, w.columns))
+        by_team = Between(channels(TEAMS, w.nodes, kinds), np.zeros((TEAMS, w.nodes, 3)))
+        ground_by_team = np.zeros((TEAMS, w.columns))
         for view, bar in zip(self.views, bars, strict=True):
             self._toward(view, term, one.swept.seen, fields)
-            by_team[:] = 0.0
+            by_team.fields[:] = 0.0
             in_threads(
-                march_transposed, view.sent(term), self._matter(term, one), fields, bar, by_team, ground_by_team,
-                parts=TEAMS,
+                march_transposed, view.sent(term), self._matter(term, one), Between(fields, one.bends), bar, by_team,
+                ground_by_team, parts=TEAMS,
             )  # fmt: skip
-            of_view = summed(by_team)
+            of_view = summed(by_team.fields)
             in_threads(toward_transposed, self._ways(view), optics.low, of_view, seen_bar)
             fields_bar += of_view
         extinction_bar = np.ascontiguousarray(fields_bar[:, :kinds].T)
@@ -283,7 +300,11 @@ class LinearCore:
         depth_bar = np.empty((w.nodes, 2))
         depth_bar[:, 0] = -one.beam * beam_bar - 0.5 * root * fields_bar[:, 2 * kinds]
         depth_bar[:, 1] = fields_bar[:, 2 * kinds + 1]
-        extinction_bar += np.outer(optics.scaled, change.ext + ext_bar.ravel()) + mixed(optics.low, change.scattering)
+        ext = mixed(optics.scaled, one.extinction)
+        by_depth, by_ext = bends_transposed(w, one.depth, ext, summed(by_team.bends))
+        depth_bar[:, 0] += by_depth
+        ext_bar = change.ext + ext_bar.ravel() + by_ext
+        extinction_bar += np.outer(optics.scaled, ext_bar) + mixed(optics.low, change.scattering)
         extinction_bar += self._depth_transposed(optics, depth_bar)
         return extinction_bar, change.albedo, sweeps
 

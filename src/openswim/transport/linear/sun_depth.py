@@ -1,8 +1,13 @@
-"""Depth to the sun along rays from every node, and its transpose.
+"""Depth to the sun along rays from every node, how it bends within cells, and the transposes of both.
 
-It is linear in what lies on the way, so it is its own tangent linear. A ray has a place on each level, and more between
-where it crosses several cells on its way through a layer; between places all is linear. Two fields share a way: the
-scaled extinction, and what delta scaling takes off, by which forward peaks broaden.
+At the nodes it is linear in what lies on the way, so it is its own tangent linear. A ray has a place on each level, and
+more between where it crosses several cells on its way through a layer; between places all is linear. Two fields share
+a way: the scaled extinction, and what delta scaling takes off, by which forward peaks broaden.
+
+Between nodes eye rays read the square of a line between roots of the beam, and three numbers of each cell, one an axis,
+by which the depth bends besides (F5): from depths and extinctions at its eight corners, which `cell.bend` tells from
+what is linear in them; `fast` has the same in `beam.within_cells`, with limits in place of smooth bounds. A cell is
+kept at its lowest node; nodes at the upper ends of rows have none.
 """
 
 import math
@@ -13,11 +18,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.engine.threads import in_threads
+from openswim.transport.linear.cell import bend, bend_slopes
+from openswim.transport.linear.march import PART, corner
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
+_ASIDE = 0.005  # as in `fast`: share of v^2 below which v_i^2 would tell of rounding more than of light
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
 
 
@@ -119,17 +127,122 @@ def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
                     own[node[n], 1] += length[n] * two
 
 
+@njit(**PART)
+def _speed(k, j, i, sun, levels, cell, v):
+    """The way to the sun, in cells per metre, into v (3,); its square."""
+    v[0], v[1] = sun[j, i, 0] / cell[0], sun[j, i, 1] / cell[1]
+    v[2] = sun[j, i, 2] / (levels[k + 1] - levels[k])
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+
+
+@njit(**PART)
+def _pick(node, shape, depth, ext, t, e):
+    """Those of the corners, into t and e (8,); whether there is either."""
+    some = 0.0
+    for n in range(8):
+        at = corner(node, n, shape)
+        t[n], e[n] = depth[at], ext[at]
+        some += abs(t[n]) + abs(e[n])
+    return some > 0.0
+
+
+@njit(**PART)
+def _asked(axis, t, e, v, square):
+    """Along an axis of a cell what `cell.bend` takes: (linear, mean, rises)."""
+    one, own, mean, rises = 1 << axis, 0.0, 0.0, 0.0
+    for n in range(8):
+        if n & one:
+            continue
+        rise = t[n | one] - t[n]
+        mean += 0.25 * rise
+        rises += rise**4
+        own += 0.25 * (e[n | one] - e[n])
+        for other in range(3):
+            if other != axis:  # the mean of both mixed differences
+                own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
+    return own * v[axis] / (2.0 * (v[axis] * v[axis] + _ASIDE * square)), mean, rises
+
+
+@njit(**_FLAGS)
+def _bends(t, threads, shape, sun, levels, cell, depth, ext, out):
+    """out (nodes, 3) from depths and extinctions (nodes,)."""
+    taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
+    for row in range(t, (shape[0] - 1) * (shape[1] - 1), threads):
+        k, j = row // (shape[1] - 1), row % (shape[1] - 1)
+        for i in range(shape[2] - 1):
+            node = (k * shape[1] + j) * shape[2] + i
+            if _pick(node, shape, depth, ext, taus, betas):
+                square = _speed(k, j, i, sun, levels, cell, v)
+                for axis in range(3):
+                    linear, mean, rises = _asked(axis, taus, betas, v, square)
+                    out[node, axis] = bend(linear, mean, rises)
+
+
+@njit(**_FLAGS)
+def _bends_tangent(t, threads, shape, sun, levels, cell, depth, ext, d_depth, d_ext, out):
+    taus, betas, d_taus, d_betas, v = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(3)
+    for row in range(t, (shape[0] - 1) * (shape[1] - 1), threads):
+        k, j = row // (shape[1] - 1), row % (shape[1] - 1)
+        for i in range(shape[2] - 1):
+            node = (k * shape[1] + j) * shape[2] + i
+            if _pick(node, shape, d_depth, d_ext, d_taus, d_betas):
+                _pick(node, shape, depth, ext, taus, betas)
+                square = _speed(k, j, i, sun, levels, cell, v)
+                for axis in range(3):
+                    linear, mean, rises = _asked(axis, taus, betas, v, square)
+                    d_linear, d_mean, _ = _asked(axis, d_taus, d_betas, v, square)
+                    d_rises, one = 0.0, 1 << axis
+                    for n in range(8):
+                        if not n & one:
+                            d_rises += 4.0 * (taus[n | one] - taus[n]) ** 3 * (d_taus[n | one] - d_taus[n])
+                    by_linear, by_mean, by_rises = bend_slopes(linear, mean, rises)
+                    out[node, axis] = by_linear * d_linear + by_mean * d_mean + by_rises * d_rises
+
+
+@njit(**_FLAGS)
+def _bends_transposed(t, threads, shape, sun, levels, cell, depth, ext, bar, odd, depth_bar, ext_bar):
+    """Added to bars (nodes,), by every other layer of cells: those between two of them share nodes with both."""
+    taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
+    for k in range(2 * t + odd, shape[0] - 1, 2 * threads):
+        for j in range(shape[1] - 1):
+            for i in range(shape[2] - 1):
+                node = (k * shape[1] + j) * shape[2] + i
+                if bar[node, 0] == 0.0 and bar[node, 1] == 0.0 and bar[node, 2] == 0.0:
+                    continue
+                _pick(node, shape, depth, ext, taus, betas)
+                square = _speed(k, j, i, sun, levels, cell, v)
+                for axis in range(3):
+                    linear, mean, rises = _asked(axis, taus, betas, v, square)
+                    by_linear, by_mean, by_rises = bend_slopes(linear, mean, rises)
+                    own_bar = bar[node, axis] * by_linear * v[axis]
+                    own_bar /= 2.0 * (v[axis] * v[axis] + _ASIDE * square)
+                    one = 1 << axis
+                    for n in range(8):
+                        if n & one:
+                            continue
+                        rise_bar = 4.0 * (taus[n | one] - taus[n]) ** 3 * by_rises + 0.25 * by_mean
+                        rise_bar *= bar[node, axis]
+                        for other in range(3):
+                            if other != axis:
+                                rise_bar += 0.5 * v[other] * (own_bar if n & (1 << other) else -own_bar)
+                        low, high = corner(node, n, shape), corner(node, n | one, shape)
+                        depth_bar[high] += rise_bar
+                        depth_bar[low] -= rise_bar
+                        ext_bar[high] += 0.25 * own_bar
+                        ext_bar[low] -= 0.25 * own_bar
+
+
 def depths(world: World, both: F64) -> F64:
     """`sun_depth` of a world."""
     out = np.empty_like(both)
-    in_threads(sun_depth, *_of(world), both, out)
+    in_threads(sun_depth, *geometry(world), both, out)
     return out
 
 
 def depths_transposed(world: World, bar: F64) -> F64:
     """Its transpose: bars (nodes, 2) of both fields."""
     by_team = np.zeros((TEAMS, *bar.shape))
-    in_threads(sun_depth_transposed, *_of(world), bar, by_team, parts=TEAMS)
+    in_threads(sun_depth_transposed, *geometry(world), bar, by_team, parts=TEAMS)
     return summed(by_team)
 
 
@@ -141,5 +254,29 @@ def summed(by_team: F64) -> F64:
     return out
 
 
-def _of(world: World) -> tuple[Any, ...]:
+def geometry(world: World) -> tuple[Any, ...]:
+    """What kernels are told of a world: its shape, the sun in the columns' axes, levels and cells."""
     return np.array(world.shape, np.int64), world.local_sun, world.levels_m, np.array(world.cell_m, float)
+
+
+def bends(world: World, depth: F64, ext: F64) -> F64:
+    """By how much the depth bends along x, y, z of each cell (nodes, 3), of depths to the sun and the extinctions
+    (nodes,), 1/m, that they come from."""
+    out = np.zeros((world.nodes, 3))
+    in_threads(_bends, *geometry(world), depth, ext, out)
+    return out
+
+
+def bends_tangent(world: World, depth: F64, ext: F64, d_depth: F64, d_ext: F64) -> F64:
+    """Change of `bends`."""
+    out = np.zeros((world.nodes, 3))
+    in_threads(_bends_tangent, *geometry(world), depth, ext, d_depth, d_ext, out)
+    return out
+
+
+def bends_transposed(world: World, depth: F64, ext: F64, bar: F64) -> tuple[F64, F64]:
+    """Bars (nodes,) of depth and extinction."""
+    depth_bar, ext_bar = np.zeros(world.nodes), np.zeros(world.nodes)
+    for odd in (0, 1):
+        in_threads(_bends_transposed, *geometry(world), depth, ext, bar, odd, depth_bar, ext_bar)
+    return depth_bar, ext_bar
