@@ -150,6 +150,8 @@ def test_a_flat_scene_is_compared_with_the_frames_of_its_camera(tmp_path, capsys
     cover = re.search(r"cloud ([0-9]+) % observed, ([0-9]+) % simulated", said)
     assert cover
     assert abs(int(cover[1]) - int(cover[2])) <= 3  # 26 and 24
+    page = (tmp_path / "out" / names[0].split("/")[-1]).with_suffix(".html").read_text("utf-8")
+    assert {"sun", "venus"} <= set(re.findall(r">([a-z]+)</text>", page))  # of the scene's place
     assert run(["correct-clouds", *asked, "--passes", "1", "-o", str(tmp_path / "edited.nc")]) == 0
 
 
@@ -179,7 +181,8 @@ def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):
         ([[np.nan, np.nan]] * 3, 0),
     ):
         rows = iter(r)
-        monkeypatch.setattr(cloud_correction, "_scores", lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0))
+        scores = lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0, "")  # noqa: E731
+        monkeypatch.setattr(cloud_correction, "_scores", scores)
         eyes = [SimpleNamespace(frame=SimpleNamespace(camera=None, time=TIME, name=name)) for name in "ab"]
         best, history = cloud_correction._passes(scenes[0], None, eyes, 2, "fast", None)
         assert best is scenes[expected]
