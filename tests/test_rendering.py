@@ -260,7 +260,7 @@ def test_the_sun_over_a_flat_scene_is_that_of_its_place() -> None:
     sun = sun_position(TIME, LAT, LON)
     assert image.attrs["sun_azimuth_deg"] == pytest.approx(sun.azimuth_deg, abs=0.01)
     assert image.attrs["sun_altitude_deg"] == pytest.approx(sun.refracted_altitude_deg, abs=0.01)
-    with pytest.raises(UserError, match="flat scene without a place: give sun="):
+    with pytest.raises(UserError, match="flat scene without a place: give it latitude"):
         openswim.render(grid_scene({}, (4, 5, 6), time=TIME), Camera.allsky(x_m=0.0, y_m=0.0, size=8))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tests.assimilation.test_operator import operator
 
 from openswim import UserError
 from openswim.assimilation import Operator
+from openswim.assimilation.observing.bridges import _Latest
 
 
 def slope(op: Operator, way: dict[str, np.ndarray]) -> float:
@@ -65,6 +67,47 @@ def test_torch_in_single_precision() -> None:
     arrays = [torch.tensor(v.values, dtype=torch.float32, requires_grad=True) for v in op.first().values()]
     op.as_torch()(*arrays).sum().backward()
     assert all(a.grad.dtype is torch.float32 and a.grad.abs().sum() > 0 for a in arrays)
+
+
+def test_jax_in_single_precision() -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    op = operator()
+    arrays = [jax.numpy.asarray(v.values, "float32") for v in op.first().values()]
+    gradient = jax.grad(lambda *a: op.as_jax()(*a).sum(), argnums=(0, 1, 2))(*arrays)
+    assert [each.dtype.name for each in gradient] == ["float32"] * 3
+
+
+def test_a_thread_gets_its_own_value_whatever_another_asks_meanwhile() -> None:
+    """Each attribute that is set is followed by another's question."""
+    op = operator()
+    mine, others = ([v.values * share for v in op.first().values()] for share in (1.0, 0.7))
+
+    class Interrupted(_Latest):
+        meanwhile = False
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            super().__setattr__(name, value)
+            if self.meanwhile:
+                type(self).meanwhile = False
+                super().at(others)
+                type(self).meanwhile = True
+
+    latest, alone = Interrupted(op), _Latest(op)
+    expected = [alone.at(arrays).value.values for arrays in (mine, others)]
+    Interrupted.meanwhile = True
+    found = [latest.at(mine).value.values]
+    Interrupted.meanwhile = False
+    found.append(latest.at(others).value.values)
+    assert np.array_equal(found, expected)
+
+
+def test_arrays_of_other_shapes_are_one_line() -> None:
+    op = operator()
+    arrays = [v.values for v in op.first().values()]
+    for wrong in (arrays[:2], [arrays[0][:2], *arrays[1:]]):
+        with pytest.raises(UserError, match=r"give extinction_cloud \(8, 10, 12\), surface_albedo"):
+            _Latest(op).at(wrong)
 
 
 @pytest.mark.parametrize("name", ["jax", "torch"])

@@ -231,6 +231,26 @@ def test_what_a_linearisation_is_not_asked_is_one_line() -> None:
     assert np.array_equal(row, lin.jacobian([-1])["extinction_cloud"])
 
 
+def test_states_and_rows_of_another_shape_are_one_line() -> None:
+    op = operator()
+    state, row = op.first(), op(op.first())
+    assert all(np.array_equal(op.unpacked(op.packed(state))[name], state[name]) for name in state)
+    turned = state.transpose("x", ...)
+    assert np.array_equal(op.packed(turned), op.packed(state))
+    for call, match in (
+        (lambda: op.packed(state.drop_vars("camera_scale")), "state: camera_scale is missing"),
+        (lambda: op.packed(state.isel(z=slice(0, 2))), "state: extinction_cloud is"),
+        (lambda: op.packed(row), "state is .*: give an xarray.Dataset"),
+        (lambda: op.unpacked(op.packed(state)[:-1]), r"unpacked: the row has shape \(\d+,\); the controls"),
+        (lambda: op.unpacked(np.append(op.packed(state), 0)), "unpacked: the row has shape"),
+        (lambda: op.unpacked("all"), "unpacked: row must be numbers"),
+        (lambda: op.pictures(row[:-1]), "this operator has"),
+        (lambda: op.irradiance_w_m2(np.append(row, 0.0)), "this operator has"),
+    ):
+        with pytest.raises(UserError, match=match):
+            call()
+
+
 def test_albedo_alone_may_change_below_clear_air() -> None:
     clear = flat_scene(0 * cloud())
     op = observe(clear, CAMERAS, POINTS, sun=SUN, controls="albedo", core=toy_core(flat_scene(), CAMERAS, POINTS))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -173,3 +174,15 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
         with pytest.raises(UserError, match=match) as error:
             read_config(tmp_path / "a.toml")
         assert "a.toml" in str(error.value)
+
+
+def test_threads_may_share_an_operator() -> None:
+    """Bit for bit, values and gradients, from its first call on: nothing that one is asked is another's."""
+    made = (observe(scene(thicker(1)), CAMERAS, POINTS, sun=SUN, controls=("extinction_cloud",)) for _ in range(2))
+    shared, own = made
+    states, ones = [own.first() * share for share in (1.0, 1.3, 0.6, 1.6)], np.ones(own.size)
+    with ThreadPoolExecutor(3) as threads:
+        rows = list(threads.map(lambda state: shared.ensemble([state]).values[0], states))
+        bars = list(threads.map(lambda state: shared.linearize(state).vjp(ones), states))
+    assert np.array_equal(rows, own.ensemble(states))
+    assert all(bar.identical(own.linearize(state).vjp(ones)) for bar, state in zip(bars, states, strict=True))

@@ -15,12 +15,13 @@ from openswim.cli.estimate import Pictured, announce, estimate, mean_of, passes_
 from openswim.errors import UserError
 from openswim.films import Weather
 from openswim.lighting import lights_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.scene.rays import Rays
 from openswim.solver import Solver
 from openswim.transport.montecarlo import reference
 
-CLEAR = SimpleNamespace(grid=None, wider=None, atmosphere=None)
+CLEAR = SimpleNamespace(grid=None, wider=None, levels=[SimpleNamespace(atmosphere=None)])
 
 
 def _scene(nz: int, ny: int, nx: int, cell_m: float = 100.0, share: float = 1.0) -> Scene:
@@ -160,7 +161,7 @@ def test_domains_lit_in_parts_take_less() -> None:
     field = SimpleNamespace(nbytes=4 * 50 * 1059 * 1799)
     shape = SimpleNamespace(shape=(50, 1059, 1799), periodic=False, curved=True, height_m=field)
     scene = SimpleNamespace(grid=shape, data=_Fields(dict.fromkeys(names, field)), species=[*"abcd"],
-                            wider=None, atmosphere=None)  # fmt: skip
+                            wider=None, levels=CLEAR.levels)  # fmt: skip
     expected = estimate(scene, Camera.satellite(0, 0, size=(1059, 1799)))
     assert 20 < expected.seconds < 90
     assert 4e9 < expected.memory_bytes < 8e9
@@ -174,6 +175,19 @@ def test_nested_grids_take_the_time_and_memory_of_each() -> None:
     assert max(one.seconds, other.seconds) < both.seconds < one.seconds + other.seconds
     assert max(one.memory_bytes, other.memory_bytes) < both.memory_bytes < one.memory_bytes + other.memory_bytes
     assert estimate(nested, small, "reference").seconds == estimate(inner, small, "reference").seconds
+
+
+def test_terms_of_nested_grids_are_those_that_are_solved_for() -> None:
+    """Air of the wider grid alone: its gases are in both."""
+    small, wavelengths = Camera.allsky(47, 11, size=100), [760.0, 940.0]
+    wider = _scene(16, 24, 24)
+    inner = replace(wider, atmosphere=None)
+    terms = matter_of(replace(inner, wider=wider), wavelengths).terms.nm.size
+    assert terms > 4  # a pack
+    scenes = wider, replace(wider, wider=wider), replace(inner, wider=wider)
+    one, nested, found = (estimate(scene, small, wavelengths_nm=wavelengths) for scene in scenes)
+    assert found.seconds == nested.seconds > one.seconds
+    assert found.memory_bytes == nested.memory_bytes
 
 
 class _Fields(dict):  # type: ignore[type-arg]

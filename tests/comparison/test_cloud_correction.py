@@ -1,5 +1,6 @@
 """Clouds cleared and added by what a camera sees: geometry, edits, and a truth that was displaced."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,8 @@ from tests.comparison.skies import write_frame
 
 import openswim
 from openswim import Camera, Scene, Solver, light
-from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings
+from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, write_camera
+from openswim.cli.main import run
 from openswim.comparison.cloud_edit import edited, extinction, typical_layer
 from openswim.comparison.cloud_rays import crossings
 from openswim.errors import UserError
@@ -72,6 +74,30 @@ def test_edits_take_and_add_and_leave_the_rest():
     np.testing.assert_allclose(found[same], cloud[same], rtol=1e-6)
     with pytest.raises(UserError, match="--base"):
         typical_layer(blocks())
+
+
+def test_without_air_it_is_said_why_there_are_no_scores(tmp_path, capsys):
+    """The clear sky is black: no cloud can be told from it, and all of the model's is taken for clear."""
+    cloud, axis = np.zeros((4, 21, 21)), np.arange(21) * 500.0
+    cloud[1:3, 8:12, 12:16] = 0.01
+    scene = Scene.from_arrays(cloud, axis, axis, np.arange(500.0, 2001.0, 500.0), place=(47, 8), surface_albedo=0.15,
+                              time="2024-06-20T08:00")  # fmt: skip
+    content = CameraFile(Camera.allsky(x_m=5000.0, y_m=5000.0, size=48), response=ResponseSettings(red_blue=0.0))
+    write_camera(content, tmp_path / "camera.toml")
+    seen = np.random.default_rng(0).uniform(0.1, 0.4, (48, 48, 3))
+    noisy, even = (write_frame(tmp_path / f"{name}_20240620_080000.png", radiance, (2.0, 2.0, 2.0))
+                   for name, radiance in (("noisy", seen), ("even", np.full_like(seen, 0.2))))  # fmt: skip
+    frame = replace(content, frames=FrameSettings(utc_offset_h=0.0))
+    _, history = openswim.correct_clouds(scene, [noisy], [frame], passes=1, solver=FAST)
+    assert np.isfinite(history.r_used.values).ravel().tolist() == [True, False]
+    assert np.isnan(history.cloud_error.values).all()
+    assert history.reason.values[0].startswith("without air the clear sky is black")
+    scene.to_netcdf(tmp_path / "model.nc")
+    asked = ["correct-clouds", str(tmp_path / "model.nc"), str(even), "--camera", str(tmp_path / "camera.toml")]
+    asked += ["--utc-offset", "0", "--quality", "preview", "--passes", "1"]
+    assert run([*asked, "-o", str(tmp_path / "a.nc")]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"mean r nan, .* % of the sky \(without air .*; a picture has no contrast\)", said)
 
 
 def displaced(folder, seed, cells, axis, away_m):

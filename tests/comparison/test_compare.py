@@ -1,6 +1,7 @@
 """One frame beside one sky: known cameras found again, real frames' scores, and what cannot be told."""
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
 from openswim.cli.compare import Progress, line_of
 from openswim.comparison.encoding import decoded, encoded
-from openswim.comparison.report.page import write_page
+from openswim.comparison.report.page import with_bounds, write_page
 from openswim.comparison.response import Curve
 from openswim.errors import UserError
 
@@ -148,8 +149,10 @@ def test_by_night_no_white_balance_is_proposed_and_it_is_said(sky, tmp_path):
     assert "red_blue" not in line
     write_page(found, CAMERA.camera, tmp_path / "night.html")
     page = (tmp_path / "night.html").read_text()
-    assert "degrees below the horizon" in page
+    assert "degrees below the horizon" in page[: page.index("<h2>Scores")]  # before any score
     assert "red_blue = " not in page
+    assert "or more from the sun" not in page
+    assert page.count("<td>solid angle</td>") == 3  # no mask of a sun that is down
 
 
 def test_radiance_where_the_scale_is_known_or_measured(sky, tmp_path):
@@ -176,6 +179,10 @@ def test_the_page_asks_nothing_of_a_server(srgb_frame, tmp_path):
         assert f'data-mode="{mode}"' in text
     assert text.count("data:image/") == 9  # three layers in three views
     assert ">sun</text>" in text
+    north = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" font-size="([\d.]+)">N<', text)
+    assert len(north) == 9  # in the panorama too, at whose edge north is
+    assert all(float(x) > 0.3 * float(size) and float(y) > 0.5 * float(size) for x, y, size in north)
+    assert with_bounds(-1e-5, np.array([-4e-4, 4e-4])) == "0.000 <small>0.000 to 0.000</small>"
     assert "names no obstacles" in text  # trees would count as sky, and spoil the response
     hidden = replace(CAMERA.camera, horizon_deg=((0.0, 10.0), (180.0, 10.0)))
     write_page(found, hidden, tmp_path / "page.html")

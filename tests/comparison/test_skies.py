@@ -12,7 +12,7 @@ from tests.comparison.skies import small_camera, write_frame
 
 import openswim
 from openswim import Camera, Scene
-from openswim.cameras.files import CameraFile, write_camera
+from openswim.cameras.files import CameraFile, ResponseSettings, write_camera
 from openswim.cli.main import run
 from openswim.comparison import cloud_correction, skies
 from openswim.comparison.skies import Skies
@@ -109,6 +109,25 @@ def test_flat_scenes_and_cameras_that_do_not_go_together_are_told_before_light_i
             _ = these.sun_at(camera, TIME), these.simulated(camera, TIME)
 
 
+def test_commands_name_only_options_that_they_have(tmp_path, capsys):
+    """compare and correct-clouds have neither --x and --y nor --sun, which render has."""
+    frame = str(write_frame(tmp_path / "a_20240620_080000.png", np.ones((8, 8, 3)), (2.0, 2.0, 2.0)))
+    for place in (None, (47, 8)):
+        plain(place=place).to_netcdf(tmp_path / "flat.nc")
+        at = Camera.allsky(47.0, 8.0, size=8) if place else Camera.allsky(x_m=5000.0, y_m=5000.0, size=8)
+        write_camera(CameraFile(at, response=ResponseSettings(red_blue=0.0)), tmp_path / "camera.toml")
+        model, camera = str(tmp_path / "flat.nc"), ["--camera", str(tmp_path / "camera.toml")]
+        for command, more in (("compare", []), ("correct-clouds", ["--base", "1800"])):
+            out = [*more, "--utc-offset", "0", "-o", str(tmp_path / f"{command}.nc")]
+            assert run([command, model, frame, *camera, *out]) == 2
+            said = capsys.readouterr().err
+            assert ("give x_m and y_m in metres in place of lat" if place else "without a place: give it lat") in said
+            assert not {"--x", "--y", "--sun"} & set(re.findall("--[a-z]+", said))
+        assert run(["render", model, *camera, "--time", "2024-06-20T08:00", "-o", str(tmp_path / "a.png")]) == 2
+        said = capsys.readouterr().err
+        assert ("(--x, --y)" if place else "--sun)") in said
+
+
 @pytest.mark.slow
 def test_a_flat_scene_is_compared_with_the_frames_of_its_camera(tmp_path, capsys):
     """One cloud, the same in both: r is 1 but for the counts' rounding; a clear frame of the camera gives the masks."""
@@ -131,6 +150,8 @@ def test_a_flat_scene_is_compared_with_the_frames_of_its_camera(tmp_path, capsys
     cover = re.search(r"cloud ([0-9]+) % observed, ([0-9]+) % simulated", said)
     assert cover
     assert abs(int(cover[1]) - int(cover[2])) <= 3  # 26 and 24
+    page = (tmp_path / "out" / names[0].split("/")[-1]).with_suffix(".html").read_text("utf-8")
+    assert {"sun", "venus"} <= set(re.findall(r">([a-z]+)</text>", page))  # of the scene's place
     assert run(["correct-clouds", *asked, "--passes", "1", "-o", str(tmp_path / "edited.nc")]) == 0
 
 
@@ -160,7 +181,8 @@ def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):
         ([[np.nan, np.nan]] * 3, 0),
     ):
         rows = iter(r)
-        monkeypatch.setattr(cloud_correction, "_scores", lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0))
+        scores = lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0, "")  # noqa: E731
+        monkeypatch.setattr(cloud_correction, "_scores", scores)
         eyes = [SimpleNamespace(frame=SimpleNamespace(camera=None, time=TIME, name=name)) for name in "ab"]
         best, history = cloud_correction._passes(scenes[0], None, eyes, 2, "fast", None)
         assert best is scenes[expected]

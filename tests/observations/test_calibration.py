@@ -205,6 +205,14 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     assert not (tmp_path / "no.toml").exists()
 
 
+@pytest.mark.parametrize("name", ["camera.json", "camera", "camera.toml.gz"])
+def test_a_cameras_file_ends_in_toml(name, tmp_path, capsys):
+    """Said before any frame is looked at: there is none."""
+    asked = ["calibrate", str(tmp_path / "no.png"), "--lat", "47", "--lon", "8", "--time", NIGHT]
+    assert run([*asked, "-o", str(tmp_path / name)]) == 2
+    assert capsys.readouterr().err == f"openswim: error: output {tmp_path / name}: a camera's file ends in .toml\n"
+
+
 def test_a_mask_keeps_lamps_out(tmp_path):
     from PIL import Image
 

@@ -99,9 +99,12 @@ def test_bands_weigh_to_one_and_unknown_ones_are_refused() -> None:
 
 
 def test_the_command_takes_the_models_time_nearest_to_the_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Clear at first and a deep cloud an hour later, at the picture's time."""
+    placed: list[tuple[int, ...]] = []
+    places = FixedGrid.latlon
+    monkeypatch.setattr(FixedGrid, "latlon", lambda grid: placed.append(grid.shape) or places(grid))
     for hour, water in ((16, 0.0), (17, 1e-3)):
         scene = _scene(water)
         scene.time = np.datetime64(f"2021-06-21T{hour}:00", "ms")
@@ -110,7 +113,9 @@ def test_the_command_takes_the_models_time_nearest_to_the_picture(
     write(reflectance(bare, _grid(1), [band("goes-16 abi", "C02")]), tmp_path / "seen.nc")
     models = [str(tmp_path / f"model_{hour}.nc") for hour in (16, 17)]
     asked = ["satellite", *models, "--like", str(tmp_path / "seen.nc"), "--band", "C02"]
+    placed.clear()
     assert run([*asked, "-o", str(tmp_path / "out.nc")]) == 0
+    assert placed == 2 * [_grid(1).shape]  # of the observed picture, and of ours
     assert "note: the model's nearest" not in capsys.readouterr().err
     with xr.open_dataset(tmp_path / "out.nc") as found:
         assert found.attrs["time_coverage_start"].startswith("2021-06-21T17:10")

@@ -180,7 +180,7 @@ def _camera(tables: dict[str, Any], path: Path, place: dict[str, Any]) -> Camera
         where = {key: value for key, value in where.items() if key not in ("x_m", "y_m")}
     where |= place
     if not {"lat", "lon"} <= set(where) and not {"x_m", "y_m"} <= set(where):
-        raise UserError("has no place: write lat and lon in degrees under [place], or give --lat and --lon")
+        raise UserError("has no place: write lat and lon in degrees under [place] (or give --lat and --lon)")
     options: dict[str, Any] = where | _obstacles(tables.get("obstacles", {}), path)
     if kind == "map":
         camera = _of_map(view, path, options)

@@ -40,11 +40,11 @@ def run(request: CalibrateRequest) -> None:
         raise UserError("--output missing: give -o camera.toml (or --camera camera.toml to check one)")
     if request.lat is None or request.lon is None:
         raise UserError("place missing: give --lat and --lon in degrees")
-    if not request.output.suffix:
+    if request.output.suffix.lower() != ".toml":
         raise UserError(f"output {request.output}: a camera's file ends in .toml")
     report = request.report or request.output.with_suffix(".html")
     if report == request.output:
-        raise UserError(f"output {request.output}: a camera's file ends in .toml; its report gets .html")
+        raise UserError(f"output {request.output}: cannot be the camera's file and --report: give two names")
     for target in (request.output, report):
         check_target(target, [*frames, *([request.mask] if request.mask else [])])
     from openswim.cameras.files import FrameSettings, write_camera

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from openswim.cli.options import known_to
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -116,6 +117,8 @@ class Progress:
 
     def tell_failed(self, path: Path, failure: str) -> None:
         self.failed += 1
+        context = click.get_current_context(silent=True)
+        failure = known_to(None if context is None else context.command, failure)
         click.echo(f"left out: {failure}{self._left()}", err=True)
 
     def _left(self) -> str:

@@ -72,7 +72,9 @@ def run(request: CorrectCloudsRequest) -> None:
         of_unused = f", {unused:.3f} of pixels that were not used" if request.hold_out else ""
         error = 100 * history["cloud_error"].sel(edit=number).item()
         title = "model" if number == 0 else f"edit {number}"
-        click.echo(f"{title}: mean r {used:.3f}{of_unused}; cloud masks differ on {error:.1f} % of the sky")
+        why = history["reason"].sel(edit=number).item()
+        because = f" ({why})" if why else ""
+        click.echo(f"{title}: mean r {used:.3f}{of_unused}; cloud masks differ on {error:.1f} % of the sky{because}")
     if history.attrs["chosen_edit"] == 0:
         click.echo("no edit has raised r: the scene is written as it was", err=True)
     save = scene.to_zarr if request.output.suffix == ".zarr" else scene.to_netcdf

@@ -13,8 +13,7 @@ from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import surface_of
 from openswim.lighting import WAVELENGTHS_NM
-from openswim.optics.gas_bands import terms_of
-from openswim.optics.matter import matter_of
+from openswim.optics.matter import matter_of, terms_in
 from openswim.optics.species import REFERENCE_NM
 from openswim.options import Options
 from openswim.pictures.images import PIXEL_BYTES
@@ -89,14 +88,21 @@ def estimate(
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores; nested grids and ``lights`` (sun, moon, night
     sky) are solved one after the other and kept."""
+    terms = terms_in(scene, np.array(wavelengths_nm, float)).nm.size
+    return _of_terms(scene, camera, solver, int(terms), paths, quality, lights)
+
+
+def _of_terms(
+    scene: "Scene", camera: View, solver: str, wavelengths: int, paths: int | None, quality: str, lights: int
+) -> Estimate:
+    """wavelengths: how many terms are solved for, several of each wavelength at which gases absorb in lines."""
     start_s, start_bytes = (_EARTH_START_S, _EARTH_BYTES) if _on_earth(scene) else (_START_S, _BYTES)
-    wavelengths = _terms(scene, wavelengths_nm)
     packs = -(-wavelengths // PACK)  # solved for one after the other, and kept
     if solver == "reference":
         return _estimate_reference(scene, camera, wavelengths, paths or REFERENCE_PATHS, start_s)
     if scene.wider is not None:
         inner, wider = (
-            estimate(one, camera, solver, wavelengths_nm, paths, quality, lights)
+            _of_terms(one, camera, solver, wavelengths, paths, quality, lights)
             for one in (scene.alone(), scene.wider)
         )
         of_pixels = math.prod(camera.shape) * inner.pixel_bytes
@@ -157,11 +163,6 @@ def passes_of(paths: int) -> int:
         size = paths if paths <= 1.5 * size else size
         passes, paths, size = passes + 1, paths - size, min(2 * size, PASS_PATHS)
     return passes
-
-
-def _terms(scene: "Scene", wavelengths_nm: Sequence[float]) -> int:
-    """How many terms are solved for: several of each wavelength at which gases absorb in lines."""
-    return int(terms_of(np.array(wavelengths_nm, float), scene.atmosphere is not None).nm.size)
 
 
 def _on_earth(scene: "Scene") -> bool:

@@ -16,7 +16,7 @@ import click
 from openswim import __version__
 from openswim.cli.camera_commands import analyse, calibrate, compare, correct_clouds
 from openswim.cli.light_commands import aerosol, irradiance, satellite, validate
-from openswim.cli.options import debug
+from openswim.cli.options import debug, known_to
 from openswim.cli.sky_commands import batch, demo, film, info, render
 from openswim.errors import UserError
 from openswim.progress import spoken
@@ -57,7 +57,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         with spoken():
             cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
-        return _fail(str(error), USERS_MISTAKE, state)
+        given = sys.argv[1:] if arguments is None else arguments
+        whose = next((cli.commands[each] for each in given if each in cli.commands), None)
+        return _fail(known_to(whose, str(error)), USERS_MISTAKE, state)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE

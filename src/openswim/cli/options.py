@@ -1,5 +1,6 @@
 """Options that several commands share, and what they ask for."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -109,6 +110,19 @@ frame_options = stacked(  # of compare and correct-clouds
     click.option("--encoding",
                  help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]"),
 )  # fmt: skip
+
+
+def known_to(command: click.Command | None, message: str) -> str:
+    """A message of the library without brackets, or their parts between ";", that name options of other commands."""
+    if command is None:
+        return message
+    own = {name for parameter in command.params for name in parameter.opts}
+
+    def kept(bracket: re.Match[str]) -> str:
+        parts = [part for part in bracket[1].split("; ") if own.issuperset(re.findall(r"--[a-z][a-z0-9-]*", part))]
+        return f" ({'; '.join(parts)})" if parts else ""
+
+    return re.sub(r" \(([^()]*--[a-z][^()]*)\)", kept, message)
 
 
 def check_plot(path: Path, extra: str) -> None:

@@ -114,7 +114,7 @@ def _announce(scene: Scene, grid: FixedGrid | Pixels, bands: list[Band], solver:
     from openswim.cli.estimate import Pictured, announce
 
     wavelengths = sorted({nm for one in bands for nm in one.wavelength_nm})
-    announce(scene, Pictured(grid.latlon()[0].shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
+    announce(scene, Pictured(grid.shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
 
 
 def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:

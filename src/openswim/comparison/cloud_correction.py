@@ -30,6 +30,7 @@ from openswim.comparison.settings import (
     skies_of,
 )
 from openswim.comparison.skies import Model, Skies
+from openswim.comparison.tiles import Interval
 from openswim.errors import UserError
 from openswim.scene import Scene
 
@@ -39,6 +40,8 @@ BLOCK_DEG = 3.0  # every second block of the sky this wide is kept aside, to sco
 # of a node's rays that are clear, from which on it is, from pass to pass: thick cloud reaches almost to the next node
 _CLEAR_SHARES = (0.12, 0.12, 0.08, 0.08)
 MOST_LN = 0.7  # of the amount of cloud in a column: what a pass changes at most
+_DARK = 1e-9  # light that is none
+_NO_AIR = "without air the clear sky is black, and no cloud can be told from it"
 _STRENGTHS = (1.0, 1.5, 2.0, 2.0)  # of what is added
 
 
@@ -110,7 +113,7 @@ def _passes(
     scene: Scene, layer: Layer, eyes: list[_Eye], passes: int, solver: Any, sun: Any
 ) -> tuple[Scene, xr.Dataset]:
     current, best, best_r, chosen = scene, scene, -np.inf, 0
-    rows: list[tuple[F64, F64, float]] = []
+    rows: list[tuple[F64, F64, float, str]] = []
     for number in range(passes + 1):
         skies = Skies(current, solver, None, None, sun)
         images = [skies.simulated(eye.frame.camera, eye.frame.time) for eye in eyes]
@@ -121,12 +124,13 @@ def _passes(
             best, best_r, chosen = current, float(told.mean()), number
         if number < passes:
             current = _step(current, layer, eyes, pictures, _CLEAR_SHARES[number], _STRENGTHS[number])
-    used, unused, kept = (np.array(part) for part in zip(*rows, strict=True))
+    used, unused, kept, why = (np.array(part) for part in zip(*rows, strict=True))
     history = xr.Dataset(
         {
             "r_used": (("edit", "camera"), used, {"long_name": "mean r of pixels that the edit has used"}),
             "r_unused": (("edit", "camera"), unused, {"long_name": "mean r of pixels that it has not used"}),
             "cloud_error": ("edit", kept, {"long_name": "share of valid pixels whose masks differ"}),
+            "reason": ("edit", why, {"long_name": "why scores are missing"}),
         },
         coords={"edit": np.arange(passes + 1)},
         attrs={"chosen_edit": chosen},
@@ -170,9 +174,11 @@ def _too_bright(eye: _Eye, picture: F64, simulated: Mask) -> F64:
 
     Light below thick cloud is about inverse to its depth, so this is what ln of the depth has to be raised by.
     """
-    ratio = np.log(picture[eye.valid][:, 1] / np.maximum(eye.light[eye.valid][:, 1], 1e-9))
-    clear = ~simulated & ~eye.cloud[eye.valid]
-    return np.asarray(ratio - (np.median(ratio[clear]) if clear.sum() > 50 else np.median(ratio)))
+    model, seen = (np.maximum(light[eye.valid][:, 1], _DARK) for light in (picture, eye.light))
+    ratio, lit = np.log(model / seen), model > _DARK  # without air the clear sky is black, and like no other
+    clear = lit & ~simulated & ~eye.cloud[eye.valid]
+    alike = clear if clear.sum() > 50 else lit
+    return np.asarray(ratio - np.median(ratio[alike])) if alike.any() else np.zeros_like(ratio)
 
 
 def _eye(
@@ -217,19 +223,26 @@ def _filled(cloud: Mask, used: Mask, valid: Mask, frame: Prepared) -> Mask:
     return np.where(used, cloud, share > 0.5 * weight) & valid
 
 
-def _scores(eyes: list[_Eye], pictures: list[F64]) -> tuple[F64, F64, float]:
-    """Mean r of used and of unused pixels by camera, and the share of pixels whose masks differ."""
-    used: list[float] = []
-    unused: list[float] = []
+def _scores(eyes: list[_Eye], pictures: list[F64]) -> tuple[F64, F64, float, str]:
+    """Mean r of used and of unused pixels by camera, the share of pixels whose masks differ, and why any of these
+    is NaN."""
+    used: list[Interval] = []
+    unused: list[Interval] = []
+    why: dict[str, None] = {}
     wrong = total = 0.0
     for eye, picture in zip(eyes, pictures, strict=True):
         for found, mask in ((used, eye.used), (unused, eye.valid & ~eye.used)):
             region = Region.of(eye.frame, mask & np.isfinite(picture).all(axis=-1))
-            found.append(correlation(eye.light[region.valid], picture[region.valid], region.weight, region.tiles).value)
+            found.append(correlation(eye.light[region.valid], picture[region.valid], region.weight, region.tiles))
+        if not (eye.clear[eye.valid] > _DARK).any():
+            why[_NO_AIR] = None
+            continue
         weight = eye.frame.pixels.solid_angle_sr[eye.valid]
         differ = (departure(picture, eye.clear) > DEPARTURE)[eye.valid] != eye.cloud[eye.valid]
         wrong, total = wrong + float(weight[differ].sum()), total + float(weight.sum())
-    return np.array(used), np.array(unused), wrong / max(total, 1e-12)
+    why |= dict.fromkeys(each.reason for each in used if not np.isfinite(each.value))
+    r_used, r_unused = (np.array([each.value for each in found]) for found in (used, unused))
+    return r_used, r_unused, wrong / total if total else np.nan, "; ".join(why)
 
 
 def _levels(scene: Scene, layer: Layer) -> slice:

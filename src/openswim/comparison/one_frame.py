@@ -198,6 +198,8 @@ def _attributes(
     reasons: list[str],
 ) -> dict[str, Any]:  # fmt: skip
     kept = {key: value for key, value in image.attrs.items() if "irradiance" in key or key in ("latitude", "longitude")}
+    if skies.sun is None:  # of a flat scene, its own place
+        kept["latitude"], kept["longitude"] = skies.place_of_camera(frame.camera, frame.time)
     attrs = kept | {
         "Conventions": "CF-1.11",
         "title": f"OpenSWIm comparison with {frame.name}",

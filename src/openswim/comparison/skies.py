@@ -54,14 +54,14 @@ class Skies:
         """Azimuth and altitude (degrees) at which the sun is seen, or from which its twilight comes."""
         if self.sun is not None:
             return self.sun
-        place = sun_position(time, *self._latlon(camera, time))
+        place = sun_position(time, *self.place_of_camera(camera, time))
         return place.azimuth_deg, place.lit_altitude_deg
 
     def on_earth(self, camera: Camera, time: np.datetime64) -> Camera:
         """The camera as it stands under a clear sky, which is round: one at x and y is at its flat scene's place."""
         if camera.lat is not None:
             return camera
-        lat, lon = (0.0, 0.0) if self.sun is not None else self._latlon(camera, time)
+        lat, lon = (0.0, 0.0) if self.sun is not None else self.place_of_camera(camera, time)
         return replace(camera, x_m=None, y_m=None, lat=lat, lon=lon)
 
     def simulated(self, camera: Camera, time: np.datetime64) -> xr.Dataset:
@@ -146,7 +146,7 @@ class Skies:
             self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
         return self._lit[1]
 
-    def _latlon(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
+    def place_of_camera(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
         """Latitude and longitude of a camera, of one at x and y those of its flat scene."""
         if camera.lat is not None and camera.lon is not None:
             return camera.lat, camera.lon

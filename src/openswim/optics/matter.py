@@ -111,6 +111,11 @@ class EachSpecies:
         return replace(self, wavelengths_nm=self.wavelengths_nm[which])
 
 
+def terms_in(scene: Scene, wavelengths_nm: F64) -> Terms:
+    """What is solved for: the same in all levels, if any has air."""
+    return terms_of(wavelengths_nm, any(level.atmosphere is not None for level in scene.levels))
+
+
 def matter_of(
     scene: Scene, wavelengths_nm: ArrayLike, keep: bool = True, names: Sequence[Sequence[str] | None] = ()
 ) -> Matter:
@@ -120,7 +125,7 @@ def matter_of(
     it, so that droplets are divided by size alike.
     """
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    terms = terms_of(wavelengths, any(level.atmosphere is not None for level in scene.levels))
+    terms = terms_in(scene, wavelengths)
     scene, frame = for_wavelengths(scene, wavelengths), scene_frame(scene)
     out, ground_m = None, ground_of_place_m(scene)
     for n, level in reversed(list(enumerate(scene.levels))):

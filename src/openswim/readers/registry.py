@@ -9,6 +9,7 @@ from pathlib import Path
 from openswim.errors import UserError
 from openswim.readers.common.base import Reader
 from openswim.readers.common.bounds import check_path
+from openswim.readers.common.kept import handed_over, looking
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
@@ -43,7 +44,10 @@ def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
         check_path(path)
     if len(paths) == 1:
         return {_reader_of(paths[0]): list(paths)}
-    known = {path: next((reader for reader in readers() if reader.detects(path)), None) for path in paths}
+    known: dict[Path, Reader | None] = {}
+    for path in paths:
+        with handed_over(), looking():  # of many files only one is open
+            known[path] = next((reader for reader in readers() if reader.detects(path)), None)
     groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
     if not groups:
         raise UserError(_why_unknown(paths[0]))
@@ -58,10 +62,11 @@ def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
 
 
 def _reader_of(path: Path) -> Reader:
-    for reader in readers():
-        if reader.detects(path):
-            return reader
-    raise UserError(_why_unknown(path))
+    with looking():
+        for reader in readers():
+            if reader.detects(path):
+                return reader
+        raise UserError(_why_unknown(path))
 
 
 def _why_unknown(path: Path) -> str:

@@ -17,6 +17,7 @@ from openswim.errors import UserError
 from openswim.readers.common.asked import winds_asked
 from openswim.readers.common.base import SceneInfo, Time
 from openswim.readers.common.bounds import references_allowed
+from openswim.readers.common.kept import handed_over
 from openswim.readers.common.members import OneMember
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
@@ -61,7 +62,7 @@ def open_scene(
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)
     # what comes of absurd numbers is checked in the end
-    with references_allowed(allow_references), winds_asked(winds), np.errstate(all="ignore"):
+    with references_allowed(allow_references), handed_over(), winds_asked(winds), np.errstate(all="ignore"):
         groups: dict[Any, list[Path]] = dict(by_reader(paths))
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
@@ -79,7 +80,7 @@ def open_scene(
 
 def describe(path: Paths, allow_references: bool = False) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
-    with references_allowed(allow_references), np.errstate(all="ignore"):
+    with references_allowed(allow_references), handed_over(), np.errstate(all="ignore"):
         first, *others = [each for group in by_reader(files_of(path)).items() for each in _described(*group)]
     return replace(first, others=others)
 
@@ -88,7 +89,7 @@ def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.date
     """The times (datetime64[ms], ascending) that files hold, each with those of the files that are to be opened for it;
     (None, files) where they tell no time."""
     paths = files_of(path)
-    with references_allowed(allow_references), np.errstate(all="ignore"):
+    with references_allowed(allow_references), handed_over(), np.errstate(all="ignore"):
         groups = by_reader(paths)
         reader = next(iter(groups))
         if len(paths) > 1 and len(groups) == 1 and not hasattr(reader, "read_parts"):
@@ -103,7 +104,7 @@ def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.date
 def grids_of(path: Paths, time: Time = None, allow_references: bool = False) -> list[tuple[str, Grid]]:
     """The grids of files at a time, with the files' names, from their headers; none of a reader that needs more than
     those."""
-    with references_allowed(allow_references), np.errstate(all="ignore"):
+    with references_allowed(allow_references), handed_over(), np.errstate(all="ignore"):
         groups = by_reader(files_of(path))
         own = [(reader, each) for reader, paths in groups.items() if hasattr(reader, "grid") for each in paths]
         grids = [(each.name, reader.grid(each, time)) for reader, each in own]
@@ -112,7 +113,7 @@ def grids_of(path: Paths, time: Time = None, allow_references: bool = False) -> 
 
 def members_of(path: Paths, allow_references: bool = False) -> list[int]:
     """The members of an ensemble that files hold, by their own numbers, ascending; none where there is no ensemble."""
-    with references_allowed(allow_references):
+    with references_allowed(allow_references), handed_over():
         groups = by_reader(files_of(path))
         found = [reader.members(each) for reader, own in groups.items() if hasattr(reader, "members") for each in own]
     return sorted(set().union(*found))

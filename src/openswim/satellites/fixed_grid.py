@@ -71,6 +71,11 @@ class FixedGrid:
                          self.semi_minor_m, self.sweep)  # fmt: skip
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.y.size, self.x.size
+
+    @property
     def _distance_m(self) -> float:
         """Of the satellite from the Earth's centre."""
         return self.height_m + self.semi_major_m

@@ -58,6 +58,12 @@ class Pixels:
         lat = np.degrees(np.arctan2((_EQUATOR_M / _POLE_M) ** 2 * z, np.hypot(x, y)))
         return replace(view, latitude=lat, longitude=np.degrees(np.arctan2(y, x)))
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        rows, columns = self.latitude.shape
+        return rows, columns
+
     def latlon(self) -> tuple[F64, F64]:
         """Geodetic latitude and longitude (ny, nx) of what pixels see at sea level; NaN beside the Earth."""
         return self.latitude, self.longitude

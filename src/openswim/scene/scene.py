@@ -131,8 +131,8 @@ class Scene:
         if "latitude" in self.data.coords and "longitude" in self.data.coords:
             return float(self.data.coords["latitude"]), float(self.data.coords["longitude"])
         raise UserError(
-            "a flat scene without a place: give sun=(azimuth, altitude) in degrees (--sun), or the scene its "
-            "place=(latitude, longitude)"
+            "a flat scene without a place: give it latitude and longitude (docs/scene-format.md, Scene.from_arrays) "
+            "(or the sun's azimuth and altitude: sun=..., --sun)"
         )
 
     @property

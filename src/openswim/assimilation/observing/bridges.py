@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.assimilation.observing.linearization import Linearization
@@ -18,16 +19,23 @@ class _Latest:
     """The linearisation that was asked for last: a gradient comes right after its value."""
 
     def __init__(self, operator: Rows) -> None:
-        self.operator, self.key = operator, b""
-        self.lin: Linearization | None = None
+        self.operator = operator
+        self.latest: tuple[bytes, Linearization] | None = None  # set at once, as threads may ask
 
     def at(self, arrays: list[F64]) -> Linearization:
-        key = b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)
-        if self.lin is None or key != self.key:
-            first, names = self.operator.first(), [v.name for v in self.operator.controls.variables]
-            values = {n: first[n].copy(data=np.asarray(a, float)) for n, a in zip(names, arrays, strict=True)}
-            self.key, self.lin = key, Linearization.about(self.operator, first.assign(values), self.lin)
-        return self.lin
+        key, latest = b"".join(np.ascontiguousarray(a).tobytes() for a in arrays), self.latest
+        if latest is None or key != latest[0]:
+            near = None if latest is None else latest[1]
+            latest = self.latest = key, Linearization.about(self.operator, self._state(arrays), near)
+        return latest[1]
+
+    def _state(self, arrays: list[F64]) -> xr.Dataset:
+        first, names = self.operator.first(), [v.name for v in self.operator.controls.variables]
+        given, wanted = [np.shape(a) for a in arrays], [first[name].shape for name in names]
+        if given != wanted:
+            listed = ", ".join(f"{name} {shape}" for name, shape in zip(names, wanted, strict=True))
+            raise UserError(f"controls of shapes {', '.join(map(str, given))}: give {listed}")
+        return first.assign({n: first[n].copy(data=np.asarray(a, float)) for n, a in zip(names, arrays, strict=True)})
 
     def back(self, arrays: list[F64], bar: Any) -> list[F64]:
         state = self.at(arrays).vjp(np.asarray(bar, float))
@@ -58,7 +66,8 @@ def as_jax(operator: Rows) -> Any:
 
     def backward(arrays: Any, bar: Any) -> Any:
         shapes = tuple(jax.ShapeDtypeStruct(a.shape, jnp.float64) for a in arrays)
-        return jax.pure_callback(lambda b, *a: tuple(latest.back([np.asarray(x) for x in a], b)), shapes, bar, *arrays)
+        bars = jax.pure_callback(lambda b, *a: tuple(latest.back([np.asarray(x) for x in a], b)), shapes, bar, *arrays)
+        return tuple(one.astype(a.dtype) for one, a in zip(bars, arrays, strict=True))
 
     observe.defvjp(forward, backward)
     return observe

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import numbers
 from openswim.assimilation.observing.carrying import Carrier
 from openswim.assimilation.observing.controls import Controls, Fill
 from openswim.assimilation.observing.core import Core, Images
@@ -108,7 +109,7 @@ class Rows:
 
     def row(self, values: ArrayLike) -> xr.DataArray:
         """Numbers as a labelled row of observations."""
-        values = np.asarray(values, float)
+        values = np.asarray(numbers("observations", values), float)
         if values.shape != (self.size,):
             raise UserError(f"observations have shape {values.shape}; this operator has ({self.size},)")
         return xr.DataArray(values, dims=("observation",), coords=self._coords)
@@ -126,7 +127,7 @@ class Rows:
 
     def pictures(self, row: ArrayLike) -> list[xr.DataArray]:
         """What a row of observations looks like: (y, x, wavelength) of each camera, NaN outside of the picture."""
-        row, out = np.asarray(row, float), []
+        row, out = self.row(row).values, []
         for part, each in zip(self.parts, self.instruments, strict=False):
             channels = each.quantity.channels
             image = each.image(row[part.here].reshape(part.shape))
@@ -137,15 +138,19 @@ class Rows:
 
     def irradiance_w_m2(self, row: ArrayLike) -> F64:
         """The global irradiance (n,) in a row of observations."""
-        return np.asarray(row, float)[self.parts[-1].here] if len(self.points) else np.empty(0)
+        return self.row(row).values[self.parts[-1].here] if len(self.points) else np.empty(0)
 
     def packed(self, state: xr.Dataset) -> F64:
         """The controls of a state in one row, in their order, each raveled."""
+        state = self.controls.checked(state)
         return np.concatenate([np.ravel(state[v.name].values) for v in self.controls.variables])
 
     def unpacked(self, row: ArrayLike) -> xr.Dataset:
         """The inverse of `packed`."""
-        like, row, out, start = self.first(), np.asarray(row, float), {}, 0
+        like, row, out, start = self.first(), np.asarray(numbers("unpacked: row", row), float), {}, 0
+        size = sum(like[each.name].size for each in self.controls.variables)
+        if row.shape != (size,):
+            raise UserError(f"unpacked: the row has shape {row.shape}; the controls of this operator have ({size},)")
         for each in self.controls.variables:
             there = like[each.name]
             out[each.name] = there.copy(data=row[start : start + there.size].reshape(there.shape))

@@ -17,12 +17,13 @@ _FAINTEST = 4.0  # planets that the eye sees
 Places = dict[str, tuple[float, float]]
 
 
-def bodies(camera: Camera, time: np.datetime64, sun: tuple[float, float] | None = None) -> Places:
+def bodies(
+    place: tuple[float, float] | None, time: np.datetime64, sun: tuple[float, float] | None = None
+) -> Places:
     """Azimuth and refracted altitude (degrees) of sun, moon and bright planets that are up; of the sun alone where the
-    place is not on Earth."""
-    if camera.lat is None or camera.lon is None:
+    place (latitude, longitude) is not known."""
+    if place is None:
         return {} if sun is None else {"sun": sun}
-    place = camera.lat, camera.lon
     found: dict[str, Sun | Moon] = {"sun": sun_position(time, *place), "moon": moon_position(time, *place)}
     places = {name: (body.azimuth_deg, body.refracted_altitude_deg) for name, body in found.items()}
     for name in PLANETS:
@@ -80,6 +81,10 @@ def _path(row: np.ndarray, column: np.ndarray, width: int) -> str:
 
 
 def _text(row: float, column: float, text: str, size: float, shape: tuple[int, int]) -> str:
-    if not (0 <= row < shape[0] and 0 <= column < shape[1]):
+    if not (-1 <= row <= shape[0] and -1 <= column <= shape[1]):
         return ""
+    row, column = (
+        float(np.clip(at, 0.6 * across, whole - 0.6 * across))  # whole letters, at the edges too
+        for at, across, whole in zip((row, column), (size, 0.6 * len(text) * size), shape, strict=True)
+    )
     return f'<text x="{column:.1f}" y="{row:.1f}" font-size="{size:.1f}">{escape(text)}</text>'

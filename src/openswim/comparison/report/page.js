@@ -5,6 +5,7 @@ for (const viewer of document.querySelectorAll(".viewer")) {
     for (const button of all("[data-mode]")) button.classList.toggle("on", button.dataset.mode === name);
   };
   const choose = (name) => {
+    viewer.dataset.view = name;
     for (const view of all(".view")) view.classList.toggle("on", view.dataset.view === name);
     for (const button of all("[data-choose]")) button.classList.toggle("on", button.dataset.choose === name);
   };
@@ -13,6 +14,16 @@ for (const viewer of document.querySelectorAll(".viewer")) {
   for (const tick of all("[data-mark]"))
     tick.onchange = () => viewer.classList.toggle("show-" + tick.dataset.mark, tick.checked);
   const slider = viewer.querySelector(".slider");
+  const drag = (event) => {
+    if (viewer.dataset.mode !== "swipe" || !event.buttons) return;
+    const box = event.currentTarget.getBoundingClientRect();
+    slider.value = 100 * (event.clientX - box.left) / box.width;
+    slider.oninput();
+  };
+  for (const view of all(".view")) {
+    view.onpointerdown = view.onpointermove = drag;
+    view.ondragstart = () => false;
+  }
   slider.oninput = () => viewer.style.setProperty("--at", slider.value + "%");
   setInterval(() => viewer.classList.toggle("other"), 700);
   const wanted = new URLSearchParams(location.hash.slice(1));

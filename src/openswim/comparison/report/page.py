@@ -31,7 +31,10 @@ def write_page(comparison: xr.Dataset, camera: Camera, path: str | os.PathLike[s
     title = f"{comparison.attrs['frame']} beside {comparison.attrs['model']}"
     time = np.datetime64(comparison.attrs["time"].rstrip("Z"))
     sun = comparison.attrs["sun_azimuth_deg"], comparison.attrs["sun_altitude_deg"]
-    places = bodies(camera, time, sun)
+    place = None  # of a camera in a flat scene, the scene's
+    if {"latitude", "longitude"} <= comparison.attrs.keys():
+        place = float(comparison.attrs["latitude"]), float(comparison.attrs["longitude"])
+    places = bodies(place, time, sun)
     body = [
         f"<h1>{escape(title)}</h1>",
         f"<p>{escape(_summary(comparison))}</p>",
@@ -66,10 +69,13 @@ def _summary(comparison: xr.Dataset) -> str:
     )  # fmt: skip
     weather = f"Weather of {attrs['model_time']}. " if "model_time" in attrs else ""
     used = f"{100 * attrs['share_of_sky_used']:.0f} % of this sky"
+    mask = attrs["sun_mask_deg"]
+    away = f", {mask:g} degrees or more from the sun" if altitude > -mask else ""
+    night = f" By night (the sun is {-altitude:.1f} degrees below the horizon) colours say little of clouds."
     return (
         f"{attrs['time']}, sun at azimuth {azimuth:.1f}, altitude {altitude:.1f} degrees. {weather}{mean} "
-        f"Scores are of pixels above {attrs['lowest_deg']:g} degrees that are not saturated, "
-        f"{attrs['sun_mask_deg']:g} degrees or more from the sun: {used}."
+        f"Scores are of pixels above {attrs['lowest_deg']:g} degrees that are not saturated{away}: {used}."
+        f"{night if altitude < 0 else ''}"
     )
 
 
@@ -111,7 +117,8 @@ def with_bounds(value: float, bounds: np.ndarray, digits: int = 3) -> str:
     """A score and its interval as a table shows it."""
     if not np.isfinite(value):
         return "&ndash;"
-    ends = f" <small>{bounds[0]:.{digits}f} to {bounds[1]:.{digits}f}</small>" if np.isfinite(bounds).all() else ""
+    value, low, high = (round(float(number), digits) + 0.0 for number in (value, *bounds))  # there is no less than 0
+    ends = f" <small>{low:.{digits}f} to {high:.{digits}f}</small>" if np.isfinite([low, high]).all() else ""
     return f"{value:.{digits}f}{ends}"
 
 
@@ -120,8 +127,12 @@ def _r_table(comparison: xr.Dataset) -> str:
     dims = "light", "weighting", "sun_mask"
     r = comparison["r"].transpose(*dims, "score_channel").values
     bounds = comparison["r_bounds"].transpose(*dims, "score_channel", "bound").values
-    rows = []
+    rows, masks = [], comparison["sun_mask"].values
+    # the sun is down: its masks hide nothing
+    alike = np.array_equal(r, np.broadcast_to(r[:, :, :1], r.shape), equal_nan=True)
     for at in np.ndindex(r.shape[:3]):
+        if alike and masks[at[2]] != comparison.attrs["sun_mask_deg"]:
+            continue
         light, weighting, mask = (comparison[name].values[n] for name, n in zip(dims, at, strict=True))
         cells = "".join(f"<td>{with_bounds(float(v), b)}</td>" for v, b in zip(r[at], bounds[at], strict=True))
         rows.append(f"<tr><td>{light}</td><td>{weighting}</td><td>{mask:g}</td>{cells}</tr>")
@@ -152,8 +163,8 @@ def _plots(comparison: xr.Dataset) -> list[str]:
     if "r_by_aod" in comparison:
         at, r = comparison["aod"].values, comparison["r_by_aod"].values
         if np.isfinite(r).all():
-            low = float(np.floor(min(r.min(), 0.95) * 20) / 20)
-            plot = Plot("aerosol optical depth at 550 nm", "mean r, response undone", (0, at.max() * 1.1), (low, 1.0))
+            low, top = np.floor(20 * r.min() - 0.2) / 20, min(1.0, np.ceil(20 * r.max() + 0.2) / 20)
+            plot = Plot("aerosol optical depth at 550 nm", "mean r, response undone", (0, at.max() * 1.1), (low, top))
             plot.line(at, r, COLOURS["grey"])
             plot.points(at, r, COLOURS["grey"], 4, 1)
             out.append(_figure(plot, "r if the aerosol were half or twice what was taken. It is never fitted by r."))
@@ -207,9 +218,6 @@ def _notes(comparison: xr.Dataset, camera: Camera) -> str:
     ]
     if np.isfinite(typical):
         lines.insert(2, f"If this sky is clear, its camera's white balance is red_blue = {typical:.3f}.")
-    if attrs["sun_altitude_deg"] < 0:
-        lines.insert(0, f"The sun is {-attrs['sun_altitude_deg']:.1f} degrees below the horizon: colours say little of "
-                        "clouds.")  # fmt: skip
     if camera.nothing_hides:
         lines.insert(0, f"The camera's file names no obstacles: trees, masts and roofs above {attrs['lowest_deg']:g} "
                         "degrees count as sky.")  # fmt: skip

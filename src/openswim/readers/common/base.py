@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.common.bounds import check_container, check_header
 from openswim.readers.common.classic import classic_length
+from openswim.readers.common.kept import first_bytes
 from openswim.scene.grid import extent_deg
 from openswim.scene.times import Time, parse_time
 from openswim.scene.variables import LEVEL_DIMS, SURFACE_DIMS
@@ -117,8 +118,7 @@ def unreadable(path: Path) -> str:
     if path.is_dir():
         return f"{path}: a folder, but not a Zarr store: give a file in it, a pattern in quotes, or a Zarr folder"
     try:
-        with path.open("rb") as file:
-            magic = file.read(8)
+        magic = first_bytes(path)
     except OSError as error:
         return f"{path}: cannot be read ({error.strerror})"
     if magic.startswith((b"CDF", b"\x89HDF")):

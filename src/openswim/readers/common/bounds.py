@@ -17,6 +17,7 @@ import numpy as np
 
 from openswim.errors import UserError
 from openswim.readers.common import probe
+from openswim.readers.common.kept import first_bytes
 from openswim.readers.common.references import LEFT_OUT
 from openswim.system.inputs import check_ordinary
 from openswim.system.machine import free_memory
@@ -90,9 +91,8 @@ def _is_ordinary(entry: os.DirEntry[str]) -> bool:
 def check_container(path: Path) -> None:
     """Refuse an HDF5 file that never ends, that crashes the library, or whose data lies in other files; looked at by a
     process of its own, once a file."""
-    with path.open("rb") as file:
-        if file.read(8) != _HDF5:
-            return
+    if not first_bytes(path).startswith(_HDF5):
+        return
     found = path.stat()
     answer = _probed(os.path.realpath(path), found.st_mtime_ns, found.st_size)
     if answer == probe.POINTS_ELSEWHERE and not may_point_anywhere():
@@ -200,8 +200,7 @@ def _check_axis(path: Path, name: str, length: int) -> None:
 def _packed_bytes(path: Path) -> float:
     """Size of a netCDF or HDF5 file; infinite for anything else, whose data may lie elsewhere."""
     try:
-        with path.open("rb") as file:
-            packed = file.read(4) in (b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF")
+        packed = first_bytes(path).startswith((b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF"))
         return path.stat().st_size if packed and not may_point_anywhere() else np.inf
     except OSError:
         return np.inf

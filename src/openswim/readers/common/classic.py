@@ -7,6 +7,8 @@ from math import prod
 from pathlib import Path
 from typing import BinaryIO
 
+from openswim.readers.common.kept import first_bytes
+
 _TYPE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
 _STREAMING = 0xFFFFFFFF  # number of records not known when the header was written
 
@@ -17,10 +19,11 @@ def classic_length(path: Path) -> int | None:
     None where the file is not classic netCDF or does not know its number of records. Raises ValueError
     where the header itself is cut off or nonsense.
     """
+    magic = first_bytes(path)[:4]
+    if magic[:3] != b"CDF" or magic[3:] not in (b"\x01", b"\x02", b"\x05"):
+        return None
     with path.open("rb") as file:
-        magic = file.read(4)
-        if magic[:3] != b"CDF" or magic[3:] not in (b"\x01", b"\x02", b"\x05"):
-            return None
+        file.seek(len(magic))
         header = _Header(file, version=magic[3])
         records = header.count()
         if records in (_STREAMING, 2**64 - 1):

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.readers.common.base import open_netcdf, unreadable
 from openswim.readers.common.bounds import check_group, may_point_anywhere
+from openswim.readers.common.kept import leave, take
 from openswim.readers.common.references import LEFT_OUT, is_references, is_remote, references
 from openswim.scene.files import ZARR_MARKS
 
@@ -25,19 +27,46 @@ def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
     netCDF and HDF5 files, Zarr folders, kerchunk references (JSON, or a Parquet folder) and icechunk
     repositories; the last two need the extra `openswim[references]`.
     """
-    engine, target, options = _recognised(path)
+    data = take("dataset", path, partial(_open, path))
     try:
+        yield _dated(path, data) if decode else data
+    finally:
+        leave("dataset", path, data)
+
+
+def _open(path: Path) -> xr.Dataset:
+    """The dataset, times not decoded."""
+    engine, target, options = _recognised(path)
+    with _opening(path):
         if engine == "zarr":
             check_group(path, _group(target, options))
-        data = xr.open_dataset(
-            target, engine=engine, decode_timedelta=False, decode_times=decode, chunks=None, **options
-        )
+            return xr.open_dataset(target, engine=engine, decode_timedelta=False, decode_times=False, chunks=None,
+                                   **options)  # fmt: skip
+        try:
+            return xr.open_dataset(xr.backends.NetCDF4DataStore(target), decode_timedelta=False, decode_times=False,
+                                   chunks=None)  # fmt: skip
+        except BaseException:
+            target.close()
+            raise
+
+
+def _dated(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """With times as datetime64."""
+    clocks = [name for name, variable in data.variables.items() if "since" in str(variable.attrs.get("units", ""))]
+    with _opening(path):
+        decoded = xr.decode_cf(xr.Dataset({name: data.variables[name] for name in clocks}), mask_and_scale=False,
+                               concat_characters=False, decode_timedelta=False)  # fmt: skip
+        return data.assign(decoded.variables)
+
+
+@contextmanager
+def _opening(path: Path) -> Iterator[None]:
+    try:
+        yield
     except UserError:
         raise
     except Exception as error:  # the back ends raise anything on damaged files
         raise UserError(f"{path}: cannot be opened{said(error, ValueError)}: damaged, or no netCDF or Zarr") from error
-    with data:
-        yield data
 
 
 @contextmanager
@@ -70,8 +99,7 @@ def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
         raise UserError(unreadable(path))
     if is_references(path):
         return _references(path)
-    open_netcdf(path).close()  # says clearly what is wrong with a file that is no netCDF
-    return "netcdf4", path, {}
+    return "netcdf4", take("netcdf", path, partial(open_netcdf, path)), {}
 
 
 def _group(store: Any, options: dict[str, Any]) -> Any:

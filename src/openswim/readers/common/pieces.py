@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.errors import UserError
+from openswim.readers.common.kept import first_bytes
 
 _MOST_PIECES = 100_000  # of one variable at one time; beyond, nobody counts them
 _LONGEST_REFERENCES = 50_000_000  # bytes
@@ -49,9 +50,8 @@ def _store_of(path: Path) -> Mapping[str, Any] | Path | None:
     if path.is_dir():
         return path
     try:
-        with path.open("rb") as file:
-            if file.read(1) != b"{" or path.stat().st_size > _LONGEST_REFERENCES:
-                return None
+        if first_bytes(path)[:1] != b"{" or path.stat().st_size > _LONGEST_REFERENCES:
+            return None
         found = json.loads(path.read_text("utf-8"))
         refs = found.get("refs", found)
         return refs if isinstance(refs, dict) else None

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from openswim.errors import UserError
+from openswim.readers.common.kept import first_bytes
 from openswim.system.inputs import check_ordinary
 
 _LONGEST = 48_000_000  # bytes of the JSON
@@ -26,8 +27,7 @@ LEFT_OUT = "--allow-references (openswim.open_scene(allow_references=True)) foll
 def is_references(path: Path) -> bool:
     """Whether a file begins as such JSON does."""
     try:
-        with path.open("rb") as file:
-            start = file.read(4096).lstrip()
+        start = first_bytes(path)[:4096].lstrip()
     except OSError:
         return False
     return start.startswith(b"{") and any(mark in start for mark in _MARKS)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from openswim.errors import UserError
+from openswim.readers.common.kept import first_bytes
 
 Span = tuple[int, int]  # offset and length in the file
 _END = b"7777"
@@ -41,8 +42,7 @@ class Damaged(UserError):
 def is_grib(path: Path) -> bool:
     """Whether a file begins with a GRIB message, if need be after the heading of a bulletin."""
     try:
-        with path.open("rb") as file:
-            start = file.read(512)
+        start = first_bytes(path)[:512]
     except OSError:
         return False
     at = start.find(b"GRIB")

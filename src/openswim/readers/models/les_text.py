@@ -18,6 +18,7 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.bounds import PLAUSIBLE_ELEMENTS, check_size
 from openswim.readers.common.clock import undated
+from openswim.readers.common.kept import first_bytes
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.absent import DEFAULT_AEROSOL, no_species
 from openswim.scene import Grid, Scene
@@ -102,8 +103,7 @@ class LESTextReader:
 
 
 def _head(path: Path) -> _Head | None:
-    with path.open("rb") as file:
-        raw = file.read(_HEAD_BYTES)
+    raw = first_bytes(path)[:_HEAD_BYTES]
     if not raw or b"\0" in raw or raw[:1] in b"{\x89":
         return None
     lines = raw.decode("ascii", "replace").splitlines()

@@ -15,6 +15,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Time
 from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
+from openswim.readers.common.kept import first_bytes
 from openswim.readers.common.units import check_decimals
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
@@ -140,8 +141,7 @@ class RAMSReader(GriddedReader):
 def is_header(path: Path) -> bool:
     """Whether a file is a RAMS -head.txt: text with the level heights in it."""
     try:
-        with path.open("rb") as file:
-            start = file.read(200_000)
+        start = first_bytes(path)
     except OSError:
         return False
     return b"__ztn01" in start and b"\0" not in start

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,6 +17,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
+from openswim.readers.common.kept import leave, take
 from openswim.readers.common.units import check_decimals
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
@@ -58,7 +60,7 @@ class WRFFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = open_netcdf(path)
+        self._file = take("netcdf", path, partial(open_netcdf, path))
         self._file.set_always_mask(False)
         self.time_index = 0
 
@@ -68,7 +70,7 @@ class WRFFile:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        leave("netcdf", self.path, self._file)
 
     def __contains__(self, name: str) -> bool:
         return name in self._file.variables
