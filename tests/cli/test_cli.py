@@ -361,6 +361,16 @@ def test_validate_says_when_there_is_nothing(capsys: pytest.CaptureFixture[str],
     assert "--json" in capsys.readouterr().err
 
 
+def test_validate_names_what_the_linear_core_does_not_follow(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, shared: Path
+) -> None:
+    (tmp_path / "slabs.nc").symlink_to(shared / "reference/clouds/slabs_hg085.nc")
+    assert run(["validate", str(tmp_path), "--solver", "linear"]) == 2
+    told = capsys.readouterr().err
+    assert "slabs.nc: solver linear: periods and nested grids are not followed" in told
+    assert "nothing in it could be compared" in told
+
+
 def test_validate_replaces_no_reference(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "sky.csv").write_text("a,b\n1,2\n")
     for name in ("sky.csv", "sky.json"):

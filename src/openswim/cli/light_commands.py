@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from openswim.cli.options import PATH, debug, quality, solver
+from openswim.cli.options import PATH, SOLVERS, debug, quality, solver
 
 
 @click.command(short_help="Global, direct and diffuse irradiance through time.")
@@ -77,7 +77,7 @@ def satellite(**options: Any) -> None:
 
 @click.command(short_help="Compare with reference files; print a table.")
 @click.argument("directory", type=PATH)
-@solver()
+@solver(*SOLVERS, "linear")
 @quality
 @click.option("--json", "json_path", type=PATH, help="Also write the rows to this file.")
 @click.option("--seconds", type=float, help="Of --solver reference: CPU seconds per view.  [default: 3]")

@@ -33,6 +33,7 @@ def solver(*names: str) -> Callable[[Command], Command]:
     texts = {
         "swim": "swim: approximate and quick", "fast": "fast: light that is scattered many times is solved for",
         "reference": "reference: Monte Carlo, slow, with errors",
+        "linear": "linear: the light of fast as a smooth fixed point, which analyses differentiate",
     }  # fmt: skip
     told = "; ".join(texts[name] for name in names or SOLVERS)
     return click.option("--solver", type=click.Choice(names or SOLVERS), default="fast", show_default=True,
