@@ -89,6 +89,15 @@ def test_rays_through_clear_air_take_fewer_steps() -> None:
     assert seconds[2] == pytest.approx(seconds[3])
 
 
+def test_quality_costs_where_there_is_cloud() -> None:
+    """Tibet's grid of 42 x 225 x 289 nodes without cloud: high took 1.18 times the CPU seconds of standard; with cloud
+    in a third of the columns 1.5 times. Below, both skies are drawn on one grid, of narrower cells for high."""
+    small = Camera.allsky(47, 11, size=10)
+    for quality, least, most in (("standard", 1.0, 1.1), ("high", 1.4, 2.0)):
+        clear, cloudy = (estimate(_scene(32, 128, 128, 1000.0, share), small, quality=quality) for share in (0.0, 1.0))
+        assert least <= cloudy.seconds / clear.seconds < most
+
+
 def test_wavelengths_are_solved_for_in_fours_and_bands_of_gases_in_several_terms() -> None:
     scene = replace(_scene(32, 128, 128), atmosphere=Scene.clear(47, 11).atmosphere)
     small, three = Camera.allsky(47, 11, size=100), [450.0, 500.0, 550.0]

@@ -148,3 +148,13 @@ def test_no_line_is_a_fault_of_ours(folder, monkeypatch, capsys, lines) -> None:
     assert count > 190
     assert (0 if lines is _options else 1) <= done < 0.4 * count  # or they are not hostile
     assert not [path for path in folder.iterdir() if path.name.startswith(".openswim-")]
+
+
+@pytest.mark.parametrize(
+    ("line", "command"),
+    [(["render", "x", "--lat"], "openswim render"), (["aerosol", "fit", "--by"], "openswim aerosol fit"),
+     (["film", "--none"], "openswim film"), (["none"], "openswim")],
+)  # fmt: skip
+def test_whose_help_is_named(capsys, line, command) -> None:
+    assert run(line) == 2
+    assert f"(see {command} --help)" in capsys.readouterr().err

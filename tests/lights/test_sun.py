@@ -104,6 +104,13 @@ def test_impossible_times_are_refused_in_one_line(time):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("height_m", [1e308, 9.2e18, -1e5, float("nan")])
+def test_heights_off_the_earth_are_refused(height_m):
+    """Light from the sun would leave the ephemeris on its way."""
+    with pytest.raises(UserError, match="height"):
+        sun_position("2020-06-01T12:00", 47, 11, height_m)
+
+
 @pytest.mark.parametrize(("lat", "lon"), [(91, 0), (-90.5, 0), (0, 400), (float("nan"), 0)])
 def test_impossible_places_are_refused(lat, lon):
     with pytest.raises(UserError, match="itude"):

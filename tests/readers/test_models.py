@@ -158,6 +158,15 @@ def test_cosp_radii_and_flux(tmp_path):
     np.testing.assert_allclose(data.liquid_effective_radius.values[cloudy], 1 / (0.8 / 10e-6 + 0.2 / 20e-6), rtol=1e-3)
 
 
+def test_cosp_radii_of_zero_are_told(tmp_path):
+    path = cosp(tmp_path / "a.nc").paths[0]
+    assert not any("Reff" in note or "both units" in note for note in open_scene(path).notes)
+    with netCDF4.Dataset(path, "a") as data:
+        data["Reff"][1] = 0  # ice of large scale
+    told = [note for note in open_scene(path).notes if "Reff" in note]
+    assert told == ["Reff 1 is zero or unknown everywhere: sizes from content or number"]
+
+
 def test_rams_over_the_date_line_has_the_hour_there(tmp_path):
     path = rams(tmp_path / "x-A-2024-06-21-g1.h5", header=False).paths[0]
     with netCDF4.Dataset(path, "a") as file:

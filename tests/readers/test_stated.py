@@ -49,6 +49,15 @@ def test_members_that_are_not_there(ensemble, tmp_path):
         open_scene(era5(tmp_path / "one.nc", new=True).paths[0], member=1)
 
 
+def test_a_dimension_that_nobody_knows_is_named(analysis, tmp_path):
+    """Members along `ensemble_member` are known; along a name of the writer's own they are not."""
+    for dim, name in (("ensemble_member", "a.nc"), ("run_of_mine", "b.nc")):
+        xr.concat([analysis] * 2, xr.DataArray([1, 2], dims=dim, name=dim)).to_netcdf(tmp_path / name)
+    assert members_of(tmp_path / "a.nc") == [1, 2]
+    with pytest.raises(UserError, match=r"b.nc: \w+ lies along more than levels.* run_of_mine \(2\)"):
+        open_scene(tmp_path / "b.nc")
+
+
 def test_all_members_are_known_without_counting(ensemble, analysis, tmp_path):
     assert members_of(ensemble) == [5, 7, 9]
     assert open_scene(ensemble, member=9).source.endswith(", member 9")

@@ -86,6 +86,17 @@ def test_what_is_odd_is_told(changed, words):
     assert any(words in note for note in scene(**changed).notes)
 
 
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1.0, None), (0.1, None), (1e-3, "next to nothing"), (100.0, "more than any cloud has")]
+)
+def test_ice_that_does_not_go_with_the_cloud_fraction_is_told(factor, words):
+    """Clouds under 235 K have 5 to 20 mg m-3 of ice in the mean of ERA5's, IFS's, UM's and GFS's files."""
+    cirrus = np.where(abs(HEIGHT - 1e4) < 1.1e3, 1.0, 0.0)
+    notes = scene(cloud_area_fraction=cirrus, ice_content=factor * 1e-5 * cirrus, liquid_content=lambda q: 0 * q).notes
+    told = [note for note in notes if "where the cloud fraction says cloud" in note]
+    assert [words in note for note in told] == ([True] if words else [])
+
+
 @pytest.mark.parametrize(("zero", "step", "told"), [(0, 1, True), (273.15, 1, True), (0, 0.5, False), (0, 0.1, False)])
 def test_temperatures_without_decimals_are_told(zero, step, told):
     """Of kelvins or of degrees Celsius; files with a decimal, or with every second one, pass."""

@@ -186,6 +186,7 @@ def test_arrays_on_a_sphere_have_air_and_ground_as_in_a_file():
     assert "surface_albedo" not in bare.data
     assert "US standard atmosphere" in " ".join(bare.notes)
     assert "surface albedo, terrain height, land and water: of the ground map" in " ".join(bare.notes)
+    assert "default aerosol (optical depth 0.05 at 550 nm above" in " ".join(bare.notes)
     told = Scene.from_arrays(None, **degrees, crs="EPSG:4326", atmosphere=None, surface_albedo=0.0)
     assert told.atmosphere is None
     assert not told.data["surface_albedo"].any()

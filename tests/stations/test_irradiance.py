@@ -7,10 +7,11 @@ import pytest
 
 import openswim
 from openswim.errors import UserError
-from openswim.lights import sun_position
+from openswim.lights import sun_position, sun_track
 from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.stations import Series
+from openswim.stations.light import beam_through_time
 
 RGB = (615, 546, 450)
 LAT, LON = 46.8, 6.9
@@ -58,6 +59,18 @@ def test_the_sun_sinks_as_evenly_as_the_ephemeris_has_it_and_stands_where_pictur
     for time in dusk[5:20:14]:
         image = openswim.render(CLEAR, openswim.Camera.allsky(LAT, LON, size=2), "swim", time=time)
         assert image.attrs["sun_altitude_deg"] == pytest.approx(found[dusk == time][0], abs=0.005)
+
+
+def test_the_disc_sets_in_three_minutes():
+    """What is left of it is a segment of a circle, but for its darker limb; from 2 m the horizon lies .045 deg low."""
+    times = np.arange("2016-06-23T19:26", "2016-06-23T19:36", 20, dtype="datetime64[s]")
+    track, lit = sun_track(times, LAT, LON), openswim.light(CLEAR, "swim", RGB, sun=(0.0, 1.0))
+    viewpoint = lit.viewpoint(openswim.Camera.allsky(LAT, LON, size=2))
+    beam, visible, _, _ = beam_through_time(viewpoint, track, np.arange(30))
+    x = np.clip((track.lit_altitude_deg + 0.045) / 0.262, -1, 1)
+    np.testing.assert_allclose(visible, (np.arccos(-x) + x * np.sqrt(1 - x**2)) / np.pi, atol=0.04)
+    assert ((visible > 0.05) & (visible < 0.95)).sum() >= 7  # of 20 seconds
+    assert np.abs(np.diff(beam[:, 0])).max() < 0.25 * beam[0, 0]
 
 
 @pytest.mark.parametrize("gridded", [False, True])

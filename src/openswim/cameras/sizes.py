@@ -34,7 +34,7 @@ def rows_of(columns: int, altitude_range_deg: tuple[float, float]) -> int:
 def whole_disc_fov_deg(height_m: float, earth_radius_m: float, shape: tuple[int, int]) -> float:
     """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
     height_m, earth_radius_m = number("satellite height", height_m), number("earth_radius_m", earth_radius_m)
-    require(0 < height_m <= MAX_HEIGHT_M, f"satellite height {height_m:g} m is not within 0 to {MAX_HEIGHT_M:g} m")
+    require(0 < height_m <= MAX_HEIGHT_M, f"satellite height {height_m:g} m is not above 0 up to {MAX_HEIGHT_M:g} m")
     tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
     widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
     return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

@@ -40,7 +40,8 @@ _FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples
 _SOLVE_S_PER_NODE = 2.1e-6  # `fast`, per node of the grid and pack of wavelengths, full or not, all sweeps
 _COLUMN_NODE_S = 0.63e-6  # the same where every column is solved by itself
 _SWIM_NODE_S = 0.3e-6
-_QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that: 2.5, or 1.6 where "high" has halved the cells
+_QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that, where there is cloud: 2.5, or 1.6 where
+# "high" has halved the cells; in clear air as many sweeps do
 REFERENCE_PATHS = 256
 _LOOK_S = 53e-6  # of `reference`, per ray and pass: air and cloud along it
 _PATH_S, _SCATTERING_S = 1e-6, 0.5e-6  # per path in clear air, and for each of its scatterings in cloud
@@ -117,11 +118,12 @@ def _of_terms(
     nodes, wide = math.prod(drawn), solver == "fast" and plan is not None and plan.stands_alone
     in_space = camera.height_m > _SPACE_M
     of_nodes, of_columns = _cloudy_shares(scene)
-    cloudy = (_CLOUDY_STEPS + sum(drawn) / 3) * min(1.0, of_columns / _BROKEN)
+    broken = min(1.0, of_columns / _BROKEN)
+    cloudy = (_CLOUDY_STEPS + sum(drawn) / 3) * broken
     steps = (_CLEAR_STEPS + cloudy) / (_FROM_SPACE if in_space else 1.0)
     per_s = _VIEW_SAMPLES_PER_S if _on_earth(scene) else _FLAT_SAMPLES_PER_S
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
-    fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * _QUALITY[quality]
+    fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (1 + (_QUALITY[quality] - 1) * broken)
     solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes
     seconds = start_s + lights * packs * (solve_s + pixels * steps / per_s)
     swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * of_nodes

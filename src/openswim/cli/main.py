@@ -64,8 +64,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message(), err=True)
         return USERS_MISTAKE
     except click.ClickException as error:
-        asked = getattr(error, "ctx", None)
-        command = "openswim" if asked is None else asked.command_path
+        command = _asked(error, sys.argv[1:] if arguments is None else arguments)
         return _fail(str(UserError(f"{error.format_message()} (see {command} --help)")), USERS_MISTAKE, state)
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
@@ -76,6 +75,19 @@ def run(arguments: Sequence[str] | None = None) -> int:
         hint = "" if state.get("debug") else " (a fault of openswim; --debug shows where)"
         return _fail(f"{type(error).__name__}: {error}{hint}", OUR_FAULT, state)
     return DONE
+
+
+def _asked(error: click.ClickException, arguments: Sequence[str]) -> str:
+    """The command that was asked for; click's parser, which misses an option's value, does not say."""
+    if (context := getattr(error, "ctx", None)) is not None:
+        return str(context.command_path)
+    command: click.Command = cli
+    path = "openswim"
+    for word in arguments:
+        if not isinstance(command, click.Group) or word not in command.commands:
+            break
+        command, path = command.commands[word], f"{path} {word}"
+    return path
 
 
 def _fail(message: str, code: int, state: dict[str, bool]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ F64 = NDArray[np.float64]
 RAYS = 256  # to places on the disc, by which the beam on an observer is summed: above a horizon right to .3 %
 _MOST_RAYS = 16_384  # in a picture: one for each pixel of the disc, up to here
 _FEWEST, _MOST, _PER_PIXEL = 4096, 1 << 18, 64  # places on the disc that fall on pixels
+_MIDDLE_AND_LIMB = np.array([[0.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
+_EVEN_DEG = 3.0  # from this height on the disc's middle stands for all of it
 _LIFTS_DEG = np.append(0.0, np.geomspace(0.02, 90.0, 31))  # above a hidden sun, to where sky is seen
 
 # Transmittance (n, nw) of all there is along directions (n, 3) in the horizon frame, as rays so wide (rad) see it, and
@@ -117,6 +119,20 @@ def beam_of(disc: Disc, through: Through) -> Beam:
     sine = float(weight @ np.maximum(direction[:, 2], 0.0) / weight.sum())
     arrives, altitude = direct * disc.left, float(np.degrees(np.arcsin(sine)))
     return Beam(arrives, float((visible * disc.left).mean()), direct / visible, altitude)
+
+
+def beams_of(discs: Sequence[Disc], through: Through) -> list[Beam]:
+    """As `beam_of` of each; of a disc well up and in sight whole by its middle alone, which is one ray and not many."""
+    direction = np.concatenate([each.directions(_MIDDLE_AND_LIMB) for each in discs])
+    transmittance, hit = through(direction, 0.0)
+    whole: NDArray[np.bool_] = ~np.any(hit.reshape(len(discs), -1), axis=1)
+    middle = np.asarray(transmittance, float)[:: len(_MIDDLE_AND_LIMB)]
+    return [
+        Beam(light, 1.0, light, disc.altitude_deg)
+        if seen and disc.bite is None and disc.altitude_deg > _EVEN_DEG
+        else beam_of(disc, through)
+        for disc, seen, light in zip(discs, whole, middle, strict=True)
+    ]
 
 
 def _hidden(disc: Disc, through: Through) -> Beam:

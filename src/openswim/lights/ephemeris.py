@@ -12,6 +12,7 @@ from openswim.errors import UserError
 from openswim.scene.times import Time, parse_time
 
 FIRST_TIME, LAST_TIME = np.datetime64("1900-01-01"), np.datetime64("2053-10-09")
+HEIGHTS_M = -2e4, 2e9  # of places; further away the time that light takes leaves the tables
 FIRST_LEAP_SECONDS = np.datetime64("1972-01-01")  # before, civil time followed the Earth's rotation
 
 
@@ -72,6 +73,9 @@ def observer(lat: float, lon: float, height_m: float = 0.0) -> Any:
         raise UserError(f"latitude {lat} lies outside -90..90; give degrees north")
     if not -360 <= lon <= 360:
         raise UserError(f"longitude {lon} lies outside -360..360; give degrees east")
+    low, high = HEIGHTS_M
+    if not low <= height_m <= high:
+        raise UserError(f"height {height_m:g} m lies outside {low:g}..{high:g}; give metres above sea level")
     return bodies()["earth"] + wgs84.latlon(lat, lon, elevation_m=height_m)
 
 

@@ -28,7 +28,7 @@ from openswim.heavens.eyes import Eyes, LitBy
 from openswim.heavens.far_towns import domes_beyond
 from openswim.heavens.lamps import Lamps, toa_irradiance
 from openswim.heavens.seen import DUSK_DEG, Heavens
-from openswim.heavens.sun_disc import Disc, beam_of, drawn
+from openswim.heavens.sun_disc import Beam, Disc, beam_of, beams_of, drawn
 from openswim.kept_light import KeptLamp, save_light
 from openswim.lights import disc_coverage
 from openswim.lights.daylight import Daylight
@@ -181,6 +181,13 @@ class Viewpoint:
         them, 0 where they end on the ground; both (n, nw)."""
         view = self._eye.summed(self._toward(azimuth_deg, altitude_deg))
         return np.asarray(view.radiance, float), np.asarray(view.transmittance * ~view.hit[:, None], float)
+
+    def beams(self, azimuth_deg: F64, altitude_deg: F64, radius_deg: F64) -> list[Beam]:
+        """The beams of suns (n,) that stand elsewhere in the same sky."""
+        wl = self.lit.field.wavelengths_nm
+        at = zip(azimuth_deg, altitude_deg, radius_deg, strict=True)
+        discs = [Disc(float(azimuth), float(altitude), float(radius), wl) for azimuth, altitude, radius in at]
+        return beams_of(discs, self._through)
 
     def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
         azimuth, altitude = np.broadcast_arrays(np.atleast_1d(azimuth_deg), np.atleast_1d(altitude_deg))

@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 DEFAULT_DEPTH = 0.05
 GROUND_WITHIN_M = 50e3
 ABOVE_PLACE = "above the mean ground of the domain's middle"  # as users are told; see `central_ground_m`
+DEFAULT_AEROSOL = f"the default aerosol (optical depth {DEFAULT_DEPTH:g} at 550 nm {ABOVE_PLACE})"  # the same
 EXPONENTIAL_TOP_M = 30_000.0
 _RANGES = {
     "optical_depth": (0.0, 1e6),

@@ -17,7 +17,7 @@ from openswim.errors import UserError
 from openswim.scene.grid import Grid
 from openswim.scene.oddities.damage import damaged_fields
 from openswim.scene.oddities.neighbours import uneven_air
-from openswim.scene.oddities.values import odd_phases, odd_values
+from openswim.scene.oddities.values import odd_clouds, odd_phases, odd_values
 from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
 from openswim.scene.variables import HYDROMETEORS
 
@@ -55,7 +55,10 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
         if "air_temperature" in data:
             check_temperature(data["air_temperature"].values, grid.height_m)
             contents = {s: sampled(data[f"{s}_content"].values) for s in HYDROMETEORS if f"{s}_content" in data}
-            notes += odd_phases(sampled(data["air_temperature"].values), contents)
+            temperature = sampled(data["air_temperature"].values)
+            notes += odd_phases(temperature, contents)
+            if "cloud_area_fraction" in data and data["cloud_area_fraction"].ndim == 3:
+                notes += odd_clouds(temperature, sampled(data["cloud_area_fraction"].values), contents)
         if "air_pressure" in data:
             pressure = data["air_pressure"].values
             check_pressure(pressure, grid.height_m, heights)

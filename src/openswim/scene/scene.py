@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import check_kind, number, numbers
 from openswim.errors import UserError
+from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
@@ -278,7 +279,7 @@ def _taken(grid: Grid, data: xr.Dataset, atmosphere: Any, surface_albedo: Any) -
     }
     absent = [what for what, given in ground.items() if not given]
     notes = [f"not given: {', '.join(absent)}: of the ground map"] if absent else []
-    air = "gas and aerosol background: US standard atmosphere with the default aerosol"
+    air = f"gas and aerosol background: US standard atmosphere with {DEFAULT_AEROSOL}"
     return [*notes, air] if isinstance(atmosphere, str) else notes
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.lighting import light
 from openswim.lights import SunTrack
+from openswim.lights.sun import SUN_RADIUS_KM
 from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.scene import Scene
 from openswim.solver import Solver
@@ -18,6 +19,7 @@ from openswim.stations.planes import Planes, relative_diffuse
 
 F64 = NDArray[np.float64]
 
+_AU_KM = 149_597_870.7
 DARK_DEG = -8.0  # the sun below it: less than .02 W/m2
 _FINENESS, _CLEAR_FINENESS = 32, 12  # of the quadrature under clouds, and of a clear sky
 
@@ -32,10 +34,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Light:
-    """Over E_TOA: the beam's transmittance (nt, nw), diffuse light (nt, 1 + 2 planes, nw) as of `relative_diffuse`; the
-    gases above the place."""
+    """Over E_TOA: the beam's light (nt, nw), diffuse light (nt, 1 + 2 planes, nw) as of `relative_diffuse`; the gases
+    above the place. `visible` (nt,): share of the sun's disc in sight; `open` (nt, nw): transmittance toward that, or
+    toward the lowest sky above a hidden sun; `altitude_deg` (nt,): of the light that arrives, or of that sky."""
 
     beam: F64
+    visible: F64
+    open: F64
+    altitude_deg: F64
     diffuse: F64
     gases: dict[str, float]
 
@@ -70,7 +76,7 @@ def of_clear_sky(
         diffuse = np.zeros((day.size, 1 + 2 * len(planes), np.size(wavelengths_nm)))
         if curve is not None:
             diffuse[day] = curve.diffuse(track.lit_altitude_deg[day], track.azimuth_deg[day], planes)
-        found.append(Light(_beam(kept["any"], track), diffuse, kept["any"].gases))
+        found.append(Light(*beam_through_time(kept["any"], track, np.flatnonzero(day)), diffuse, kept["any"].gases))
     return found, 1 if curve is None else curve.solves
 
 
@@ -92,9 +98,7 @@ def of_scene(
     nt, nw = times.size, np.size(wavelengths_nm)
     high = np.max([place.track.lit_altitude_deg for place in places], axis=0)
     day = np.flatnonzero(wanted & (high > DARK_DEG))
-    lights = [
-        Light(np.zeros((nt, nw)), np.zeros((nt, 1 + 2 * len(planes), nw)), {}) for _ in places
-    ]
+    found = []
     minutes = (times - times[0]) / np.timedelta64(1, "ms") / 6e4
     nodes = _nodes(minutes[day], step_minutes) if day.size else np.zeros(0)
     at_nodes: list[list[F64]] = [[] for _ in places]
@@ -110,15 +114,13 @@ def of_scene(
             each.append(relative_diffuse(viewpoint, planes, _FINENESS))
     for number, (place, viewpoint) in enumerate(zip(places, viewpoints, strict=True)):
         dark = place.track.lit_altitude_deg <= DARK_DEG
-        diffuse = lights[number].diffuse
+        diffuse = np.zeros((nt, 1 + 2 * len(planes), nw))
         if day.size:
             values = np.stack(at_nodes[number])
             diffuse[day] = _linear(minutes[day], nodes, values)
             diffuse[dark] = 0.0
-        beam = np.zeros((nt, nw))
-        beam[day] = _beam(viewpoint, place.track, day)
-        lights[number] = Light(beam, diffuse, viewpoint.gases)
-    return lights, max(len(nodes), 1)
+        found.append(Light(*beam_through_time(viewpoint, place.track, day), diffuse, viewpoint.gases))
+    return found, max(len(nodes), 1)
 
 
 def _by_day(scene: Scene, solver: Solver, wavelengths_nm: F64) -> LitScene:
@@ -130,15 +132,16 @@ def _lit(track: SunTrack) -> F64:
     return track.lit_altitude_deg[track.lit_altitude_deg > DARK_DEG]
 
 
-def _beam(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.intp] | None = None) -> F64:
-    """Transmittance (n, nw) toward the sun's apparent place, 0 where it is down or behind the ground."""
-    rows = np.arange(track.azimuth_deg.size) if rows is None else rows
-    altitude = track.lit_altitude_deg[rows]
-    up = altitude > 0
-    beam = np.zeros((rows.size, viewpoint.lit.field.wavelengths_nm.size))
-    if up.any():
-        beam[up] = viewpoint.sky(track.azimuth_deg[rows][up], altitude[up])[1]
-    return beam
+def beam_through_time(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.intp]) -> tuple[F64, F64, F64, F64]:
+    """The first fields of `Light`, of the disc at its apparent place at some rows; none of it at others."""
+    nt, nw = track.azimuth_deg.size, viewpoint.lit.field.wavelengths_nm.size
+    beam, visible, clear, altitude = np.zeros((nt, nw)), np.zeros(nt), np.zeros((nt, nw)), track.lit_altitude_deg.copy()
+    if rows.size:
+        radius = np.degrees(np.arcsin(SUN_RADIUS_KM / (_AU_KM * track.distance_au[rows])))
+        found = viewpoint.beams(track.azimuth_deg[rows], track.lit_altitude_deg[rows], radius)
+        for row, each in zip(rows, found, strict=True):
+            beam[row], visible[row], clear[row], altitude[row] = each.direct, each.visible, each.open, each.altitude_deg
+    return beam, visible, clear, altitude
 
 
 def _nodes(minutes: F64, step: float) -> F64:

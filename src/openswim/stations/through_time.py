@@ -135,10 +135,10 @@ class _Sums:
             diffuse = light.diffuse[row]
             gases = light.gases | {"water_vapour_cm": float(column[row])}
             found = broadband(
-                light.beam[row], diffuse[0], wavelengths_nm, float(track.lit_altitude_deg[row]),
-                float(track.distance_au[row]), **gases,
+                light.open[row], diffuse[0], wavelengths_nm, float(light.altitude_deg[row]),
+                float(track.distance_au[row]), visible=float(light.visible[row]), **gases,
             )  # fmt: skip
-            up = max(float(np.sin(np.radians(track.lit_altitude_deg[row]))), 0.0)
+            up = max(float(np.sin(np.radians(light.altitude_deg[row]))), 0.0)
             seen, whole = diffuse @ top, float((light.beam[row] * up + diffuse[0]) @ top)
             half = 1 + (len(seen) - 1) // 2
             on_planes = (  # light of the sky is as blue as the diffuse, that of the ground as the global

@@ -17,9 +17,8 @@ from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
 from openswim.readers.common.units import canonical, conversion
-from openswim.readers.fields.absent import DEFAULT_AEROSOL
 from openswim.scene import Grid, Optics, plausible
-from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.aerosol import DEFAULT_AEROSOL, AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.cf import AEROSOL, FIELDS, PROFILES, VAPOUR_PROFILE
 from openswim.scene.checks import WAVELENGTH_DIM

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 
-MEMBER_DIMS = ("number", "member", "ensemble", "realization", "realization_index")
+MEMBER_DIMS = ("number", "member", "ensemble", "ensemble_member", "realization", "realization_index")
 
 
 def member_index(path: Path, data: xr.Dataset, member: int | None, notes: list[str]) -> dict[Any, int]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.scene.aerosol import ABOVE_PLACE, DEFAULT_DEPTH
 from openswim.scene.variables import HYDROMETEORS
 
 SNOW_COVERS_KG_M2 = 15.0  # from which on snow hides the ground: ECMWF's TESSEL
@@ -21,7 +20,6 @@ INSTEAD = {
     "surface_albedo": "surface albedo from the ground map",
     "wind_east_10m": "default wind over water",
 }
-DEFAULT_AEROSOL = f"the default aerosol (optical depth {DEFAULT_DEPTH:g} at 550 nm {ABOVE_PLACE})"
 FLAT_INSTEAD = {"surface_altitude": "sea level", "surface_albedo": "a grey ground of albedo .15"}
 
 

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.readers.fields.absent import DEFAULT_AEROSOL
 from openswim.scene import Optics
-from openswim.scene.aerosol import AerosolProfile
+from openswim.scene.aerosol import DEFAULT_AEROSOL, AerosolProfile
 from openswim.scene.levels import on_levels
 from openswim.scene.variables import DIRECT_PREFIX
 

@@ -35,13 +35,17 @@ def checked_content(name: str, values: F32, units: str, notes: list[str]) -> F32
     return np.where(gaps, values, checked_values(name, there, spec, notes))
 
 
-def known_sizes(name: str, values: F32, notes: list[str]) -> F32:
-    """Numbers or radii of a file; what is missing or negative is unknown (zero), and a note says so."""
+def known_sizes(name: str, values: F32, notes: list[str]) -> F32 | None:
+    """Numbers or radii of a file; what is missing or negative is unknown (zero), and a note says so. None where they
+    are unknown everywhere."""
     lost = ~(values >= 0)
-    if not lost.any():
+    if lost.any():
+        notes.append(f"{name}: {int(lost.sum())} of {lost.size} values are missing or negative: unknown there")
+        values = np.where(lost, np.float32(0), values)
+    if values.any():
         return values
-    notes.append(f"{name}: {int(lost.sum())} of {lost.size} values are missing or negative: unknown there")
-    return np.where(lost, np.float32(0), values)
+    notes.append(f"{name} is zero or unknown everywhere: sizes from content or number")
+    return None
 
 
 def together(kind: str, categories: Sequence[Category]) -> tuple[F32, F32 | None]:

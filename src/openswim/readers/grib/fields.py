@@ -43,7 +43,7 @@ def condensate(columns: Columns, air: Air) -> dict[str, F32]:
             if not fields or f"{species}_{CONTENT}" not in found:
                 continue
             values = known_sizes(name, _per_volume(columns, air, name, fields), columns.notes)
-            if values.any():
+            if values is not None:
                 found[name] = values
     _cover(columns, air, found)
     if found and not any(values.any() for name, values in found.items() if name.endswith(CONTENT)):

@@ -134,4 +134,12 @@ def _sample(files: FileSet) -> xr.DataArray:
     for field in every:
         if species_of_name(str(field.name)):
             return field
+    known = [q for quantities in (wanted, STATE.values(), RADII.values()) for q in quantities]
+    for field in files:
+        if field.ndim > 3 and any(matches(field, quantity, PER_VOLUME) for quantity in known):
+            dims = ", ".join(f"{dim} ({size})" for dim, size in field.sizes.items())
+            raise UserError(
+                f"{files.path}: {field.name} lies along more than levels, rows and columns: {dims}: call what counts "
+                "the members of an ensemble number, and take one along anything else"
+            )
     raise UserError(f"{files.path}: no field on levels that is known: docs/models.md lists the names")

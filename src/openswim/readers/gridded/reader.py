@@ -191,7 +191,8 @@ def _hydrometeors(columns: Columns, levels: Levels, grid: Grid, terrain: F32 | N
             found = columns.find(quantity, PER_VOLUME)
             if found is None:
                 continue
-            kinds.setdefault(_is_per_volume(found), str(found.name))
+            if "called" not in found.attrs:  # else its reader has made it so
+                kinds.setdefault(_is_per_volume(found), str(found.name))
             content = _content(columns, species, found, levels.density_kg_m3, dry)
             name = f"{species}_content"
             fields[name] = fields[name] + content if name in fields else content
@@ -241,12 +242,7 @@ def _content(columns: Columns, species: str, found: xr.DataArray, density: F32, 
 def _sizes(columns: Columns, what: str, found: xr.DataArray, units: str) -> F32 | None:
     """Numbers or radii; what is missing or negative is unknown (zero). None where they are unknown everywhere."""
     values = columns.read(what, found, units)
-    name = columns.used[what][-1]
-    values = known_sizes(name, values, columns.notes)
-    if not values.any():
-        columns.notes.append(f"{name} is zero or unknown everywhere: sizes from content or number")
-        return None
-    return values
+    return known_sizes(columns.used[what][-1], values, columns.notes)
 
 
 def _by_cover(

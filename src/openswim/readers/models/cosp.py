@@ -39,8 +39,8 @@ class COSPReader(GriddedReader):
         def field(name: str, units: str = "kg kg-1") -> F32:
             return checked_content(name, values(path, data[name].transpose(*dims), units), units, notes)
 
-        def radius(index: int) -> F32 | None:
-            if "Reff" not in data.variables or data["Reff"].ndim != 4:
+        def radius(index: int, content: F32) -> F32 | None:
+            if not np.any(content > 0) or "Reff" not in data.variables or data["Reff"].ndim != 4:
                 return None
             if data["Reff"].shape[0] != _KINDS:
                 kinds = data["Reff"].shape[0]
@@ -51,7 +51,8 @@ class COSPReader(GriddedReader):
         lacking = [name for name in (*wanted, *RAIN, *SNOW, *GRAUPEL, "Reff") if name not in data.variables]
         notes += [f"no {', '.join(lacking)} in the file: none of it"] if lacking else []
         for species, kinds in SPECIES.items():
-            there = [Category(field(name), None, radius(index)) for name, index in kinds if name in data.variables]
+            contents = [(field(name), index) for name, index in kinds if name in data.variables]
+            there = [Category(content, None, radius(index, content)) for content, index in contents]
             content, size = together(species, there) if there else (None, None)
             if content is not None:
                 attrs = {"units": "kg kg-1", "standard_name": f"{species}_mixing_ratio"}

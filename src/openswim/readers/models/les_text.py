@@ -20,8 +20,9 @@ from openswim.readers.common.bounds import PLAUSIBLE_ELEMENTS, check_size
 from openswim.readers.common.clock import undated
 from openswim.readers.common.kept import first_bytes
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.fields.absent import DEFAULT_AEROSOL, no_species
+from openswim.readers.fields.absent import no_species
 from openswim.scene import Grid, Scene
+from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.grid import EARTH_RADIUS_M
 
 _ALBEDO = 0.06  # of the sea below, where these clouds live

@@ -83,8 +83,9 @@ class RAMSReader(GriddedReader):
             check_decimals(f"{path}: {name}", data[name].dtype.kind, "kg kg-1")
             return checked_content(name, field(name), "kg kg-1", notes)
 
-        def number(name: str) -> F32:
-            return known_sizes(name, field(name), notes)
+        def number(name: str, content: F32) -> F32 | None:
+            there = name in data.variables and bool(np.any(content > 0))
+            return known_sizes(name, field(name), notes) if there else None
 
         terrain = np.asarray(data["TOPT"].transpose(y, x).values, np.float32)
         exner, theta = np.asarray(data["PI"].transpose(z, y, x).values, np.float64), data["THETA"].transpose(z, y, x)
@@ -109,7 +110,7 @@ class RAMSReader(GriddedReader):
         for species, categories in SPECIES.items():
             there = [(mass, number) for mass, number in categories if mass in data.variables]
             if there:
-                parts = [Category(mass(m), number(n) if n in data.variables else None) for m, n in there]
+                parts = [Category(content, number(n, content)) for content, n in ((mass(m), n) for m, n in there)]
                 content, radius = together(species, parts)
                 called = ", ".join(mass for mass, _ in there)
                 said = {"units": "kg kg-1", "standard_name": f"{species}_mixing_ratio", "called": called}

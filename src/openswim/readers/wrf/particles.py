@@ -167,9 +167,8 @@ def _first(file: WRFFile, names: tuple[str, ...], units: str, notes: list[str]) 
             continue
         scale = np.float32(1e-6 if name.startswith("EFF") else 1.0)  # EFFCS, EFFIS are in micrometres
         field = known_sizes(name, file.field(name, MASS_LEVELS, "" if name.startswith("EFF") else units), notes)
-        if field.any():
+        if field is not None:
             return np.asarray(field * scale, np.float32)
-        notes.append(f"{name} is zero everywhere: effective radius from content or number")
     return None
 
 

@@ -22,6 +22,10 @@ _NOT_AT = {
     "liquid": (0.0, 235.0, "colder than -38 degC"), "rain": (0.0, 235.0, "colder than -38 degC"),
     "ice": (276.0, 400.0, "warmer than 3 degC"), "snow": (278.0, 400.0, "warmer than 5 degC"),
 }  # fmt: skip
+# Where the cloud fraction has cloud, and all of it is ice or liquid: means that their content may have. Real files (of
+# ERA5, IFS, UM, GFS, WRF) have 5e-6 to 2e-5 of ice, 1e-4 to 3e-4 of liquid
+_IN_CLOUD = {"ice": (150.0, 235.0, 2e-7, 7e-4), "liquid": (274.0, 330.0, 2e-6, 3e-3)}  # K, kg m-3
+_CLOUDED, _SOME_CLOUD = 0.5, 20  # cloud fraction; nodes that tell a mean
 _MISPLACED = 0.03  # of a content; real files (ERA5, GFS, IFS, UM, WRF) have up to 0.003
 _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
 _CLOCKS_START, _CLOCKS_FILLED = np.datetime64("1970-01-01", "ms"), np.timedelta64(3, "h")  # -9999 s is a fill value
@@ -70,6 +74,23 @@ def odd_phases(temperature_k: F32, contents: dict[str, F32]) -> list[str]:
         share = float(content[there].sum(dtype=np.float64)) / total
         if share > _MISPLACED:
             notes.append(f"{100 * share:.0f} % of {species}_content is in air {where}: is it what it is called?")
+    return notes
+
+
+def odd_clouds(temperature_k: F32, cover: F32, contents: dict[str, F32]) -> list[str]:
+    """Notes on contents (z, y, x) [kg m-3] that do not go with the cloud fraction where it has cloud of that kind."""
+    notes = []
+    for species, (low_k, high_k, least, most) in _IN_CLOUD.items():
+        there = (temperature_k > low_k) & (temperature_k < high_k) & (cover > _CLOUDED)
+        if species not in contents or there.sum() < _SOME_CLOUD:
+            continue
+        mean = float(contents[species][there].mean(dtype=np.float64))
+        if not least < mean < most:
+            much = "next to nothing" if mean < most else "more than any cloud has"
+            notes.append(
+                f"{species}_content is {mean:.2g} kg m-3 in the mean where the cloud fraction says cloud, {much}: is "
+                "it in the unit that the file says?"
+            )
     return notes
 
 
