@@ -11,7 +11,7 @@ kept at its lowest node; nodes at the upper ends of rows have none.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,6 +27,15 @@ F64 = NDArray[np.float64]
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 _ASIDE = 0.005  # as in `fast`: share of v^2 below which v_i^2 would tell of rounding more than of light
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
+
+
+class Geometry(NamedTuple):
+    """What kernels are told of a `World`."""
+
+    shape: np.ndarray  # (3,) levels, rows, columns
+    sun: np.ndarray  # (ny, nx, 3) toward it, in the columns' axes
+    levels_m: np.ndarray
+    cell_m: np.ndarray
 
 
 @njit(**_FLAGS, forceinline=True)
@@ -47,10 +56,11 @@ def _around(k, part, y, x, ds, shape, first, node, length):
 
 
 @njit(**_FLAGS)
-def _way(k, j, i, sun, levels, cell, shape, place):
+def _way(k, j, i, grid, place):
     """Places of the ray from a node to the sun: (layer, part of it, row, column, length that it stands for); their
     number."""
-    rate_x, rate_y = sun[0] / (sun[2] * cell[0]), sun[1] / (sun[2] * cell[1])  # cells per height
+    sun, shape, levels = grid.sun[j, i], grid.shape, grid.levels_m
+    rate_x, rate_y = sun[0] / (sun[2] * grid.cell_m[0]), sun[1] / (sun[2] * grid.cell_m[1])  # cells per height
     most = levels[shape[0] - 1] - levels[k]  # height at which the ray leaves
     for room, rate in ((shape[2] - 1 - i if rate_x > 0 else i, abs(rate_x)),
                        (shape[1] - 1 - j if rate_y > 0 else j, abs(rate_y))):  # fmt: skip
@@ -79,12 +89,12 @@ def _way(k, j, i, sun, levels, cell, shape, place):
 
 
 @njit(**_FLAGS)
-def _lengths(k, j, i, sun, levels, cell, shape, place, node, length):
+def _lengths(k, j, i, grid, place, node, length):
     """Nodes, each once or several times, and the length of the way to the sun that each stands for; their number."""
-    count, found = _way(k, j, i, sun, levels, cell, shape, place), 0
+    count, found = _way(k, j, i, grid, place), 0
     for m in range(count):
         found = _around(
-            int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], place[m, 4], shape, found, node, length
+            int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], place[m, 4], grid.shape, found, node, length
         )
     return found
 
@@ -97,22 +107,24 @@ def _scratch(shape):
 
 
 @njit(**_FLAGS)
-def sun_depth(t, threads, shape, sun, levels, cell, both, out):
-    """Depths (nodes, 2) to the sun of two fields per length, both (nodes, 2); sun (ny, nx, 3) in the columns' axes."""
+def sun_depth(t, threads, grid, both, out):
+    """Depths (nodes, 2) to the sun of two fields per length, both (nodes, 2)."""
+    shape = grid.shape
     place, node, length = _scratch(shape)
     for row in range(t, shape[0] * shape[1], threads):
         k, j = row // shape[1], row % shape[1]
         for i in range(shape[2]):
             one, two = 0.0, 0.0
-            for n in range(_lengths(k, j, i, sun[j, i], levels, cell, shape, place, node, length)):
+            for n in range(_lengths(k, j, i, grid, place, node, length)):
                 one += length[n] * both[node[n], 0]
                 two += length[n] * both[node[n], 1]
             out[row * shape[2] + i, 0], out[row * shape[2] + i, 1] = one, two
 
 
 @njit(**_FLAGS)
-def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
+def sun_depth_transposed(t, threads, grid, bar, both_bar):
     """Transpose of `sun_depth`: bar (nodes, 2) added to both_bar (TEAMS, nodes, 2)."""
+    shape = grid.shape
     place, node, length = _scratch(shape)
     for team in range(t, both_bar.shape[0], threads):
         own = both_bar[team]
@@ -122,16 +134,16 @@ def sun_depth_transposed(t, threads, shape, sun, levels, cell, bar, both_bar):
                 one, two = bar[row * shape[2] + i, 0], bar[row * shape[2] + i, 1]
                 if one == 0.0 and two == 0.0:
                     continue
-                for n in range(_lengths(k, j, i, sun[j, i], levels, cell, shape, place, node, length)):
+                for n in range(_lengths(k, j, i, grid, place, node, length)):
                     own[node[n], 0] += length[n] * one
                     own[node[n], 1] += length[n] * two
 
 
 @njit(**PART)
-def _speed(k, j, i, sun, levels, cell, v):
+def _speed(k, j, i, grid, v):
     """The way to the sun, in cells per metre, into v (3,); its square."""
-    v[0], v[1] = sun[j, i, 0] / cell[0], sun[j, i, 1] / cell[1]
-    v[2] = sun[j, i, 2] / (levels[k + 1] - levels[k])
+    v[0], v[1] = grid.sun[j, i, 0] / grid.cell_m[0], grid.sun[j, i, 1] / grid.cell_m[1]
+    v[2] = grid.sun[j, i, 2] / (grid.levels_m[k + 1] - grid.levels_m[k])
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
@@ -164,22 +176,24 @@ def _asked(axis, t, e, v, square):
 
 
 @njit(**_FLAGS)
-def _bends(t, threads, shape, sun, levels, cell, depth, ext, out):
+def _bends(t, threads, grid, depth, ext, out):
     """out (nodes, 3) from depths and extinctions (nodes,)."""
+    shape = grid.shape
     taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
     for row in range(t, (shape[0] - 1) * (shape[1] - 1), threads):
         k, j = row // (shape[1] - 1), row % (shape[1] - 1)
         for i in range(shape[2] - 1):
             node = (k * shape[1] + j) * shape[2] + i
             if _pick(node, shape, depth, ext, taus, betas):
-                square = _speed(k, j, i, sun, levels, cell, v)
+                square = _speed(k, j, i, grid, v)
                 for axis in range(3):
                     linear, mean, rises = _asked(axis, taus, betas, v, square)
                     out[node, axis] = bend(linear, mean, rises)
 
 
 @njit(**_FLAGS)
-def _bends_tangent(t, threads, shape, sun, levels, cell, depth, ext, d_depth, d_ext, out):
+def _bends_tangent(t, threads, grid, depth, ext, d_depth, d_ext, out):
+    shape = grid.shape
     taus, betas, d_taus, d_betas, v = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(3)
     for row in range(t, (shape[0] - 1) * (shape[1] - 1), threads):
         k, j = row // (shape[1] - 1), row % (shape[1] - 1)
@@ -187,7 +201,7 @@ def _bends_tangent(t, threads, shape, sun, levels, cell, depth, ext, d_depth, d_
             node = (k * shape[1] + j) * shape[2] + i
             if _pick(node, shape, d_depth, d_ext, d_taus, d_betas):
                 _pick(node, shape, depth, ext, taus, betas)
-                square = _speed(k, j, i, sun, levels, cell, v)
+                square = _speed(k, j, i, grid, v)
                 for axis in range(3):
                     linear, mean, rises = _asked(axis, taus, betas, v, square)
                     d_linear, d_mean, _ = _asked(axis, d_taus, d_betas, v, square)
@@ -200,8 +214,9 @@ def _bends_tangent(t, threads, shape, sun, levels, cell, depth, ext, d_depth, d_
 
 
 @njit(**_FLAGS)
-def _bends_transposed(t, threads, shape, sun, levels, cell, depth, ext, bar, odd, depth_bar, ext_bar):
+def _bends_transposed(t, threads, grid, depth, ext, bar, odd, depth_bar, ext_bar):
     """Added to bars (nodes,), by every other layer of cells: those between two of them share nodes with both."""
+    shape = grid.shape
     taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
     for k in range(2 * t + odd, shape[0] - 1, 2 * threads):
         for j in range(shape[1] - 1):
@@ -210,7 +225,7 @@ def _bends_transposed(t, threads, shape, sun, levels, cell, depth, ext, bar, odd
                 if bar[node, 0] == 0.0 and bar[node, 1] == 0.0 and bar[node, 2] == 0.0:
                     continue
                 _pick(node, shape, depth, ext, taus, betas)
-                square = _speed(k, j, i, sun, levels, cell, v)
+                square = _speed(k, j, i, grid, v)
                 for axis in range(3):
                     linear, mean, rises = _asked(axis, taus, betas, v, square)
                     by_linear, by_mean, by_rises = bend_slopes(linear, mean, rises)
@@ -235,14 +250,14 @@ def _bends_transposed(t, threads, shape, sun, levels, cell, depth, ext, bar, odd
 def depths(world: World, both: F64) -> F64:
     """`sun_depth` of a world."""
     out = np.empty_like(both)
-    in_threads(sun_depth, *geometry(world), both, out)
+    in_threads(sun_depth, geometry(world), both, out)
     return out
 
 
 def depths_transposed(world: World, bar: F64) -> F64:
     """Its transpose: bars (nodes, 2) of both fields."""
     by_team = np.zeros((TEAMS, *bar.shape))
-    in_threads(sun_depth_transposed, *geometry(world), bar, by_team, parts=TEAMS)
+    in_threads(sun_depth_transposed, geometry(world), bar, by_team, parts=TEAMS)
     return summed(by_team)
 
 
@@ -254,23 +269,22 @@ def summed(by_team: F64) -> F64:
     return out
 
 
-def geometry(world: World) -> tuple[Any, ...]:
-    """What kernels are told of a world: its shape, the sun in the columns' axes, levels and cells."""
-    return np.array(world.shape, np.int64), world.local_sun, world.levels_m, np.array(world.cell_m, float)
+def geometry(world: World) -> Geometry:
+    return Geometry(np.array(world.shape, np.int64), world.local_sun, world.levels_m, np.array(world.cell_m, float))
 
 
 def bends(world: World, depth: F64, ext: F64) -> F64:
     """By how much the depth bends along x, y, z of each cell (nodes, 3), of depths to the sun and the extinctions
     (nodes,), 1/m, that they come from."""
     out = np.zeros((world.nodes, 3))
-    in_threads(_bends, *geometry(world), depth, ext, out)
+    in_threads(_bends, geometry(world), depth, ext, out)
     return out
 
 
 def bends_tangent(world: World, depth: F64, ext: F64, d_depth: F64, d_ext: F64) -> F64:
     """Change of `bends`."""
     out = np.zeros((world.nodes, 3))
-    in_threads(_bends_tangent, *geometry(world), depth, ext, d_depth, d_ext, out)
+    in_threads(_bends_tangent, geometry(world), depth, ext, d_depth, d_ext, out)
     return out
 
 
@@ -278,5 +292,5 @@ def bends_transposed(world: World, depth: F64, ext: F64, bar: F64) -> tuple[F64,
     """Bars (nodes,) of depth and extinction."""
     depth_bar, ext_bar = np.zeros(world.nodes), np.zeros(world.nodes)
     for odd in (0, 1):
-        in_threads(_bends_transposed, *geometry(world), depth, ext, bar, odd, depth_bar, ext_bar)
+        in_threads(_bends_transposed, geometry(world), depth, ext, bar, odd, depth_bar, ext_bar)
     return depth_bar, ext_bar
