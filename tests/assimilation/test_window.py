@@ -104,18 +104,18 @@ def test_a_window_is_linearised() -> None:
 def test_drifting_cumulus_is_found(drifting: tuple[Operator, xr.Dataset, np.ndarray]) -> None:
     """Nearer than the guess, than the same pictures taken as if of one time, and than the first time's alone."""
     op, observed, truth = drifting
-    believed: dict[str, Any] = {"background": Background(80.0), "iterations": 20}
+    believed: dict[str, Any] = {"background": Background(80.0), "iterations": 40}
     found = analyse(op, observed, **believed)
     at_once = analyse(observe(op.scene, CAMERAS * 3, **KNOWN), observed, **believed)
     start = observe(op.scene, CAMERAS, **KNOWN)
     alone = analyse(start, observed.isel(observation=slice(0, start.size)), **believed)
     nodes, columns = error(found.state, truth)
-    assert nodes < 1.3 * 0.297
-    assert columns < 1.3 * 0.210
-    for other, least in ((found.first, (2.5, 3.5)), (at_once.state, (2.4, 3.3)), (alone.state, (1.02, 1.05))):
-        assert error(other, truth)[0] > least[0] * nodes  # 3.2, 3.2 and 1.06 times
-        assert error(other, truth)[1] > least[1] * columns  # 4.6, 4.3 and 1.12
-    assert max(found.rms(found.after)) < 0.34 * min(at_once.rms(at_once.after))  # 2.6 of 10.2 errors
+    assert nodes < 1.3 * 0.226
+    assert columns < 1.3 * 0.123
+    for other, least in ((found.first, (3.3, 6.0)), (at_once.state, (3.3, 5.7)), (alone.state, (1.2, 1.2))):
+        assert error(other, truth)[0] > least[0] * nodes  # 4.3, 4.2 and 1.31 times
+        assert error(other, truth)[1] > least[1] * columns  # 7.8, 7.3 and 1.28
+    assert max(found.rms(found.after)) < 0.15 * min(at_once.rms(at_once.after))  # 1.1 of 9.7 errors
 
 
 @pytest.mark.slow

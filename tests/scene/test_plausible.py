@@ -38,6 +38,13 @@ def test_the_poles_winter_and_a_plateau_called_sea_level_pass():
     scene(air_pressure=lambda p: 0.65 * p)
 
 
+def test_a_radius_at_its_bound_passes_in_single_precision():
+    """10 um is 9.9999997 there."""
+    assert float(np.float32(10e-6)) < 10e-6
+    ice = np.where((HEIGHT > 5e3) & (HEIGHT < 7e3), 1e-4, 0.0)
+    scene(graupel_content=ice, graupel_effective_radius=np.where(ice > 0, 10e-6, 0.0))
+
+
 @pytest.mark.parametrize(
     ("changed", "words"),
     [

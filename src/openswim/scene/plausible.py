@@ -41,6 +41,7 @@ _RADII_M = {  # medians of species' effective radii
     "graupel": (10e-6, 5e-2),
 }  # fmt: skip
 _BARE, _BARE_SHARE = 1e-3, 0.3  # cloud fractions that are none, and how much of the water may be there
+_ROUNDED = 1e-6  # radii are kept in single precision
 _SIZED_KG_M3 = 1e-7  # contents from which on a size matters
 
 
@@ -175,7 +176,7 @@ def _sizes(data: xr.Dataset, species: str, content: NDArray[np.float32]) -> list
     radius = sampled(data[name].values)[there]
     known, (low, high) = radius[radius > 0], _RADII_M[species]
     middle = float(np.median(known)) if known.size else low
-    if not low <= middle <= high:
+    if not low * (1 - _ROUNDED) <= middle <= high * (1 + _ROUNDED):
         smell = times_text(middle / np.sqrt(low * high))
         raise UserError(
             f"scene: {name} is {middle:.3g} m in the median of its cloud; it must be {low:g} to {high:g} m, some "
