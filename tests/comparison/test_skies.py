@@ -181,8 +181,9 @@ def test_the_chosen_edit_is_the_one_that_is_returned(monkeypatch):
         ([[np.nan, np.nan]] * 3, 0),
     ):
         rows = iter(r)
-        scores = lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0, "")  # noqa: E731
-        monkeypatch.setattr(cloud_correction, "_scores", scores)
+        monkeypatch.setattr(
+            cloud_correction, "_scores", lambda *_, rows=rows: (np.array(next(rows)), np.zeros(2), 0.0, "")
+        )
         eyes = [SimpleNamespace(frame=SimpleNamespace(camera=None, time=TIME, name=name)) for name in "ab"]
         best, history = cloud_correction._passes(scenes[0], None, eyes, 2, "fast", None)
         assert best is scenes[expected]

@@ -11,6 +11,7 @@ from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene.times import Time
 
 SUN_RADIUS_KM = 695_700.0  # IAU 2015 nominal
+AU_KM = 149_597_870.7  # IAU 2012
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def sun_position(
         azimuth_deg=float(azimuth.degrees),
         refracted_altitude_deg=float(refracted.degrees),
         distance_au=float(distance.au),
-        angular_radius_deg=float(np.degrees(np.arcsin(SUN_RADIUS_KM / distance.km))),
+        angular_radius_deg=float(_angular_radius_deg(distance.km)),
     )
 
 
@@ -68,9 +69,17 @@ class SunTrack:
     distance_au: NDArray[np.float64]
 
     @cached_property
+    def angular_radius_deg(self) -> NDArray[np.float64]:
+        return _angular_radius_deg(self.distance_au * AU_KM)
+
+    @cached_property
     def lit_altitude_deg(self) -> NDArray[np.float64]:
         """As `Sun` has it."""
         return _lit_from(self.refracted_altitude_deg, self.altitude_deg)
+
+
+def _angular_radius_deg(distance_km: ArrayLike) -> NDArray[np.float64]:
+    return np.degrees(np.arcsin(SUN_RADIUS_KM / np.asarray(distance_km, float)))
 
 
 def _lit_from(seen_deg: ArrayLike, true_deg: ArrayLike) -> NDArray[np.float64]:

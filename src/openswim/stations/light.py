@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.lighting import light
 from openswim.lights import SunTrack
-from openswim.lights.sun import SUN_RADIUS_KM
 from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.scene import Scene
 from openswim.solver import Solver
@@ -19,7 +18,6 @@ from openswim.stations.planes import Planes, relative_diffuse
 
 F64 = NDArray[np.float64]
 
-_AU_KM = 149_597_870.7
 DARK_DEG = -8.0  # the sun below it: less than .02 W/m2
 _FINENESS, _CLEAR_FINENESS = 32, 12  # of the quadrature under clouds, and of a clear sky
 
@@ -137,8 +135,9 @@ def beam_through_time(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.in
     nt, nw = track.azimuth_deg.size, viewpoint.lit.field.wavelengths_nm.size
     beam, visible, clear, altitude = np.zeros((nt, nw)), np.zeros(nt), np.zeros((nt, nw)), track.lit_altitude_deg.copy()
     if rows.size:
-        radius = np.degrees(np.arcsin(SUN_RADIUS_KM / (_AU_KM * track.distance_au[rows])))
-        found = viewpoint.beams(track.azimuth_deg[rows], track.lit_altitude_deg[rows], radius)
+        found = viewpoint.beams(
+            *(a[rows] for a in (track.azimuth_deg, track.lit_altitude_deg, track.angular_radius_deg))
+        )
         for row, each in zip(rows, found, strict=True):
             beam[row], visible[row], clear[row], altitude[row] = each.direct, each.visible, each.open, each.altitude_deg
     return beam, visible, clear, altitude

@@ -28,7 +28,7 @@ from openswim.transport.engine.types import FLOAT
 F32 = NDArray[np.float32]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp"}
-_ASIDE = 0.005  # share of v^2 below which v_i^2 would tell of rounding more than of light
+ASIDE = 0.005  # share of v^2 below which v_i^2 would tell of rounding more than of light
 _MOST = 2.0  # times the change of the depth along an axis
 _LEAST = -2.0  # by then light has all of a cell, and does not grow
 
@@ -59,7 +59,7 @@ def _cell(t, e, v, rooted, bend, at):
                 if other != axis:
                     # mean of the two mixed differences: over the fourth of n it counts four times
                     own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
-        c = own * v[axis] / (2.0 * (v[axis] * v[axis] + _ASIDE * square))
+        c = own * v[axis] / (2.0 * (v[axis] * v[axis] + ASIDE * square))
         c = min(max(c, -_MOST * most), _MOST * most)
         put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST) if rooted else c))
 

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.beam.within_cells import ASIDE
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.cell import bend, bend_slopes
 from openswim.transport.linear.march import PART, corner
@@ -25,7 +26,6 @@ from openswim.transport.linear.world import World
 F64 = NDArray[np.float64]
 
 _FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
-_ASIDE = 0.005  # as in `fast`: share of v^2 below which v_i^2 would tell of rounding more than of light
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
 
 
@@ -172,7 +172,7 @@ def _asked(axis, t, e, v, square):
         for other in range(3):
             if other != axis:  # the mean of both mixed differences
                 own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
-    return own * v[axis] / (2.0 * (v[axis] * v[axis] + _ASIDE * square)), mean, rises
+    return own * v[axis] / (2.0 * (v[axis] * v[axis] + ASIDE * square)), mean, rises
 
 
 @njit(**_FLAGS)
@@ -230,7 +230,7 @@ def _bends_transposed(t, threads, grid, depth, ext, bar, odd, depth_bar, ext_bar
                     linear, mean, rises = _asked(axis, taus, betas, v, square)
                     by_linear, by_mean, by_rises = bend_slopes(linear, mean, rises)
                     own_bar = bar[node, axis] * by_linear * v[axis]
-                    own_bar /= 2.0 * (v[axis] * v[axis] + _ASIDE * square)
+                    own_bar /= 2.0 * (v[axis] * v[axis] + ASIDE * square)
                     one = 1 << axis
                     for n in range(8):
                         if n & one:
@@ -270,6 +270,7 @@ def summed(by_team: F64) -> F64:
 
 
 def geometry(world: World) -> Geometry:
+    """Of a world, its numbers as kernels take them."""
     return Geometry(np.array(world.shape, np.int64), world.local_sun, world.levels_m, np.array(world.cell_m, float))
 
 
