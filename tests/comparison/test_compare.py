@@ -143,6 +143,10 @@ def test_by_night_no_white_balance_is_proposed_and_it_is_said(sky, tmp_path):
     found = openswim.compare(None, frame, CAMERA, aod_range=False)
     assert found.attrs["sun_altitude_deg"] == pytest.approx(-19.36, abs=0.05)
     assert np.isnan(found.attrs["red_blue_of_this_frame"])
+    assert found.sizes["rule"] == 5
+    for score in ("pod", "far", "ets", "observed_cover", "simulated_cover"):
+        assert np.isnan(found[score]).all()
+        assert f"{score}: the sun is below the horizon" in found.attrs["reasons"]
     line = line_of(found)
     assert "the sun is 19." in line
     assert "degrees below the horizon" in line

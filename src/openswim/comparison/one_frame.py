@@ -92,7 +92,8 @@ def _clouds(
     by_day: bool,
 ) -> None:  # fmt: skip
     """Masks by all rules, of both pictures, and their scores; shown: the simulated one as stored. By night the frame
-    tells no white balance, as it is of stars, lamps and noise rather than of a blue sky."""
+    tells no white balance, as it is of stars, lamps and noise rather than of a blue sky, and fixed ratios, which are of
+    daylight, tell no clouds."""
     plane = ("y", "x")
     blue_sky = log_red_blue(clear)
     raw = log_red_blue(frame.linear) - blue_sky
@@ -107,7 +108,7 @@ def _clouds(
                                          {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
         for name, mask in zip(("observed_cloud", "simulated_cloud"), pair, strict=True):
             scores.variables[name] = (plane, mask & region.valid)
-    for name, rule in FIXED.items():
+    for name, rule in FIXED.items() if by_day else ():
         pair = np.zeros(region.valid.shape, bool), np.zeros(region.valid.shape, bool)
         if region.weight.size:
             pair[0][region.valid] = rule(frame.stored[region.valid].astype(float))

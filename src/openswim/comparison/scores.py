@@ -21,6 +21,7 @@ LIGHTS = ("as stored", "decoded", "response undone")
 WEIGHTINGS = ("solid angle", "pixel")
 BOUNDS = ("low", "high")
 NO_SCALE = "the camera's scale is not known: give radiance_per_unit in its file, or irradiance beside it (--dhi, --ghi)"
+NO_DAYLIGHT = "the sun is below the horizon: rules with fixed ratios of colours are of daylight"
 NO_BALANCE = "the camera's white balance is not known: give a clear frame (--clear-frame), or red_blue in its file"
 
 
@@ -125,10 +126,11 @@ def radiance_errors(scores: Scores, frame: Prepared, simulated: F64, region: Reg
 def cloud_scores(
     scores: Scores, frame: Prepared, masks: dict[str, tuple[Mask, Mask]], region: Region
 ) -> None:
-    """Contingency tables by rule, and FSS of the first rule on a map of equal area; `masks`: observed and simulated."""
+    """Contingency tables by rule, and FSS of the first rule on a map of equal area; `masks`: observed and simulated, of
+    the rules that can be applied."""
     names = (CLEAR_SKY, *FIXED)
-    unknown = Interval(np.nan, reason=NO_BALANCE)
-    found = np.full((len(SCORES), len(names)), unknown, object)
+    found = np.full((len(SCORES), len(names)), Interval(np.nan, reason=NO_DAYLIGHT), object)
+    found[:, names.index(CLEAR_SKY)] = Interval(np.nan, reason=NO_BALANCE)
     cells = np.full((len(names), 4), np.nan)
     for j, name in enumerate(names):
         if name not in masks:

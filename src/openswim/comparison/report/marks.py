@@ -15,6 +15,7 @@ _FAINTEST = 4.0  # planets that the eye sees
 
 
 Places = dict[str, tuple[float, float]]
+Place = tuple[float, float, float, float]  # row, column, half the height, half the width
 
 
 def bodies(
@@ -40,13 +41,29 @@ def overlay(camera: Camera, places: dict[str, tuple[float, float]]) -> str:
     ny, nx = camera.shape
     size = min(ny, nx) / 28
     marked = []
-    for name, at in places.items():
-        y, x = (float(v) for v in camera.pixel_of(*at))
-        if np.isfinite(y):
-            marked.append(f'<circle cx="{x + 0.5:.1f}" cy="{y + 0.5:.1f}" r="{0.5 * size:.1f}"/>')
-            marked.append(_text(y + (size if name in PLANETS else -size), x, name, size, camera.shape))
+    taken: list[Place] = []  # middles of names and circles, and half their height and width
+    seen = {name: (float(row), float(column)) for name, at in places.items()
+            for row, column in [camera.pixel_of(*at)] if np.isfinite(row)}  # fmt: skip
+    for y, x in seen.values():
+        marked.append(f'<circle cx="{x + 0.5:.1f}" cy="{y + 0.5:.1f}" r="{0.5 * size:.1f}"/>')
+        taken.append((y, x, 0.5 * size, 0.5 * size))
+    for name, (y, x) in seen.items():
+        taken.append(_free((y, x, 0.5 * size, 0.3 * len(name) * size), size, taken, below=name in PLANETS))
+        marked.append(_text(*taken[-1][:2], name, size, camera.shape))
     groups = f'{_fixed_marks(camera, size)}<g class="bodies">{"".join(marked)}</g>'
     return f'<svg class="marks" viewBox="0 0 {nx} {ny}" preserveAspectRatio="none">{groups}</svg>'
+
+
+def _free(place: Place, size: float, taken: list[Place], below: bool) -> Place:
+    """Where a name of some height and width stands beside a place so that it covers none of those that stand: below or
+    above it, then beside it; below or above if there is no such place."""
+    y, x, high, wide = place
+    first = size if below else -size
+    ways = ((first, 0.0), (-first, 0.0), (0.0, size + wide), (0.0, -size - wide), (2 * first, 0.0), (-2 * first, 0.0))
+    for down, right in ways:
+        if all(abs(y + down - v) >= high + h or abs(x + right - u) >= wide + w for v, u, h, w in taken):
+            return y + down, x + right, high, wide
+    return y + first, x, high, wide
 
 
 @lru_cache(maxsize=4)
