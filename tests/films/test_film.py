@@ -392,6 +392,39 @@ def test_a_short_path_is_lit_once_and_a_long_one_again_and_again() -> None:
         assert len(shares) == min(count, 2)
 
 
+def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solved(monkeypatch) -> None:
+    import gc
+    import weakref
+
+    from openswim.films import making
+    from openswim.films.weather import Weather
+
+    held: list[weakref.ref] = []
+    alive = []
+    solve = making.light
+
+    def solved(*args, **options):
+        gc.collect()
+        alive.append(sum(ref() is not None for ref in held))
+        found = solve(*args, **options)
+        held.append(weakref.ref(found))
+        return found
+
+    monkeypatch.setattr(making, "light", solved)
+    times = NOON + np.timedelta64(600_000, "ms") * np.arange(3)
+    shots = [making.Shot(time, CAMERA) for time in times]
+    lights = making._Lights(Weather.of_scenes([CLEAR]), Solver("swim"), [550.0], shots, None)
+    for time in times:
+        lights.at(time)
+    assert alive == [0, 0, 0]
+    alive.clear()
+    held.clear()
+    blended = making._Lights(Weather.of_scenes([CLEAR]), Solver("swim"), [550.0], shots, 300.0)
+    for minutes in (2, 4, 8, 12):
+        blended.at(NOON + np.timedelta64(60_000 * minutes, "ms"))
+    assert alive == [0, 1, 1]
+
+
 def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     times = NOON + np.timedelta64(1000, "ms") * np.arange(2)
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))

@@ -227,7 +227,7 @@ def _make(
 
 
 class _Lights:
-    """Solved light about a time: one, or two of which a frame is blended; not more than two are held."""
+    """Solved light about a time: one, or two of which a frame is blended; while one is solved no other is held."""
 
     def __init__(
         self, sky: Weather, solver: Solver, wavelengths_nm: Any, shots: Sequence[Shot], every_s: float | None
@@ -252,19 +252,23 @@ class _Lights:
 
     def at(self, time: np.datetime64) -> list[tuple[float, LitScene]]:
         """Shares and lights."""
+        shares = self._shares(time)
+        self._held = {node: lit for node, lit in self._held.items() if node in shares}
+        return [(share, self._light(node)) for node, share in shares.items()]
+
+    def _shares(self, time: np.datetime64) -> dict[np.datetime64, float]:
+        """Times that light is solved for, and how much of each a frame shows."""
         nodes = self._nodes
         if len(nodes) == 1:
-            return [(1.0, self._light(nodes[0]))]
+            return {nodes[0]: 1.0}
         later = int(np.clip(np.searchsorted(nodes, time), 0, len(nodes) - 1))
         if later == 0 or nodes[later] == time:
-            return [(1.0, self._light(nodes[later]))]
+            return {nodes[later]: 1.0}
         share = float((time - nodes[later - 1]) / (nodes[later] - nodes[later - 1]))
-        return [(1 - share, self._light(nodes[later - 1])), (share, self._light(nodes[later]))]
+        return {nodes[later - 1]: 1 - share, nodes[later]: share}
 
     def _light(self, time: np.datetime64) -> LitScene:
         if time not in self._held:
-            while len(self._held) > 1:
-                self._held.pop(next(iter(self._held)))
             scene = self._sky.at(time, self._drifting)
             when = None if np.isnat(time) else time
             self._held[time] = light(scene, self._solver, self._wavelengths, when, earlier=self._earlier)
