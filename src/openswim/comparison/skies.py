@@ -138,6 +138,7 @@ class Skies:
         # of files the part around the camera is read; a Scene has the same light for all cameras
         key = (number if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
         if self._lit is None or self._lit[0] != key:
+            self._lit = self._picture = None  # memory is for the light that is solved now
             # the middle of the minutes that this light serves: it is the same whichever frame asks for it first
             when = _EPOCH + number * _LIGHT if self.table else time
             scene = self.scene(camera, when)

@@ -227,7 +227,7 @@ def _make(
 
 
 class _Lights:
-    """Solved light about a time: one, or two of which a frame is blended; while one is solved no other is held."""
+    """Solved light about a time: one, or two of which a frame is blended. Other light is let go first."""
 
     def __init__(
         self, sky: Weather, solver: Solver, wavelengths_nm: Any, shots: Sequence[Shot], every_s: float | None
