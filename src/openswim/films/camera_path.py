@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import check_keys, shown
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.scene.frame import horizon_vector
@@ -31,7 +32,7 @@ class CameraPath:
     """Where a camera is and how it looks, at times.
 
     time : (n,) datetime64[ms], increasing. place : (n, 3) latitude, longitude in degrees, height in m above sea level.
-    attitude : (n, 4) azimuth, altitude, roll and field of view in degrees, NaN where the camera's own are kept.
+    attitude : (n, 4) azimuth, altitude, roll and field of view in degrees; columns of NaN keep the camera's own.
     """
 
     time: NDArray[np.datetime64]
@@ -46,6 +47,9 @@ class CameraPath:
         lat, _, height = self.place.T
         if not np.isfinite(self.place).all() or np.abs(lat).max() > 90.0 or np.abs(height).max() > 1e9:
             raise UserError("a camera's path has places that are none: latitude, longitude in degrees, height in m")
+        for name, values in zip(ATTITUDE, self.attitude.T, strict=True):
+            if not np.isfinite(values).all() and not np.isnan(values).all():
+                raise UserError(f"a camera's path has no finite {name} at some points: give it at all or at none")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> CameraPath:
@@ -82,11 +86,13 @@ class CameraPath:
         place[:, 1] = (place[:, 1] + 180.0) % 360.0 - 180.0
         place = np.round(place, _DECIMALS)
         attitude = np.full((len(asked), 4), np.nan)
-        known = np.isfinite(self.attitude)
-        for column in (2, 3):
-            if known[:, column].all():
-                attitude[:, column] = PchipInterpolator(own, self.attitude[:, column])(asked)
-        if known[:, :2].all():
+        known = np.all(np.isfinite(self.attitude), axis=0)
+        for column in np.flatnonzero(known):
+            values = self.attitude[:, column]
+            if ATTITUDE[column] in ("azimuth", "roll"):
+                values = np.unwrap(values, period=360.0)  # the short way
+            attitude[:, column] = PchipInterpolator(own, values)(asked)
+        if known[:2].all():
             attitude[:, :2] = _looking(own, self.attitude[:, :2], asked)
         return place, attitude
 
@@ -139,25 +145,48 @@ def _looking(own: F64, looking_deg: F64, asked: F64) -> F64:
 
 
 def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
-    lines = csv.DictReader(text.splitlines())
-    names = [name.strip().lower() for name in lines.fieldnames or []]
-    lines.fieldnames = names
+    lines = csv.reader(text.splitlines())
+    try:
+        table = [(lines.line_num, [cell.strip() for cell in row]) for row in lines if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise UserError(f"{file}: line {lines.line_num} is no CSV ({error}): mend it") from error
+    names = [name.lower() for name in table[0][1]] if table else []
     lacking = [name for name in ("time", *PLACE) if name not in names]
     if lacking:
         raise UserError(
             f"{file}: no column {', '.join(lacking)}; the first line names time, lat, lon, height_m and, as you like, "
             f"{', '.join(ATTITUDE)}"
         )
+    named = [name for name in names if name]
+    check_keys(named, ("time", *PLACE, *ATTITUDE), f"{file}: the first line")
+    if len(set(named)) < len(named):
+        raise UserError(f"{file}: the first line has a name twice: leave one of the columns out")
     rows = []
-    for number, row in enumerate(lines, 2):
+    for number, cells in table[1:]:
+        if any(cells[len(names) :]):
+            raise UserError(f"{file}: line {number} has more cells than the first line has names: mend it")
+        row = dict(zip(names, cells, strict=False))
+        values = [_cell(row.get(name, ""), name, number, file) if name in names else np.nan
+                  for name in (*PLACE, *ATTITUDE)]  # fmt: skip
         try:
-            values = [float(row.get(name) or "nan") for name in (*PLACE, *ATTITUDE)]
-            time = parse_time(str(row["time"]).strip())
+            time = parse_time(row["time"])
         except (ValueError, UserError) as error:
             raise UserError(f"{file}: line {number} is no point of a path ({error})") from error
         assert time is not None
         rows.append((time, values))
     return rows
+
+
+def _cell(text: str, name: str, number: int, file: Path) -> float:
+    """The finite number of a cell."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        remedy = ", or leave the column out" if name in ATTITUDE else ""
+        raise UserError(f"{file}: line {number}: {name} is {shown(text)}: give a finite number{remedy}")
+    return value
 
 
 def _gpx(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
