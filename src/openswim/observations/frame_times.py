@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -58,16 +58,17 @@ def frame_time(
     )
 
 
-def _utc(path: Path, local: datetime, offset_h: float | None) -> np.datetime64:
-    if local.tzinfo is not None:
-        local = local.astimezone(UTC).replace(tzinfo=None)
-    elif offset_h is None:
-        raise UserError(
-            f"{path}: says {local:%Y-%m-%d %H:%M:%S}, not in which zone: give --utc-offset (0 for UTC, 1 for UTC+1)"
-        )
-    else:
-        local -= timedelta(hours=offset_h)
-    return np.datetime64(local, "ms")
+def _utc(path: Path, local: datetime, offset_h: float | None, exposure_s: Any = None) -> np.datetime64:
+    """The middle of an exposure that began at a local time."""
+    if local.tzinfo is None and offset_h is None:
+        raise UserError(f"{path}: says {local}, not in which zone: give --utc-offset (0 for UTC, 1 for UTC+1)")
+    try:
+        if local.tzinfo is None:
+            local = local.replace(tzinfo=timezone(timedelta(hours=offset_h or 0.0)))
+        middle = (local + _half(exposure_s)).astimezone(UTC).replace(tzinfo=None)
+    except OverflowError:
+        raise UserError(f"{path}: says {local}, at the end of all calendars: set the right time") from None
+    return np.datetime64(middle, "ms")
 
 
 def _by_usual(name: str) -> datetime | None:
@@ -84,10 +85,12 @@ def _by_usual(name: str) -> datetime | None:
 def _by_pattern(path: Path, pattern: str, option: str) -> datetime:
     """The first place in the name that a strptime pattern fits."""
     parts = re.split(r"(%.)", pattern)
-    unknown = [part for part in parts[1::2] if part not in _DIRECTIVES]
-    if unknown or not {"%Y", "%y"} & set(parts):
+    directives = parts[1::2]
+    twice = len(set(directives)) < len(directives)
+    if twice or not set(directives) <= set(_DIRECTIVES) or not {"%Y", "%y"} & set(directives):
         raise UserError(
-            f"time pattern {pattern!r}: takes {' '.join(_DIRECTIVES)}, a year among them, such as %d%m%y_%H%M%S"
+            f"time pattern {pattern!r}: takes {' '.join(_DIRECTIVES)}, each once, a year among them, such as "
+            "%d%m%y_%H%M%S"
         )
     expression = "".join(_DIRECTIVES[part] if i % 2 else re.escape(part) for i, part in enumerate(parts))
     for found in re.finditer(rf"(?=({expression}))", path.name):
@@ -112,7 +115,7 @@ def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
         start = datetime.fromisoformat(text.strip())
     except ValueError:
         raise UserError(f"{path}: FITS DATE-OBS {text!r} is no time: give {option}a header that has one") from None
-    return _utc(path, start + _half(header.get("EXPTIME", header.get("EXPOSURE"))), 0.0)
+    return _utc(path, start, 0.0, header.get("EXPTIME", header.get("EXPOSURE")))
 
 
 def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: str) -> np.datetime64:
@@ -124,7 +127,7 @@ def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: s
             start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
     except ValueError:
         raise UserError(f"{path}: EXIF time {text!r} is none: give {option}{_NAME}") from None
-    return _utc(path, start + _half(exif.get("ExposureTime")), offset_h)
+    return _utc(path, start, offset_h, exif.get("ExposureTime"))
 
 
 def _half(exposure_s: Any) -> timedelta:
