@@ -137,6 +137,25 @@ def test_a_mask_is_a_picture(tmp_path):
     np.testing.assert_array_equal(load_camera(tmp_path / "camera.toml").mask.hidden, hidden)
 
 
+@pytest.mark.parametrize(
+    ("camera", "path", "says"),
+    [(CAMERAS[0], 5, "camera file is 5: give a file's name"),
+     (None, "q.toml", "camera is None: give an openswim.Camera")],
+)  # fmt: skip
+def test_only_cameras_are_written_and_into_files(camera, path, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=says):
+        save_camera(camera, path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_map_that_looks_nowhere_is_refused_with_its_file(tmp_path):
+    np.save(tmp_path / "same.npy", np.full((2, 4, 5), 30.0))
+    (tmp_path / "camera.toml").write_text(GOOD.split("[frame]")[0] + '[view]\nkind = "map"\ndirections = "same.npy"\n')
+    with pytest.raises(UserError, match=r"camera\.toml: map: no pixel looks elsewhere than its neighbours"):
+        load_camera(tmp_path / "camera.toml")
+
+
 HOSTILE = {
     "empty": ("", "openswim_camera = 1"),
     "no TOML": ("lens: fisheye", "TOML"),
@@ -150,6 +169,7 @@ HOSTILE = {
     "no frame": (GOOD.replace("rows = 100", ""), "needs rows"),
     "rows in words": (GOOD.replace("rows = 100", 'rows = "many"'), "rows"),
     "a fraction of rows": (GOOD.replace("rows = 100", "rows = 100.5"), "size"),
+    "true is no size": (GOOD.replace("rows = 100", "rows = true"), "size"),
     "too many rows": (GOOD.replace("rows = 100", "rows = 10000000000000"), "size"),
     "no focal length": (GOOD.replace("focal_px = 36.0", "focal_px = 0"), "focal_px"),
     "nan": (GOOD.replace("focal_px = 36.0", "focal_px = nan"), "focal_px"),

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from openswim.arguments import number
+from openswim.arguments import check_kind, number
 from openswim.cameras import panorama
 from openswim.cameras.checks import (
     check_altitude_range,
@@ -36,6 +36,12 @@ View = Literal["allsky", "panorama", "perspective", "fisheye", "pinhole", "map",
 _PLACE = ("lat", "lon", "x_m", "y_m")
 EYE_ABOVE_GROUND_M = 0.01  # at least
 _NUMBERS = ("height_m", "azimuth_deg", "altitude_deg", "fov_deg", "roll_deg")
+
+_KINDS = (
+    ("lens_optics", Optics, "use Camera.fisheye or Camera.pinhole"),
+    ("given", Given, "use Camera.from_map or Camera.from_rays"),
+    ("mask", Mask, "give an openswim.cameras.obstacles.Mask"),
+)
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,9 @@ class Camera(RealCameras):
             object.__setattr__(self, name, number(f"camera: {name}", getattr(self, name)))
         check_place(self.lat, self.lon, self.x_m, self.y_m)
         check_height(self.height_m, self.above)
+        check_kind("camera: shape", self.shape, (tuple, list), "give (rows, columns)")
+        for name, kind, remedy in _KINDS:
+            check_kind(f"camera: {name}", getattr(self, name), (kind, type(None)), remedy)
         check_shape(self.shape)
         check_view(self.view, self.fov_deg, self.lens_optics is not None, self.given is not None)
         check_altitude_range(self.altitude_range_deg)

@@ -47,10 +47,10 @@ def check_height(height_m: float, above: Any) -> None:
 
 def check_shape(shape: tuple[Any, ...]) -> None:
     """Image size: rows and columns."""
-    whole = len(shape) == 2 and all(isinstance(n, (int, np.integer)) for n in shape)
+    whole = len(shape) == 2 and all(isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in shape)
     require(
         whole and all(1 <= n <= MAX_SIZE for n in shape),
-        f"image size {shape} must be columns, or (rows, columns): whole numbers of pixels from 1 to {MAX_SIZE}",
+        f"image size {shown(shape)} must be columns, or (rows, columns): whole numbers of pixels from 1 to {MAX_SIZE}",
     )
 
 

@@ -110,11 +110,13 @@ def load_camera(path: str | os.PathLike[str], within: Path | None = None, **plac
 
 def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     """Write the TOML file that `load_camera` reads."""
+    check_kind("camera", camera, Camera, "give an openswim.Camera")
     write_camera(CameraFile(camera), path)
 
 
 def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     """Write a camera's file; maps go into a file beside it."""
+    check_kind("camera file", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     camera = content.camera
     tables: dict[str, Any] = {"openswim_camera": VERSION}

@@ -106,7 +106,7 @@ def from_map(azimuth_deg: ArrayLike, zenith_deg: ArrayLike) -> Given:
     if not known.any() or zenith[known].min() < 0 or zenith[known].max() > 180 or np.abs(azimuth[known]).max() > 360:
         raise UserError("map: needs azimuths of -360 to 360 and zenith distances of 0 to 180 degrees, NaN outside")
     direction = horizon_vector(np.where(known, azimuth, np.nan), 90.0 - np.where(known, zenith, np.nan))
-    return Given(Pixels(direction, _solid_angle(direction)))
+    return Given(_pictured(direction, "map"))
 
 
 def from_directions(direction: ArrayLike, width_deg: float | None) -> Given:
@@ -120,7 +120,7 @@ def from_directions(direction: ArrayLike, width_deg: float | None) -> Given:
         raise UserError("rays: no direction is a finite vector")
     unit = unit[None] if unit.ndim == 2 else unit
     if width_deg is None and min(unit.shape[:2]) > 1:
-        return Given(Pixels(unit, _solid_angle(unit)))
+        return Given(_pictured(unit, "rays"))
     width = np.radians(0.1 if width_deg is None else number("rays: width_deg", width_deg))
     if not 0 < width < np.pi:
         raise UserError(f"rays: width_deg {width_deg} is not between 0 and 180")
@@ -160,6 +160,14 @@ def _step(direction: F64, axis: int) -> F64:
             unknown = np.isnan(part[..., 0]) & ~np.isnan(one[..., 0])
             part[unknown] = one[unknown]
     return np.moveaxis(step, 0, axis)
+
+
+def _pictured(direction: F64, what: str) -> Pixels:
+    """Pixels as wide as their neighbours are apart; UserError where that leaves none."""
+    pixels = Pixels(direction, _solid_angle(direction))
+    if not pixels.inside.any():
+        raise UserError(f"{what}: no pixel looks elsewhere than its neighbours: give directions that differ")
+    return pixels
 
 
 def _solid_angle(direction: F64) -> F64:

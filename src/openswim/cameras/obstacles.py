@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import numbers
+from openswim.arguments import numbers, shown
 from openswim.cameras.pixels import Pixels
 from openswim.errors import UserError
 
@@ -19,6 +19,10 @@ class Mask:
 
     hidden: NDArray[np.bool_]
     source: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.hidden, np.ndarray) or self.hidden.dtype != bool or self.hidden.ndim != 2:
+            raise UserError(f"mask is {shown(self.hidden)}: give an array (rows, columns) of bool, True where hidden")
 
 
 def checked_horizon(given: Any) -> tuple[tuple[float, float], ...]:
