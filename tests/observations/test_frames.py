@@ -8,9 +8,12 @@ import pytest
 from PIL import Image
 from tests.cameras.test_picture_files import COLOUR, DEEP, fits
 
+from openswim.cameras import Camera
 from openswim.cameras.files import FrameSettings
+from openswim.comparison.prepared import prepared
 from openswim.errors import UserError
 from openswim.observations import read_frame
+from openswim.observations.standing import Standing
 
 
 def frame(tmp_path, name, exif=None, **settings):
@@ -85,12 +88,39 @@ def test_fits_has_the_start_of_the_exposure(tmp_path):
         ("x_20160901.png", {"time_pattern": "%d%m%y_%H%M"}, "pattern"),
         ("x_20160901.png", {"time_pattern": "%H%M"}, "a year"),
         ("x_20160901.png", {"time_pattern": "%Y %Q"}, "takes"),
+        ("x_20162016.png", {"time_pattern": "%Y%Y"}, "each once"),
+        ("00010101_000000.png", {"time_pattern": "%Y%m%d_%H%M%S", "utc_offset_h": 15.0}, "end of all calendars"),
     ],
 )
 def test_what_tells_no_time_is_refused_in_one_line(tmp_path, name, settings, says):
     with pytest.raises(UserError, match=says) as caught:
         frame(tmp_path, name, **settings)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("date", "seconds", "zone"),
+    [("0001-01-01T00:00:00", 0.0, "+05:00"), ("9999-12-31T23:59:59", 0.0, "-05:00"),
+     ("9999-12-31T23:59:59", 3000.0, "+00:00")],
+)  # fmt: skip
+def test_times_beyond_all_calendars_are_refused(tmp_path, date, seconds, zone):
+    cards = {"DATE-OBS": f"'{date}{zone}'", "EXPTIME": seconds}
+    (tmp_path / "a.fits").write_bytes(fits(DEEP.astype(">f4"), -32, **cards))
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: date.replace("-", ":").replace("T", " "), 0x829A: seconds, 0x9011: zone})
+    for read in (lambda: read_frame(tmp_path / "a.fits"), lambda: frame(tmp_path, "sky.jpg", exif)):
+        with pytest.raises(UserError, match="at the end of all calendars: set the right time"):
+            read()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_black_frame_of_floats_is_black(tmp_path):
+    (tmp_path / "a.fits").write_bytes(fits(np.zeros((12, 10), ">f4"), -32, **{"DATE-OBS": "'2018-09-14T11:53:22'"}))
+    black = read_frame(tmp_path / "a.fits")
+    camera = Camera.fisheye(0, 0, size=(12, 10))
+    Standing().add(black)
+    assert not prepared(black, camera).saturated.any()
+    assert (prepared(black, camera).linear == 0).all()
 
 
 def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path):

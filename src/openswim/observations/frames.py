@@ -70,6 +70,7 @@ def read_frame(
         when = FrameTime(stamp, "given")
     else:
         when = frame_time(path, picture.header, picture.exif, settings, alone)
+    full_scale = picture.full_scale if picture.full_scale > 0 else 1.0  # of floats the brightest: 0 in a black frame
     # JPEG and the like blur what is cut off: a few counts below the end are full too
-    saturated = settings.saturated_count or picture.full_scale * (0.98 if picture.full_scale < 256 else 0.999)
-    return SkyFrame(path, picture.counts, when.time, when.source, picture.full_scale, saturated)
+    saturated = settings.saturated_count or full_scale * (0.98 if full_scale < 256 else 0.999)
+    return SkyFrame(path, picture.counts, when.time, when.source, full_scale, saturated)
