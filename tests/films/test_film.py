@@ -229,6 +229,27 @@ def test_path_passes_its_points_and_looks_along_great_circles(tmp_path: Path) ->
     np.testing.assert_allclose(attitude[2:, 1], [0, -10, -20], atol=1e-9)
 
 
+def test_each_angle_of_a_path_counts_by_itself_and_turns_the_short_way(tmp_path: Path) -> None:
+    base, file = Camera.perspective(0.0, 0.0, azimuth_deg=33.0, altitude_deg=7.0, size=32), tmp_path / "path.csv"
+    for name, first, last, middle in (
+        ("azimuth", 350, 10, 0), ("altitude", -4, 0, -2), ("roll", 359, 1, 0), ("fov", 40, 60, 50)
+    ):  # fmt: skip
+        file.write_text(f"time,lat,lon,height_m,{name}\n2024-06-01T12:00:00Z,47,11,900,{first}\n"
+                        f"2024-06-01T12:00:10Z,47,11,900,{last}\n,,,,\n")  # fmt: skip
+        camera = CameraPath.read(file).camera(base, np.array([NOON + np.timedelta64(5, "s")]))[0]
+        told = {"azimuth": 33.0, "altitude": 7.0, "roll": 0.0, "fov": 60.0} | {name: middle}
+        for key, value in told.items():
+            turned = getattr(camera, f"{key}_deg") - value
+            assert (turned + 180) % 360 - 180 == pytest.approx(0, abs=1e-9), (name, key)
+
+
+def test_angles_at_some_points_only_are_refused() -> None:
+    attitude = np.full((2, 4), np.nan)
+    attitude[0, 1] = 5.0
+    with pytest.raises(UserError, match="no finite altitude at some points"):
+        CameraPath(NOON + np.timedelta64(1000, "ms") * np.array([0, 10]), np.full((2, 3), 47.0), attitude)
+
+
 def test_gpx_and_headings(tmp_path: Path) -> None:
     file = tmp_path / "track.gpx"
     points = "".join(
@@ -270,6 +291,15 @@ def test_a_camera_that_stops_goes_on_looking_ahead() -> None:
         ("time,lat,lon,height_m\n2024-01-02,1,2,3\n2024-01-01,1,2,3\n", "forward in time"),
         ("time,lat,lon,height_m\n2024-01-01,1,2,x\n", "line 2"),
         ("time,lat,lon,height_m\n2024-01-01,1,2,3\n2024-01-02,100,2,3\n", "places that are none"),
+        ("time,lat,lon,height_m,azimut\n2024-01-01,1,2,3,4\n", "path.csv: .*unknown 'azimut': did you mean azimuth"),
+        ("time,lat,lon,lat,height_m\n2024-01-01,1,2,1,3\n", "name twice"),
+        ("time,lat,lon,height_m,azimuth\n2024-01-01,1,2,3,4\n\n2024-01-02,1,2,3,\n", "line 4: azimuth is '': .*leave"),
+        ("time,lat,lon,height_m,roll\n2024-01-01,1,2,3,inf\n", "line 2: roll is 'inf': give a finite number"),
+        ("time,lat,lon,height_m,fov\n2024-01-01,1,2,3\n", "line 2: fov is ''"),
+        ("time,lat,lon,height_m\n2024-01-01,1,2,\n", "line 2: height_m is '': give a finite number$"),
+        ("time,lat,lon,height_m\n2024-01-01,47,1,2,3\n", "line 2 has more cells"),
+        (f"time,lat,lon,height_m\n2024-01-01,1,2,{'9' * 140_000}\n", "line 2 is no CSV"),
+        ("\n", "no column time"),
         ("<gpx><!ENTITY a 'b'></gpx>", "declarations"),
         ("<gpx>", "damaged GPX"),
     ],
@@ -288,6 +318,13 @@ def test_frames_of_another_film_are_not_taken(tmp_path: Path) -> None:
     assert KeptFrames(tmp_path / "film.mp4", {"a": 1}).has(0)
     np.testing.assert_array_equal(kept.get(0).light, frame.light)
     assert not KeptFrames(tmp_path / "film.mp4", {"a": 2}).has(0)
+
+
+def test_frames_of_a_film_with_a_long_name_are_kept(tmp_path: Path) -> None:
+    first, second = (KeptFrames(tmp_path / f"{letter * 251}.mp4", {"a": 1}) for letter in "ab")
+    first.put(0, KeptFrame(np.ones((2, 3, 3), np.float16), {"exposure": 2.0}))
+    assert KeptFrames(tmp_path / f"{'a' * 251}.mp4", {"a": 1}).has(0)
+    assert not second.has(0)
 
 
 def test_two_films_into_one_output_do_not_mix_their_frames(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ from openswim.scene.files import written_whole
 from openswim.system.archives import arrays_of
 
 _PLAN = "film.json"
+_LONGEST_NAME = 200  # bytes: file systems take 255, and the folder's has more than the film's
 T = TypeVar("T")
 
 
@@ -37,8 +39,9 @@ class KeptFrames:
 
     def __init__(self, output: Path, plan: dict[str, Any]) -> None:
         """``plan``: all that the frames depend on, as JSON takes it; frames of another plan are thrown away."""
-        self.folder = output.parent / f".film-{output.name}.frames"
-        self._print = hashlib.sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
+        name = output.name if len(os.fsencode(output.name)) <= _LONGEST_NAME else _hash(output.name)
+        self.folder = output.parent / f".film-{name}.frames"
+        self._print = _hash(json.dumps(plan, sort_keys=True, default=str))
         if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
             raise UserError(f"{self.folder}: is in the way of the film's frames: remove it")
         if self.folder.is_dir() and any(self.folder.iterdir()) and not (self.folder / _PLAN).is_file():
@@ -99,6 +102,10 @@ class KeptFrames:
     def _path(self, number: int) -> Path:
         # by the plan, lest the frames of two films that are made at once into one output be mixed
         return self.folder / f"frame_{number + 1:06d}_{self._print[:12]}.npz"
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()
 
 
 def _frame(arrays: dict[str, Any]) -> KeptFrame:
