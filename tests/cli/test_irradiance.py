@@ -71,6 +71,16 @@ def test_clear_times_are_told_before_times_are_left_out(
     assert len(out.read_text().splitlines()) == 1 + total
 
 
+def test_a_time_that_is_there_twice_is_refused_where_rows_are_counted(
+    station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, first, *rest = station.read_text().splitlines()
+    station.write_text("\n".join([header, first, first, *rest]) + "\n")
+    assert run([*BESIDE, "--station", str(station), "--every", "10min", "-o", str(tmp_path / "out.csv")]) == 2
+    assert "a.csv: has the time 2016-06-23T09:00:00Z twice: remove one" in capsys.readouterr().err
+    assert run([*BESIDE, "--station", str(station), "-o", str(tmp_path / "out.csv")]) == 0
+
+
 def test_a_plot_that_fails_leaves_the_values(
     station: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
