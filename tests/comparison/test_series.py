@@ -66,20 +66,22 @@ def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
 
 
 def test_a_grey_and_a_damaged_frame_end_no_series(frames, tmp_path):
-    """Grey as by night, stored in three colours; and half of a file."""
+    """Grey as by night, stored in three colours; half of a file; and one of another age."""
     with Image.open(frames[2]) as picture:
         picture.convert("L").convert("RGB").save(tmp_path / "grey_20240620_100000.png")
     (tmp_path / "half_20240620_090000.png").write_bytes(frames[0].read_bytes()[:500])
+    (tmp_path / "late_20990620_090000.png").write_bytes(frames[0].read_bytes())  # the ephemeris ends before
     listed = [frames[0], *sorted(tmp_path.glob("*.png"))]
     settings, skies = Settings(size=64, aod_range=False), skies_of(None, "fast", None, None, table=True)
     left_out = []
 
     def tell_failed(path, failure):
         left_out.append(path.name)
+        assert str(path) in failure
 
     plain = known_camera(CAMERA, settings, None, "fast", skies)
     compare_into(skies, listed, CAMERA, settings, plain, tmp_path / "out", tell_failed=tell_failed)
-    assert left_out == ["half_20240620_090000.png"]
+    assert sorted(left_out) == ["half_20240620_090000.png", "late_20990620_090000.png"]
     with xr.open_dataset(tmp_path / "out/scores.nc") as scores:
         r = scores.r.sel(weighting="solid angle", sun_mask=12, light="decoded")
         assert (r.sel(score_channel="mean") > 0.99).all()

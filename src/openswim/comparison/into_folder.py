@@ -161,7 +161,8 @@ def _compare_one(comparing: Comparing, path: Path) -> Compared:
         frame = frame_of(path, content, comparing.time, not comparing.series)
         done = compare_frame(comparing.skies, frame, content, settings, comparing.known)
     except UserError as error:
-        return Compared(path, failure=str(error))
+        text = str(error)
+        return Compared(path, failure=text if str(path) in text else f"{path}: {text}")
     done.attrs["fingerprint"] = comparing.mark
     write_page(done, camera, target.with_suffix(".html"))
     save_netcdf(done, target)
