@@ -152,7 +152,7 @@ def test_only_cameras_are_written_and_into_files(camera, path, says, tmp_path, m
 def test_a_map_that_looks_nowhere_is_refused_with_its_file(tmp_path):
     np.save(tmp_path / "same.npy", np.full((2, 4, 5), 30.0))
     (tmp_path / "camera.toml").write_text(GOOD.split("[frame]")[0] + '[view]\nkind = "map"\ndirections = "same.npy"\n')
-    with pytest.raises(UserError, match=r"camera\.toml: map: no pixel looks elsewhere than its neighbours"):
+    with pytest.raises(UserError, match=r"camera\.toml: map: its pixels look all one way"):
         load_camera(tmp_path / "camera.toml")
 
 

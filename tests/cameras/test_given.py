@@ -97,6 +97,7 @@ def test_a_horizon_and_a_mask_hide_the_sky():
         lambda: Camera.from_map(np.full((3, 3), np.nan), np.zeros((3, 3)), 0, 0),
         lambda: Camera.from_map(np.zeros((3, 3)), np.full((3, 3), 200.0), 0, 0),
         lambda: Camera.from_map(np.full((3, 3), 20.0), np.full((3, 3), 30.0), 0, 0),
+        lambda: Camera.from_map(np.arange(9.0).reshape(3, 3), np.zeros((3, 3)), 0, 0),
         lambda: Camera.from_rays(np.ones((3, 3, 3)), 0, 0),
         lambda: Camera(**(vars(FISHEYE) | {"mask": np.zeros(FISHEYE.shape, bool)})),
         lambda: Camera(**(vars(FISHEYE) | {"lens_optics": 5})),

@@ -15,6 +15,7 @@ from openswim.scene.grid import EARTH_RADIUS_M
 
 F64 = NDArray[np.float64]
 _NEAR_PX = 3.0  # a direction this far from every pixel's lies outside of the picture
+_ROUNDING_SR = 1e-16  # what pixels seem to span that all look at the zenith
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +164,10 @@ def _step(direction: F64, axis: int) -> F64:
 
 
 def _pictured(direction: F64, what: str) -> Pixels:
-    """Pixels as wide as their neighbours are apart; UserError where that leaves none."""
+    """Pixels as wide as their neighbours are apart; UserError where they span nothing."""
     pixels = Pixels(direction, _solid_angle(direction))
     if not pixels.inside.any():
-        raise UserError(f"{what}: no pixel looks elsewhere than its neighbours: give directions that differ")
+        raise UserError(f"{what}: its pixels look all one way: give directions that span a picture")
     return pixels
 
 
@@ -175,4 +176,4 @@ def _solid_angle(direction: F64) -> F64:
     down, across = (np.moveaxis(_step(direction, axis), -1, 0) for axis in (0, 1))
     normal = (down[j] * across[k] - down[k] * across[j] for j, k in ((1, 2), (2, 0), (0, 1)))
     area = np.sqrt(sum(part**2 for part in normal))
-    return np.where(np.isnan(direction[..., 0]) | (area == 0), np.nan, area)
+    return np.where(np.isnan(direction[..., 0]) | (area < _ROUNDING_SR), np.nan, area)
