@@ -8,6 +8,7 @@ from pyproj import CRS
 import openswim
 from openswim import Camera, Ground
 from openswim.cameras import Rays
+from openswim.ground import water
 from openswim.scene import Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import horizon_vector
@@ -20,6 +21,7 @@ from openswim.transport.view.mirror import Mirrored, WetRays
 from openswim.transport.view.viewer import AimedGrid, looking_from
 
 N, CELL = 25, 500.0
+TURN, GLOW = 0.00026, {0.008: 0.021, 0.03: 0.022, 0.07: 0.074}
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +61,16 @@ def sky(field, place, direction):
     return np.concatenate(views)
 
 
-def mirrored(field, eye, place, direction, wind):
+def mirrored(field, eye, place, direction, slope_variance):
     lit = field.lit[0]
     look = looking_from(lit, None, [lit.shells])
-    found = Mirrored.of(look, None, lit.frame.radius_m, eye, WetRays(place, direction, wind))
+    found = Mirrored.of(look, None, lit.frame.radius_m, eye, WetRays(place, direction, slope_variance))
     return found.along(direction)[:, :3]
+
+
+def mirrored_by(look, eye, place, direction, slope_variance):
+    found = Mirrored.of(look, None, 6_371_000.0, eye, WetRays(place, direction, slope_variance))
+    return found.along(direction)[:, 0]
 
 
 def test_calm_water_is_a_mirror(lake) -> None:
@@ -89,7 +96,7 @@ def test_what_is_mirrored_is_where_it_stands(lake) -> None:
 def test_waves_smear_the_image_and_keep_its_light(lake) -> None:
     depression = np.arange(8.0, 60.0, 1.0)
     eye, place, direction = glance(np.zeros(depression.size), depression)
-    calm, rough = (mirrored(lake, eye, place, direction, wind)[:, 0] for wind in (0.0, 10.0))
+    calm, rough = (mirrored(lake, eye, place, direction, variance)[:, 0] for variance in (0.0, 0.08))
     assert rough.max() < calm.max()
     assert np.abs(np.diff(rough)).max() < np.abs(np.diff(calm)).max()
     assert rough.mean() == pytest.approx(calm.mean(), rel=0.35)
@@ -203,19 +210,49 @@ def test_a_pixel_with_a_little_water_is_in_the_picture_of_it(monkeypatch: pytest
     assert len(aims) == 2  # the eye's and its image's
 
 
-def test_a_whole_turn_has_no_seam() -> None:
-    """Pixels .75 degrees apart lay the mirrored picture out; wherever its azimuths begin, rays between them are
-    known, too."""
+@pytest.mark.parametrize("beyond_deg", [0.0, 6.4])
+def test_a_whole_turn_has_no_seam(beyond_deg: float) -> None:
+    """Pixels .75 degrees apart lay the mirrored picture out, or every eighth of them; wherever its azimuths begin, rays
+    between them are known, too."""
 
     def look(place, out, image):
         return np.repeat(1.0 + 0.5 * out[:, :1], PACK, axis=1).astype(FLOAT), np.full(len(out), -1.0)
 
     eye, place, direction = glance(np.arange(0.1, 360.0, 0.75), 5.0, 2.0)
-    found = Mirrored.of(look, None, 6_371_000.0, eye, WetRays(place, direction, 3.0))
-    seen = found.along(glance(np.arange(0.0, 360.0, 0.05), 5.0, 2.0)[2])[:, 0]
-    assert np.isfinite(seen).all()
-    # between its last node and its first, .75 degrees apart, it is as at one of them
-    assert np.abs(np.diff(seen, append=seen[0])).max() < 5.2e-3 * seen.max()
+    found = Mirrored.of(look, None, 6_371_000.0, eye, WetRays(place, direction, 0.03, np.radians(beyond_deg)))
+    turn = np.arange(0.0, 360.0, 0.05)
+    seen = found.along(glance(turn, 5.0, 2.0)[2])[:, 0]
+    waves = np.stack([np.ones(turn.size), np.sin(np.radians(turn)), np.cos(np.radians(turn))], axis=-1)
+    (_, sine, cosine), *_ = np.linalg.lstsq(waves, seen, rcond=None)
+    assert sine == pytest.approx(0.5, rel=0.06)
+    assert cosine == pytest.approx(0.0, abs=0.004)
+    assert np.abs(seen - waves @ np.linalg.lstsq(waves, seen, rcond=None)[0]).max() < TURN
+
+
+@pytest.mark.parametrize("slope_variance", [0.008, 0.03, 0.07])
+def test_the_glow_of_dusk_is_mirrored_without_stripes(slope_variance: float) -> None:
+    """A bright band along the horizon, as from under water it is seen by 40,000 facets."""
+    from scipy.special import ndtri
+
+    def look(place, out, image):
+        glow = 0.05 + np.exp(-0.5 * (np.degrees(np.arcsin(out[:, 2])) / 3.0) ** 2)
+        return np.repeat(glow[:, None], PACK, axis=1).astype(FLOAT), np.full(len(out), -1.0)
+
+    depression = np.arange(1.0, 30.0, 0.5)
+    eye, place, direction = glance(np.zeros(depression.size), depression, 20.0)
+    seen = mirrored_by(look, eye, place, direction, slope_variance)
+    along, across = (v.ravel() for v in np.meshgrid(*2 * [ndtri((np.arange(200) + 0.5) / 200)]))
+    normal = np.stack([across, -along, np.full(along.size, np.sqrt(2 / slope_variance))], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    true = []
+    for way in direction:
+        cos_in = -normal @ way
+        out = way + 2 * cos_in[:, None] * normal
+        weight = np.maximum(cos_in, 0) / normal[:, 2] * water.fresnel_reflectance(cos_in)
+        weight *= water.returned(out[:, 2], -way[2], slope_variance)
+        out[:, 2] = np.maximum(out[:, 2], 0)
+        true.append((weight * look(None, out, None)[0][:, 0]).sum() / weight.sum())
+    assert np.sqrt(np.mean((seen - true) ** 2)) < GLOW[slope_variance] * np.mean(true)
 
 
 def valley_lake(liquid_content):

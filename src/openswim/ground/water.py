@@ -112,8 +112,8 @@ def isotropic_sky_albedo(slope_variance: ArrayLike) -> FloatArray:
 def _mirror_tables() -> FloatArray:
     """(reflectance, mean mirrored mu) on (slope variance, mu) nodes.
 
-    Facets weigh by their slope density and the area they show, max(cos omega, 0) / cos beta; sky below the
-    horizon (seen by way of a second wave) counts as just above it.
+    Facets weigh by their slope density and the area they show, max(cos omega, 0) / cos beta, and by what of their light
+    comes past a second wave (`returned`); that from below the horizon counts as from just above it.
     """
     u = (np.arange(80) + 0.5) / 80  # slope tan(beta) = s sqrt(-ln(1 - u)): equal shares of the density
     azimuth = (np.arange(48) + 0.5) * 2 * np.pi / 48
@@ -126,12 +126,23 @@ def _mirror_tables() -> FloatArray:
         cos_beta = 1 / np.sqrt(1 + slope**2)
         weight = np.maximum(shown, 0.0)
         cos_omega = np.minimum(weight * cos_beta, 1.0)
-        sky_mu = np.maximum(2 * cos_omega * cos_beta - mu, 0.01)
-        total = weight.sum(axis=(1, 2))
-        reflected = (weight * fresnel_reflectance(cos_omega)).sum(axis=(1, 2))
-        tables[0, k] = reflected / total
-        tables[1, k] = (weight * fresnel_reflectance(cos_omega) * sky_mu).sum(axis=(1, 2)) / reflected
+        sky_mu = 2 * cos_omega * cos_beta - mu
+        mirrored = weight * fresnel_reflectance(cos_omega) * returned(sky_mu, mu, variance)
+        reflected = mirrored.sum(axis=(1, 2))
+        tables[0, k] = reflected / weight.sum(axis=(1, 2))
+        tables[1, k] = (mirrored * np.maximum(sky_mu, LEAST_MU)).sum(axis=(1, 2)) / reflected
     return tables
+
+
+def returned(mu_sky: Any, mu_view: Any, variance: Any) -> Any:
+    """Share of what facets seen along a cosine mirror of the sky at another, if a second wave may be in the way.
+
+    Facets that see this sky: Smith's (1967) shadowing of both ways over that of the view's. The light of the others
+    meets a wave that stands up to it, on the mean of Gaussian slopes at a cosine of .886 s, and is mirrored once more.
+    """
+    seen = 1 + shadowing(np.maximum(mu_view, LEAST_MU), variance)
+    free = (mu_sky > 0) * seen / (seen + shadowing(np.maximum(mu_sky, LEAST_MU), variance))
+    return free + (1 - free) * fresnel_reflectance(0.5 * np.sqrt(np.pi * variance))
 
 
 def shadowing(mu: Any, variance: Any) -> Any:
