@@ -137,7 +137,7 @@ def test_a_share_without_work_makes_the_folder_all_the_same(plan: Path, capsys: 
 
 def test_files_without_a_time_that_is_wanted_are_told(plan: Path) -> None:
     plan.write_text(PLAN.replace('output = "out"', 'from = "2030-01-01"'))
-    with pytest.raises(UserError, match="no time from 2030-01-01T00:00:00 in it.* they have 2026-07-10T10:00:00, "):
+    with pytest.raises(UserError, match=r"no time from 2030-01-01T00:00:00 in it.* they have 2026-07-10T10:00:00, "):
         Work.of(read_plan(plan))
     assert not Work.of(read_plan(plan), unreadable={}).tasks  # of a watched folder it may be in time later
 

@@ -81,8 +81,8 @@ def check_any(plan: Plan, tasks: Sequence[Task], unreadable: dict[Path, str]) ->
     times = np.unique(np.array([time for time, _ in states if time is not None], "datetime64[ms]"))
     ends = (("from", plan.start), ("to", plan.end))
     asked = " ".join(f"{name} {iso(time)}" for name, time in ends if time is not None)
-    raise UserError(f"{states[0][1][0]}: no time {asked} in it and the others; they have {times_text(times)}: change the "
-                    "plan's from and to")  # fmt: skip
+    raise UserError(f"{states[0][1][0]}: no time {asked} in it and the others; they have {times_text(times)}: change "
+                    "the plan's from and to")  # fmt: skip
 
 
 def _members(

@@ -321,11 +321,11 @@ class Camera(RealCameras):
         return max(height, ground_height_m + EYE_ABOVE_GROUND_M) if height >= ground_height_m else height
 
 
-def _paired(**given: ArrayLike) -> list[np.ndarray]:
+def _paired(**given: ArrayLike) -> tuple[np.ndarray, ...]:
     """Numbers, each with its partner; UserError where their shapes do not go together."""
     found = [numbers(name, value) for name, value in given.items()]
     try:
-        return np.broadcast_arrays(*found)
+        return tuple(np.broadcast_arrays(*found))
     except ValueError:
         told = " and ".join(f"{name} {shown(value)}" for name, value in given.items())
         raise UserError(f"{told}: give one number, or as many of the one as of the other") from None
