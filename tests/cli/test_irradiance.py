@@ -108,7 +108,7 @@ def test_an_aeronet_file_says_where_it_stands(
 
 @pytest.mark.parametrize(
     ("options", "count"),
-    [({}, 3), ({"every": "30min"}, 13), ({"every": "30"}, 13), ({"every": "1h", "start": "2016-06-23T11:00"}, 1)],
+    [({}, 3), ({"every": "30min"}, 13), ({"every": "1800s"}, 13), ({"every": "1h", "start": "2016-06-23T11:00"}, 1)],
 )
 def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, str], count: int) -> None:
     model = np.array(["2016-06-23T09:00", "2016-06-23T12:00", "2016-06-23T15:00"], "datetime64[ms]")
