@@ -140,6 +140,13 @@ def test_cloud_cover_can_be_left_out(
         read_config(config)
 
 
+@pytest.mark.parametrize("value", ['"false"', "0.1", "1"])
+def test_lean_is_true_or_false(config: Path, value: str) -> None:
+    config.write_text(config.read_text().replace("[observe]", f"[observe]\nlean = {value}"))
+    with pytest.raises(UserError, match=r"analysis\.toml: \[observe\] lean is .*: write true or false"):
+        read_config(config)
+
+
 def test_a_time_that_the_model_has_not_names_no_option(
     config: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -129,6 +129,19 @@ def test_parts_share_the_tasks(plan: Path) -> None:
     assert [len(part) for part in parts] == [2, 1]
 
 
+def test_a_share_without_work_makes_the_folder_all_the_same(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As of a job array that has more jobs than there are times."""
+    assert run(["batch", str(plan), "--part", "9/9"]) == 0, capsys.readouterr().err
+    assert len((plan.parent / "out/manifest.jsonl").read_text().splitlines()) == 1
+
+
+def test_files_without_a_time_that_is_wanted_are_told(plan: Path) -> None:
+    plan.write_text(PLAN.replace('output = "out"', 'from = "2030-01-01"'))
+    with pytest.raises(UserError, match=r"no time from 2030-01-01T00:00:00 in it.* they have 2026-07-10T10:00:00, "):
+        Work.of(read_plan(plan))
+    assert not Work.of(read_plan(plan), unreadable={}).tasks  # of a watched folder it may be in time later
+
+
 def test_times_that_no_file_has_are_told(plan: Path) -> None:
     plan.write_text(PLAN.replace('output = "out"', 'times = ["2026-07-10T10:30"]'))
     with pytest.raises(UserError, match="no time 2026-07-10T10:30"):

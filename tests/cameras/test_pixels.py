@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from openswim.cameras import Camera
+from openswim.errors import UserError
 
 WHOLE, HALF = 4 * np.pi, 2 * np.pi
 
@@ -129,3 +130,11 @@ def test_values_return_to_their_pixels():
     pixels = Camera.allsky(0, 0, size=21).pixels()
     picture = pixels.image(pixels.altitude_deg[pixels.inside][:, None])
     np.testing.assert_array_equal(picture[..., 0], pixels.altitude_deg)
+
+
+@pytest.mark.parametrize("camera", ALL)
+def test_places_and_directions_come_in_pairs(camera):
+    for asked in (camera.pixel_of, camera.direction_of):
+        assert asked([10, 20], 30)[0].shape == (2,)
+        with pytest.raises(UserError, match="give one number, or as many"):
+            asked([0, 90], [10, 20, 30])

@@ -65,7 +65,7 @@ def test_clear_times_are_told_before_times_are_left_out(
     minutes: int, station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out.csv"
-    assert run([*BESIDE, "--station", str(station), "--every", str(minutes), "-o", str(out)]) == 0
+    assert run([*BESIDE, "--station", str(station), "--every", f"{minutes}min", "-o", str(out)]) == 0
     total, clear = 360 // minutes + 1, len(range(0, 295, minutes))  # 5 minutes before the first cloud
     assert f"clear sky at {clear} of {total} times" in capsys.readouterr().out
     assert len(out.read_text().splitlines()) == 1 + total
@@ -118,7 +118,7 @@ def test_an_aeronet_file_says_where_it_stands(
 
 @pytest.mark.parametrize(
     ("options", "count"),
-    [({}, 3), ({"every": "30min"}, 13), ({"every": "30"}, 13), ({"every": "1h", "start": "2016-06-23T11:00"}, 1)],
+    [({}, 3), ({"every": "30min"}, 13), ({"every": "1800s"}, 13), ({"every": "1h", "start": "2016-06-23T11:00"}, 1)],
 )
 def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, str], count: int) -> None:
     model = np.array(["2016-06-23T09:00", "2016-06-23T12:00", "2016-06-23T15:00"], "datetime64[ms]")
@@ -139,6 +139,7 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         ([*CLEAR, "-o", "a.png"], "use .nc or .csv"),
         ([*CLEAR, "--end", "2016-06-22", "-o", "a.csv"], "end after the start"),
         ([*CLEAR, "--every", "0", "-o", "a.csv"], "such as 5min"),
+        ([*CLEAR, "--every", "7", "-o", "a.csv"], "such as 5min"),
         ([*CLEAR, "--plane", "30", "-o", "a.csv"], "2 numbers"),
         ([*CLEAR, "--fit", "beam", "-o", "a.csv"], "need a --station"),
         (["irradiance", "x.nc", "--aod", "0.1", "--lat", "1", "--lon", "1", "-o", "a.csv"], "of a clear sky"),

@@ -355,17 +355,26 @@ def test_what_cannot_be_a_film_is_refused_before_any_work(tmp_path: Path) -> Non
 def test_titles_say_time_place_and_model() -> None:
     facts = {"valid_time": "2024-06-01T12:00:00Z", "light_time": "2024-06-01T13:00:00Z", "latitude": 47.0,
              "longitude": 371.0, "height_m": 2.0, "source": "wrfout_d01: WRF V4"}  # fmt: skip
-    times = "2024-06-01 12:00:00 UTC   light of 2024-06-01 13:00:00 UTC"
-    assert title(facts) == f"{times}   47.00 N 11.00 E   2 m   wrfout_d01"
+    times = ["2024-06-01 12:00:00 UTC", "light of 2024-06-01 13:00:00 UTC"]
+    assert title(facts) == [*times, "47.00 N 11.00 E", "wrfout_d01", "2 m"]
     soon = facts | {"light_time": "2024-06-01T12:02:00Z", "height_above": "sea level"}
-    assert title(soon) == "2024-06-01 12:00:00 UTC   47.00 N 11.00 E   2 m above sea level   wrfout_d01"
+    assert title(soon) == [times[0], "47.00 N 11.00 E", "wrfout_d01", "2 m above sea level"]
     for metres, text in ((84.4, "84 m"), (1234.0, "1.2 km"), (12345.0, "12 km")):
-        assert f"   2 m   liquid {text} ahead   wrf" in title(facts | {"ahead": "liquid", "ahead_m": metres})
+        assert title(facts | {"ahead": "liquid", "ahead_m": metres})[-2:] == ["2 m", f"liquid {text} ahead"]
     picture = np.full((120, 320, 3), 90, np.uint8)
     drawn = titled(picture, facts)
     assert drawn.shape == picture.shape
     assert drawn[-9:].max() > 150
     np.testing.assert_array_equal(drawn[:90], 90)
+    # where room ends whole parts are left out, the last ones first: the model does not go with what is ahead
+    near, far = (titled(picture, facts | {"ahead": "liquid", "ahead_m": m}) for m in (84.4, 12345.0))
+    np.testing.assert_array_equal(near, far)
+
+
+def test_outputs_of_a_film_have_names_of_their_own(tmp_path: Path) -> None:
+    name = tmp_path / "k.png"
+    with pytest.raises(UserError, match=r"star trails .*k\.png: another output has this name"):
+        film(CLEAR, CAMERA, tmp_path / "f.mp4", keogram=name, star_trails=name)
 
 
 def test_keogram_fills_its_width() -> None:

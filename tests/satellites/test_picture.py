@@ -51,6 +51,15 @@ def test_white_ground_without_air_has_its_albedo_times_the_height_of_the_sun() -
     np.testing.assert_allclose(found.bidirectional_reflectance, 0.6, rtol=0.005)
 
 
+def test_one_band_need_not_be_in_a_list() -> None:
+    bare = Scene.clear(LAT, LON, None, 0.6, time=np.datetime64("2021-06-21T14:00"))
+    found = reflectance(bare, _grid(1), band("goes-16 abi", "C02"))
+    assert found.band.values.tolist() == ["C02"]
+    for wrong in ("C02", 2, []):
+        with pytest.raises(UserError, match="give a list of bands"):
+            reflectance(bare, _grid(1), wrong)
+
+
 @pytest.mark.slow
 def test_the_sea_away_from_glint_and_deep_cloud_below_a_high_sun() -> None:
     red = band("goes-16 abi", "C02")

@@ -57,6 +57,14 @@ def test_from_arrays_keeps_what_it_is_given():
     assert {field.dtype for field in scene.data.data_vars.values()} == {np.dtype("f4")}
 
 
+@pytest.mark.parametrize("name", ["a/b", "../up", "nul\0", "lone\ud800", "end ", "x" * 300])
+def test_names_that_no_file_can_hold_are_refused(name):
+    with pytest.raises(UserError, match="no file can hold a variable named") as told:
+        Scene.from_arrays({name: np.zeros(SHAPE)}, **AXES)
+    assert str(told.value).isprintable()
+    str(told.value).encode()
+
+
 def test_spectral_albedo_needs_its_wavelengths():
     albedo = np.ones((3, 4, 3)) * [0.1, 0.2, 0.3]
     scene = Scene.from_arrays(np.zeros(SHAPE), **AXES, surface_albedo=albedo)

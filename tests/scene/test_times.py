@@ -7,7 +7,7 @@ import pytest
 
 from openswim import Scene
 from openswim.errors import UserError
-from openswim.scene.times import parse_time, rounded
+from openswim.scene.times import interval_s, parse_time, rounded
 
 SPELLINGS = [
     "2024-06-01T12:00",
@@ -29,6 +29,13 @@ def test_one_time_in_every_spelling(time):
     assert found == np.datetime64("2024-06-01T12:00")
     assert found.dtype == "datetime64[ms]"
     assert Scene.clear(10.0, 20.0, time=time).time == found
+
+
+def test_lengths_of_time_have_units():
+    assert [interval_s("--every", text) for text in ("5min", "30 s", "1.5h")] == [300, 30, 5400]
+    for text in ("7", "", "7 parsecs", "-5min", "0s"):
+        with pytest.raises(UserError, match="write a length of time, such as 5min, 30s or 1h"):
+            interval_s("--every", text)
 
 
 def test_days_and_no_time():

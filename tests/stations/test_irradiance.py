@@ -92,6 +92,16 @@ def test_a_night_through_asks_for_no_light_of_the_night(gridded, monkeypatch):
     assert gridded or (found.ozone > 250).all()  # the block has no air
 
 
+@pytest.mark.parametrize("wavelengths", [(700, 500), (690,), (630, 500)])
+def test_bands_of_gases_are_not_taken_for_haze(wavelengths):
+    times = DAY[12:27:7]
+    usual, found = (
+        openswim.irradiance(CLEAR, LAT, LON, times, wavelengths_nm=some, solver="swim") for some in (RGB, wavelengths)
+    )
+    np.testing.assert_allclose(found.ghi, usual.ghi, rtol=0.02)
+    np.testing.assert_allclose(found.dni, usual.dni, rtol=0.02)
+
+
 def test_without_air_there_is_no_diffuse_light():
     bare = Scene.clear(LAT, LON, None, 0.4)
     found = openswim.irradiance(bare, LAT, LON, "2016-06-23T11:40")

@@ -102,7 +102,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
             raise UserError("sun: give [azimuth, altitude] in degrees")
         sun = (number("sun", sun[0]), number("sun", sun[1]))
     Settings(**parts["analyse"])  # what is wrong there is told now
-    check_kind("cover", tables.get("cover", True), bool, "write true or false")
+    for name, value in (("cover", tables.get("cover", True)), ("[observe] lean", parts["observe"].get("lean", False))):
+        check_kind(name, value, bool, "write true or false")
     time = tables.get("time")
     own = _times(listed, "camera", time), _times(tables.get("pyranometer", []), "pyranometer", time)
     window = any("time" in each for each in (*listed, *tables.get("pyranometer", [])))

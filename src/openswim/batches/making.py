@@ -10,7 +10,7 @@ from pathlib import Path
 from openswim.batches import ensembles
 from openswim.batches.plan import Plan, read_plan
 from openswim.batches.records import Records
-from openswim.batches.tasks import Task, part_of, tasks_of
+from openswim.batches.tasks import Task, check_any, part_of, tasks_of
 from openswim.batches.working import Outcome
 from openswim.progress import job
 from openswim.system.side_by_side import jobs_of
@@ -40,9 +40,12 @@ class Work:
     def of(
         cls, plan: Plan, part: tuple[int, int] | None = None, unreadable: dict[Path, str] | None = None
     ) -> Work:
-        """What there is to do; nothing is written. unreadable: gets the files that cannot be read, and why."""
-        unreadable = {} if unreadable is None else unreadable
+        """What there is to do; nothing is written. unreadable: of a watched folder, where there may be nothing to do as
+        yet; gets the files that cannot be read, and why."""
+        watched, unreadable = unreadable is not None, {} if unreadable is None else unreadable
         tasks = tasks_of(plan, unreadable)
+        if not watched:
+            check_any(plan, tasks, unreadable)
         mine = tasks if part is None else part_of(tasks, part)
         records = Records(plan.folder)
         waiting = [task for task in mine if records.missing(task, plan.cameras)]

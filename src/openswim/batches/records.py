@@ -44,14 +44,15 @@ class Records:
         self.folder = folder
 
     def prepare(self, tasks: Iterable[Task]) -> None:
-        """Make the folders, and remove what dead processes have left in them."""
-        for weather in sorted({task.weather for task in tasks}):
-            for made in (self.folder / weather, self.folder / FOLDER / weather):
-                try:
-                    made.mkdir(parents=True, exist_ok=True)
-                except OSError as error:
-                    raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
-                sweep(made)
+        """Make the folders, the batch's own even without a task, and remove what dead processes have left in them."""
+        inner = (part / weather for weather in sorted({task.weather for task in tasks})
+                 for part in (self.folder, self.folder / FOLDER))  # fmt: skip
+        for made in dict.fromkeys((self.folder, *inner)):
+            try:
+                made.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
+            sweep(made)
         manifest = self.folder / MANIFEST
         if manifest.exists() and _KIND not in first_bytes(manifest):
             raise UserError(f"{manifest}: is no list of ours: choose another folder with -o")

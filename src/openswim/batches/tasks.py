@@ -17,7 +17,7 @@ from openswim.batches.plan import Plan, Weather
 from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
 from openswim.readers import members_of, states_of
-from openswim.readers.common.base import times_text
+from openswim.readers.common.base import iso, times_text
 from openswim.system.inputs import size_and_change
 
 MOST_PICTURES = 1_000_000  # of all cameras
@@ -63,7 +63,7 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
     for weather in plan.weathers:
         marks: dict[str, str] = {}
         members: dict[tuple[Path, ...], Sequence[int | None]] = {}
-        for time, files in _states(plan, weather, unreadable):
+        for time, files in _wanted(plan, weather, _states(plan, weather, unreadable)):
             for member in _members(plan, weather, tuple(files), members):
                 mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
                 tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
@@ -71,6 +71,18 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
                     raise UserError(f"more than {MOST_PICTURES} times, members and cameras: make several plans")
     _check_targets(plan, tasks)
     return tasks
+
+
+def check_any(plan: Plan, tasks: Sequence[Task], unreadable: dict[Path, str]) -> None:
+    """Raise UserError where there are none, since no time of the files is wanted."""
+    if tasks:
+        return
+    states = [state for weather in plan.weathers for state in _states(plan, weather, unreadable)]
+    times = np.unique(np.array([time for time, _ in states if time is not None], "datetime64[ms]"))
+    ends = (("from", plan.start), ("to", plan.end))
+    asked = " ".join(f"{name} {iso(time)}" for name, time in ends if time is not None)
+    raise UserError(f"{states[0][1][0]}: no time {asked} in it and the others; they have {times_text(times)}: change "
+                    "the plan's from and to")  # fmt: skip
 
 
 def _members(
@@ -107,14 +119,19 @@ def _readable(plan: Plan, files: Sequence[Path], unreadable: dict[Path, str]) ->
 def _states(
     plan: Plan, weather: Weather, unreadable: dict[Path, str] | None
 ) -> list[tuple[np.datetime64 | None, list[Path]]]:
-    """The times that are wanted, with their files."""
+    """The times of the files, each with those that have it."""
     try:
-        found = states_of(weather.files, plan.allow_references)
+        return states_of(weather.files, plan.allow_references)
     except UserError:
         good = [] if unreadable is None else _readable(plan, weather.files, unreadable)
         if not good or len(good) == len(weather.files):
             raise
-        found = states_of(good, plan.allow_references)
+        return states_of(good, plan.allow_references)
+
+
+def _wanted(
+    plan: Plan, weather: Weather, found: Sequence[tuple[np.datetime64 | None, list[Path]]]
+) -> list[tuple[np.datetime64 | None, list[Path]]]:
     if plan.times:
         return _nearest(weather.files[0], found, plan.times)
     return [

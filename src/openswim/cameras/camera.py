@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from openswim.arguments import check_kind, number
+from openswim.arguments import check_kind, number, numbers, shown
 from openswim.cameras import panorama
 from openswim.cameras.checks import (
     check_altitude_range,
@@ -254,7 +254,7 @@ class Camera(RealCameras):
 
     def pixel_of(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Row and column, fractional, at which a direction is seen, also beyond the frame; NaN where the lens ends."""
-        direction = horizon_vector(azimuth_deg, altitude_deg)
+        direction = horizon_vector(*_paired(azimuth_deg=azimuth_deg, altitude_deg=altitude_deg))
         if self.given is not None:
             return self.given.project(direction)
         if (optics := self.optics) is not None:
@@ -263,6 +263,7 @@ class Camera(RealCameras):
 
     def direction_of(self, row: ArrayLike, column: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Azimuth and altitude (degrees) of places in the picture, which may be fractional; NaN outside."""
+        row, column = _paired(row=row, column=column)
         if self.given is not None:
             direction = self.given.direction(row, column)
         elif (optics := self.optics) is not None:
@@ -327,3 +328,13 @@ class Camera(RealCameras):
         """Height of the camera above sea level, metres; an eye on the ground lies on it, not in it."""
         height = self.height_m + (ground_height_m if self.above == "ground" else 0.0)
         return max(height, ground_height_m + EYE_ABOVE_GROUND_M) if height >= ground_height_m else height
+
+
+def _paired(**given: ArrayLike) -> tuple[np.ndarray, ...]:
+    """Numbers, each with its partner; UserError where their shapes do not go together."""
+    found = [numbers(name, value) for name, value in given.items()]
+    try:
+        return tuple(np.broadcast_arrays(*found))
+    except ValueError:
+        told = " and ".join(f"{name} {shown(value)}" for name, value in given.items())
+        raise UserError(f"{told}: give one number, or as many of the one as of the other") from None

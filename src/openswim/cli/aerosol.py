@@ -10,7 +10,7 @@ import click
 
 from openswim.cli.options import check_plot
 from openswim.errors import UserError
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_targets, written_whole
 
 if TYPE_CHECKING:
     from openswim.optics import DoubleHGFit, PhaseFunction
@@ -57,9 +57,7 @@ def fit(request: FitRequest) -> None:
     """Compute, fit, print; write JSON and picture."""
     from openswim.optics import fit_double_hg
 
-    for path, option in ((request.json_path, "--json"), (request.plot_path, "--plot")):
-        if path is not None:
-            check_target(path, name=option)
+    check_targets([("--json", request.json_path), ("--plot", request.plot_path)])
     if request.plot_path is not None:
         check_plot(request.plot_path, "mie")
     wavelengths = _numbers("--wavelengths", request.wavelengths)
@@ -164,6 +162,8 @@ def _indices(texts: tuple[str, ...], wavelengths: list[float]) -> list[complex]:
         try:
             index = complex(value.replace(" ", "").replace("i", "j"))
             given[float(place) if place else 0.0] = index
+            if not np.isfinite([index, *given]).all():
+                raise ValueError(text)
         except ValueError:
             raise UserError(f"--index {text}: give N+Ki or WAVELENGTH:N+Ki, such as 440:1.56+0.003i") from None
     if len(given) != len(texts) or (0.0 in given and len(given) > 1):

@@ -30,7 +30,7 @@ class CalibrateRequest:
 def run(request: CalibrateRequest) -> None:
     """Fit a camera, or check one."""
     from openswim.readers import files_of
-    from openswim.scene.files import check_target
+    from openswim.scene.files import check_targets
 
     frames = [Path(path) for path in files_of(request.frames)]
     if request.camera_file is not None:
@@ -43,10 +43,8 @@ def run(request: CalibrateRequest) -> None:
     if request.output.suffix.lower() != ".toml":
         raise UserError(f"output {request.output}: a camera's file ends in .toml")
     report = request.report or request.output.with_suffix(".html")
-    if report == request.output:
-        raise UserError(f"output {request.output}: cannot be the camera's file and --report: give two names")
-    for target in (request.output, report):
-        check_target(target, [*frames, *([request.mask] if request.mask else [])])
+    inputs = [*frames, *([request.mask] if request.mask else [])]
+    check_targets([("output", request.output), ("--report", report)], inputs)
     from openswim.cameras.files import FrameSettings, write_camera
     from openswim.observations.calibration import calibrate
     from openswim.observations.report import write_report

@@ -44,15 +44,15 @@ def run(request: CorrectCloudsRequest) -> None:
     from openswim.ground.earth import preload
     from openswim.readers import files_of
     from openswim.scene.cf import save_netcdf
-    from openswim.scene.files import check_target
+    from openswim.scene.files import check_targets
     from openswim.solver import Solver
 
     frames = [Path(path) for path in files_of(request.frames)]
     if request.output.suffix not in (".nc", ".zarr"):
         raise UserError(f"output {request.output}: the scene is written as .nc or .zarr")
     scores = request.output.with_name(f"{request.output.stem}_scores.nc")
-    for target in (request.output, scores):
-        check_target(target, [*frames, *request.camera_files, *request.clear_frames, request.model])
+    inputs = [*frames, *request.camera_files, *request.clear_frames, request.model]
+    check_targets([("output", request.output), ("output", scores)], inputs)
     names = ("size", "sun_mask_deg", "lowest_deg", "encoding")
     settings: dict[str, Any] = {name: value for name in names if (value := getattr(request, name)) is not None}
     cameras = [with_clock(read_camera(path), request.time_pattern, request.utc_offset_h)

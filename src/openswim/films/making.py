@@ -33,7 +33,7 @@ from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import tell, track
 from openswim.scene import Scene
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_targets, written_whole
 from openswim.solver import Solver
 from openswim.transport import EarlierLight
 
@@ -94,10 +94,9 @@ def film(
     for name, picture in (("keogram", keogram), ("star trails", star_trails)):
         if picture is not None and Path(picture).suffix.lower() not in (".png", ".jpg", ".tif"):
             raise UserError(f"{name} {picture}: give a picture's name, .png, .jpg or .tif")
-        if picture is not None:
-            check_target(Path(picture), name=name)
     if irradiance is not None:
         check_curves(Path(irradiance))
+    check_targets([("keogram", keogram), ("star trails", star_trails), ("irradiance", irradiance)])
     if star_trails is not None and path is not None:
         raise UserError("star trails: they are of a camera that stands still: leave out the path")
     fps = number("film: frames_per_second", frames_per_second)

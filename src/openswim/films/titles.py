@@ -10,21 +10,23 @@ from numpy.typing import NDArray
 
 NARROWEST = 200  # pixels: under it nobody could read a title
 _SAME = np.timedelta64(300, "s")  # light is placed anew so often
+_APART = "   "
 _SHADE = 0.45  # of the picture's light that is left behind the title
 
 
 def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint8]:
-    """The picture (y, x, 3) with a line at its foot, on a darker strip of the picture itself."""
+    """The picture (y, x, 3) with a line at its foot, on a darker strip of the picture itself, of what has room."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = picture.shape[:2]
-    text = title(facts)
-    if width < NARROWEST or not text:
-        return picture
     size = float(np.clip(width / 62, 9, 28))
     font = ImageFont.load_default(size)
-    while text and font.getlength(text) > width - 12:
-        text = text[:-1]
+    parts = title(facts)
+    while parts and font.getlength(_APART.join(parts)) > width - 12:
+        parts.pop()
+    text = _APART.join(parts)
+    if width < NARROWEST or not text:
+        return picture
     rows = min(round(1.7 * size), height // 4)
     out = picture.copy()
     out[height - rows :] = (out[height - rows :] * _SHADE).astype(np.uint8)
@@ -33,8 +35,9 @@ def titled(picture: NDArray[np.uint8], facts: dict[str, Any]) -> NDArray[np.uint
     return np.asarray(drawn)
 
 
-def title(facts: dict[str, Any]) -> str:
-    """Valid time, where the light is of another time that too, place, what is ahead, model."""
+def title(facts: dict[str, Any]) -> list[str]:
+    """Valid time, where the light is of another time that too, place, model, height, what is ahead: what differs in
+    length from frame to frame is last, so that the rest is in all or in none."""
     parts = []
     weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
     if weather:
@@ -44,14 +47,14 @@ def title(facts: dict[str, Any]) -> str:
     if facts.get("latitude") is not None:
         lat, lon = float(facts["latitude"]), (float(facts["longitude"]) + 180) % 360 - 180
         parts.append(f"{abs(lat):.2f} {'N' if lat >= 0 else 'S'} {abs(lon):.2f} {'E' if lon >= 0 else 'W'}")
+    source = str(facts.get("source", "")).split(":")[0]
+    parts += [Path(source).name] if source else []
     if facts.get("height_m") is not None:
         above = " above sea level" if facts.get("height_above") == "sea level" else ""
         parts.append(f"{float(facts['height_m']):,.0f} m{above}")
     if facts.get("ahead"):
         parts.append(f"{facts['ahead']} {_length(float(facts['ahead_m']))} ahead")
-    source = str(facts.get("source", "")).split(":")[0]
-    parts += [Path(source).name] if source else []
-    return "   ".join(parts)
+    return parts
 
 
 def _together(weather: str, light: str) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from openswim.fluxes.gases import airmass, gas_transmittance, liquid_transmittance, ozone_optical_depth
 from openswim.lights.spectrum import solar_bins
+from openswim.optics.gas_bands import band_transmittance
 
 if TYPE_CHECKING:
     from openswim.scene.atmosphere import Atmosphere
@@ -88,14 +89,14 @@ def broadband(
 ) -> Broadband:
     """Broadband irradiance from the beam's transmittance and the diffuse horizontal light over E_TOA, (nwl,).
 
-    Both include ozone, as the model's clear sky does.  `visible` is the share of the sun's disc in sight, toward
-    which the transmittance is (all of it by default, above the horizon).  `water_vapour_cm` is the precipitable water,
-    `pressure_pa` that of the air at the plane (`gases_above` tells them).  Global irradiance agrees with the
-    spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
-    is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength
-    instead of three adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological
-    one, which lifts the visible share of the light by 8 % under overcast.  Wavelengths beyond 700 nm, which meet bands
-    of gases, are left out; where there are no others nothing is known (NaN).
+    Both include ozone and bands of gases, as the model's clear sky does.  `visible` is the share of the sun's disc in
+    sight, toward which the transmittance is (all of it by default, above the horizon).  `water_vapour_cm` is the
+    precipitable water, `pressure_pa` that of the air at the plane (`gases_above` tells them).  Global irradiance agrees
+    with the spectral model whose gas absorption is used to +.3 to +2.5 % for sun altitudes above 15 degrees (that model
+    is the highest of four clear-sky models, 0-5 % above their mean for optical depths up to .1); one wavelength instead
+    of three adds 1 %.  Under clouds about 5 %: their absorption in the near infrared is a climatological one, which
+    lifts the visible share of the light by 8 % under overcast.  Wavelengths beyond 700 nm, which meet stronger bands of
+    gases, are left out; where there are no others nothing is known (NaN).
     """
     order = np.argsort(wavelengths_nm)
     order = order[np.asarray(wavelengths_nm, dtype=float)[order] <= LONGEST_NODE_NM]
@@ -111,11 +112,12 @@ def broadband(
     gases = gas_transmittance(wavelength, sky.airmass, sky.pressure_ratio, water_vapour_cm, sky.ozone_cm)
 
     depth = -np.log(np.clip(np.asarray(direct_transmittance, dtype=float)[order], 1e-60, None))
-    excess = depth - sky.rayleigh(nodes) - sky.ozone(nodes)
+    gas = sky.ozone(nodes) - np.log(band_transmittance(nodes, sky.airmass, water_vapour_cm, pressure_pa))
+    excess = depth - sky.rayleigh(nodes) - gas
     beam = np.exp(-sky.rayleigh(wavelength) - _excess_beyond(wavelength, nodes, excess))
     normal = float(energy @ (beam * gases)) * float(sine > 0 if visible is None else visible)
 
-    scattered = np.asarray(relative_diffuse, dtype=float)[order] * np.exp(sky.ozone(nodes))
+    scattered = np.asarray(relative_diffuse, dtype=float)[order] * np.exp(gas)
     clear, cloud = _diffuse(wavelength, nodes, scattered, excess, sky)
     diffuse = float(energy @ ((clear + cloud * liquid_transmittance(wavelength)) * gases))
     horizontal = normal * max(sine, 0.0)

@@ -25,6 +25,9 @@ WIDTH_NM = 20.0
 _STEP_NM = 5.0  # between the centres of the table
 _REFERENCE_PA, _REFERENCE_K = 101_325.0, 273.15
 _AIR_GAS_CONSTANT = 287.05  # J kg-1 K-1
+_GRAVITY = 9.81
+_PRESSURE_OF_VAPOUR, _COLD_OF_VAPOUR = 0.8, 1.0  # relative to that at the ground, and to _REFERENCE_K
+_PRESSURE_OF_AIR, _COLD_OF_AIR = 0.5, 1.09
 _NO_GAS = np.zeros((1, 6))
 
 
@@ -85,6 +88,16 @@ def terms_of(wavelengths_nm: F64, air: bool = True) -> Terms:
 def banded(wavelengths_nm: F64) -> F64:
     """Those of the wavelengths (nwl,) that stand for a band."""
     return np.array([w for w in wavelengths_nm if _rows_at(float(w))[1].any()])
+
+
+def band_transmittance(wavelengths_nm: F64, airmass: float, water_vapour_cm: float, pressure_pa: float) -> F64:
+    """Of the bands that wavelengths (nwl,) stand for, roughly: as if all vapour and all air lay at one height each."""
+    terms = terms_of(wavelengths_nm)
+    k_vapour, k_air, *powers = terms.gas.T
+    relative = pressure_pa / _REFERENCE_PA
+    vapour = 10 * water_vapour_cm * (_PRESSURE_OF_VAPOUR * relative) ** powers[0] * _COLD_OF_VAPOUR ** powers[1]
+    air = pressure_pa / _GRAVITY * (_PRESSURE_OF_AIR * relative) ** powers[2] * _COLD_OF_AIR ** powers[3]
+    return np.asarray(terms.mean(np.exp(-airmass * (k_vapour * vapour + k_air * air))))
 
 
 def _rows_at(wavelength_nm: float) -> tuple[F64, F64]:

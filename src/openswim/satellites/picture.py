@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,15 +32,16 @@ _LOWEST_VIEW_DEG = 88.0  # zenith angle of the satellite beyond which pixels are
 def reflectance(
     scene: Scene,
     grid: FixedGrid | Pixels,
-    bands: Sequence[Band],
+    bands: Sequence[Band] | Band,
     time: Any = None,
     end: Any = None,
     solver: str | Solver = "fast",
 ) -> xr.Dataset:
     """The scene as an imager sees it: docs/satellites.md.
 
-    grid : the pixels, a `FixedGrid` or `Pixels`. bands : see `openswim.satellites.band`. time, end : UTC of the first
-        row and of the last (default: the scene's time, for all rows): light is solved for at both and mixed row by row.
+    grid : the pixels, a `FixedGrid` or `Pixels`. bands : one or several, see `openswim.satellites.band`. time, end :
+        UTC of the first row and of the last (default: the scene's time, for all rows): light is solved for at both
+        and mixed row by row.
 
     Returns a Dataset on (band, y, x): ``reflectance_factor`` (pi L d^2 / E, which ABI, AHI and MODIS files hold) and
     ``bidirectional_reflectance`` (the same over the cosine of the sun's zenith angle; NaN where the sun is down), with
@@ -50,7 +51,7 @@ def reflectance(
     check_kind("grid", grid, (FixedGrid, Pixels), "give an openswim.satellites.FixedGrid, or Pixels")
     if scene.grid is not None and not scene.grid.curved:
         raise UserError("a flat scene has no place on Earth for a satellite to look at: give it a crs")
-    listed = list(bands)
+    listed: list[Any] = [bands] if isinstance(bands, Band) or not isinstance(bands, Iterable) else list(bands)
     if not listed or not all(isinstance(one, Band) for one in listed):
         raise UserError("bands: give a list of bands, such as [openswim.satellites.band('goes-16 abi', 'C02')]")
     wavelengths = np.unique(np.concatenate([one.wavelength_nm for one in listed]))

@@ -39,6 +39,20 @@ def check_target(
             raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
 
 
+def check_targets(
+    targets: Iterable[tuple[str, str | os.PathLike[str] | None]], inputs: Iterable[str | os.PathLike[str]] = ()
+) -> None:
+    """`check_target` of several (what the message calls it, path or None), of which none may replace another."""
+    needed, before = list(inputs), list[Path]()
+    for name, path in targets:
+        if path is None:
+            continue
+        check_target(path, needed, name)
+        if any(_same(Path(path), other) for other in before):
+            raise UserError(f"{name} {path}: another output has this name too; choose another name")
+        before.append(Path(path))
+
+
 def check_folder(path: str | os.PathLike[str], name: str = "output") -> None:
     """Raise UserError unless a folder could be made under this name; what may lie there is not looked at."""
     target = Path(path)

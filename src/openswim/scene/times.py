@@ -40,10 +40,9 @@ def rounded(times: NDArray[np.datetime64]) -> NDArray[np.datetime64]:
 
 
 def interval_s(name: str, text: str) -> float:
-    """Seconds of "5min", "30s", "1h" or a bare number of minutes: a millisecond to some thirty years."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]*)\s*", text.lower())
-    unit = match.group(2) or "min" if match else ""
-    seconds = float(match.group(1)) * _UNITS_S[unit] if match and unit in _UNITS_S else 0.0
+    """Seconds of "5min", "30s" or "1h": a millisecond to some thirty years."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([a-z]+)\s*", text.lower())
+    seconds = float(match[1]) * _UNITS_S.get(match[2], 0.0) if match else 0.0
     if not 1e-3 <= seconds <= 1e9:
         raise UserError(f"{name} {shown(text)}: write a length of time, such as 5min, 30s or 1h")
     return seconds

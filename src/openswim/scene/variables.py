@@ -5,11 +5,12 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, shown
 from openswim.errors import UserError
 
 HYDROMETEORS = ("liquid", "ice", "rain", "snow", "graupel")
 DIRECT_PREFIX = "extinction_"
+MOST_BYTES = 200  # of a name; netCDF allows 256
 LEVEL_DIMS = ("z", "y", "x")
 SURFACE_DIMS = ("y", "x")
 
@@ -139,6 +140,8 @@ def variable(name: str) -> Variable:
     check_kind("scene: name of a variable", name, str, "docs/scene-format.md lists the names")
     if name in VARIABLES:
         return VARIABLES[name]
+    if not name.isprintable() or "/" in name or name != name.strip() or len(name.encode()) > MOST_BYTES:
+        raise UserError(f"scene: no file can hold a variable named {shown(name)}: use letters, digits, _ and -")
     if is_known(name):
         return _DIRECT
     near = difflib.get_close_matches(name, VARIABLES, n=1)

@@ -93,6 +93,7 @@ def observe(
         raise UserError("observe: there are neither cameras nor pyranometers")
     if day.direction[2] <= 0:
         raise UserError("observe: the sun is down; the linear core knows the light of day alone")
+    check_kind("observe: lean", lean, (bool, np.bool_), "write true or false")
     check_kind("quantity", quantity, (str, list, tuple), "name one, or a list of them, such as radiance")
     names = [quantity] * len(listed) if isinstance(quantity, str) else list(quantity)
     if len(names) != len(listed):
