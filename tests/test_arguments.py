@@ -42,6 +42,8 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: Camera("fish", (3, 3), 1, 1), "allsky, panorama, perspective"),
         (lambda: arrays(z_m=[[1, 2], [3]]), "z_m"),
         (lambda: arrays(x_m="a"), "x_m must be numbers"),
+        (lambda: arrays(extinction_per_m=np.ma.array(FIELD, mask=FIELD == 0)), "extinction_cloud has masked values"),
+        (lambda: arrays(x_m=np.ma.array(AXIS, mask=AXIS > 2)), "x_m has masked values"),
         (lambda: arrays(kind="liqiud"), "kind 'liqiud'"),
         (lambda: arrays(periodic="no"), "periodic"),
         (lambda: arrays(atmosphere="us"), "atmosphere"),

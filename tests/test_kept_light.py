@@ -115,7 +115,7 @@ def test_light_of_another_scene_or_layout_is_refused(copy: Path) -> None:
     other = grid_scene(2 * cloud((6, 12, 12)), (6, 12, 12), (100.0, 100.0, 100.0))
     with pytest.raises(UserError, match="of another scene"):
         openswim.open_light(copy, other)
-    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 4"):
+    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 5"):
         openswim.open_light(changed(copy, version=99))
     with pytest.raises(UserError, match="no kept light"):
         openswim.open_light(changed(copy, kind="something else"))
@@ -152,6 +152,23 @@ def test_missing_arrays_are_refused(copy: Path) -> None:
     shutil.rmtree(next((copy / "arrays").rglob("beam")))
     with pytest.raises(UserError, match="damaged"):
         openswim.open_light(copy)
+
+
+def test_lost_and_changed_pieces_of_arrays_are_refused(copy: Path) -> None:
+    """Of a chunk that is not there Zarr makes zeros; a chunk of zeros, it does not write."""
+    pieces = sorted(each for each in (copy / "arrays").rglob("*") if each.is_file() and not each.name.startswith("."))
+    assert len(pieces) > 20
+    for piece in pieces[::3]:
+        kept = piece.read_bytes()
+        piece.unlink()
+        if any(kept):
+            with pytest.raises(UserError, match="is not what was saved"):
+                openswim.open_light(copy)
+        piece.write_bytes(bytes([kept[0] ^ 1]) + kept[1:])
+        with pytest.raises(UserError, match="damaged"):
+            openswim.open_light(copy)
+        piece.write_bytes(kept)
+    openswim.open_light(copy)
 
 
 def test_what_keeps_no_light_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from openswim.errors import UserError
 
 def number(what: str, value: Any) -> float:
     """The one number that this is (NaN and infinity too); raises UserError."""
-    array = _array(value)
+    array = _array(what, value)
     if array.ndim or array.dtype.kind not in "fiu":
         raise UserError(f"{what} must be a number, got {shown(value)}")
     return float(array)
@@ -23,7 +23,7 @@ def number(what: str, value: Any) -> float:
 
 def numbers(what: str, value: Any) -> NDArray[Any]:
     """The array of numbers that this is; raises UserError."""
-    array = _array(value)
+    array = _array(what, value)
     if array.dtype.kind not in "fiub":
         raise UserError(f"{what} must be numbers, got {shown(value)}")
     return array
@@ -31,7 +31,7 @@ def numbers(what: str, value: Any) -> NDArray[Any]:
 
 def whole(what: str, value: Any) -> int:
     """The whole number that this is; raises UserError."""
-    array = _array(value)
+    array = _array(what, value)
     if array.ndim or array.dtype.kind not in "iu":
         raise UserError(f"{what} must be a whole number, got {shown(value)}")
     return int(array)
@@ -67,7 +67,9 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{type(value).__name__} {text[:50]}..."
 
 
-def _array(value: Any) -> NDArray[Any]:
+def _array(what: str, value: Any) -> NDArray[Any]:
+    if np.ma.is_masked(value):  # numpy would give what lies under the mask
+        raise UserError(f"{what} has masked values: fill them in first, as by numpy.ma.filled")
     try:
         return np.asarray(value)
     except (TypeError, ValueError):  # lists of unequal lengths

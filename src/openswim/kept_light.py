@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -28,7 +29,7 @@ from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
 
-KIND, VERSION = "openswim light", 4
+KIND, VERSION = "openswim light", 5
 _CHUNK = 1 << 23  # bytes of an array that are written together
 _LONGEST_TEXT = 1 << 22  # characters of the description, more than any light has
 _MOST_MEMORY = 0.8  # share of the memory that is free
@@ -73,6 +74,7 @@ def save_light(
             }
             for one, own in zip(every, found, strict=True)
         ],
+        "checksums": {name: _checksum(array) for name, array in arrays.items()},
     }  # fmt: skip
     import zarr
 
@@ -150,8 +152,11 @@ def _read(
         def array(name: str) -> np.ndarray:
             if name not in known:
                 stored = root[f"arrays/{name}"]
-                known[name] = np.require(stored[...], requirements=["C", "W"])
-                meter.advance(known[name].nbytes)
+                values = np.require(stored[...], requirements=["C", "W"])
+                if _checksum(values) != about["checksums"][name]:  # of a lost piece zarr makes zeros
+                    raise ValueError(f"{name} is not what was saved")
+                known[name] = values
+                meter.advance(values.nbytes)
             return known[name]
 
         lights = []
@@ -212,6 +217,11 @@ def fingerprint(scene: Scene) -> str:
         if any(level.drift_m):
             found.update(repr(tuple(map(float, level.drift_m))).encode())
     return found.hexdigest()
+
+
+def _checksum(array: np.ndarray) -> int:
+    """CRC-32 of an array's bytes."""
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8) if array.size else b"")
 
 
 def _first_line(error: Exception) -> str:

@@ -35,6 +35,23 @@ def fits(values, bitpix, **cards):
     return text.ljust(-(-len(text) // 2880) * 2880).encode() + data.ljust(-(-len(data) // 2880) * 2880, b"\0")
 
 
+def test_what_is_transparent_is_black(tmp_path):
+    """As of frames that are cut to the circle of their lens; of eight and of sixteen bits, grey and in colours."""
+    whole = np.arange(30).reshape(6, 5, 1) % 3 > 0
+    cut = np.concatenate([COLOUR, np.where(whole, 255, 90).astype(np.uint8)], axis=-1)
+    Image.fromarray(cut).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.png").counts, COLOUR * whole)
+    share = np.where(whole, 65535, 90).astype(np.uint16)
+    grey = np.concatenate([DEEP[..., None], share], axis=-1)
+    (tmp_path / "b.png").write_bytes(png(grey.reshape(6, -1).reshape(6, 5, 2), 16, 4))
+    found = read_picture(tmp_path / "b.png")
+    np.testing.assert_array_equal(found.counts, DEEP * whole[..., 0])
+    assert found.full_scale == 65535
+    deep = np.concatenate([np.repeat(DEEP[..., None], 3, axis=-1), share], axis=-1)
+    (tmp_path / "c.png").write_bytes(png(deep, 16, 6))
+    np.testing.assert_array_equal(read_picture(tmp_path / "c.png").counts, deep[..., :3] * whole)
+
+
 def test_eight_bits(tmp_path):
     for suffix in ("png", "tif", "bmp"):
         Image.fromarray(COLOUR).save(tmp_path / f"a.{suffix}")

@@ -42,7 +42,7 @@ def read_picture(path: Path | str) -> Picture:
         return _guarded(path, _read_raw)
     if is_fits(head, path):
         return _guarded(path, read_fits_picture)
-    deep_png = head[:8] == b"\x89PNG\r\n\x1a\n" and head[24:25] == b"\x10" and head[25:26] in (b"\x02", b"\x06")
+    deep_png = head[:8] == b"\x89PNG\r\n\x1a\n" and head[24:25] == b"\x10" and head[25:26] in b"\x02\x04\x06"
     if deep_png:
         return _guarded(path, _read_deep)  # Pillow would make 8 bits of it without a word
     return _guarded(path, _read_pillow)
@@ -106,6 +106,9 @@ def _read_pillow(path: Path) -> Picture:
         if image.mode in ("RGB", "RGBA", "RGBX") and np.max(bits) > 8:
             return _read_deep(path)  # Pillow makes 8 bits of interleaved ones without a word
         exif = _exif(image)
+        if image.has_transparency_data:
+            every = np.asarray(image.convert("RGBA"))
+            return Picture(every[..., :3] * (every[..., 3:] == 255), 255.0, exif=exif)  # what is cut out is black
         if image.mode not in _SAMPLED:
             one = image.mode in ("1", "LA", "La")
             image = image.convert("L" if one else "RGB")
@@ -116,7 +119,7 @@ def _read_pillow(path: Path) -> Picture:
 
 
 def _read_deep(path: Path) -> Picture:
-    """Sixteen bits in three channels."""
+    """Sixteen bits in three channels, or with a share of transparency."""
     try:
         import rasterio
     except ImportError:
@@ -126,6 +129,9 @@ def _read_deep(path: Path) -> Picture:
     with rasterio.open(path) as data:
         _check_size(path, data.width, data.height)
         bands = data.read(list(range(1, 4)) if data.count >= 3 else [1])
+        if data.colorinterp[-1] == rasterio.enums.ColorInterp.alpha:
+            whole = data.read(data.count)
+            bands = bands * (whole == np.iinfo(whole.dtype).max)
     counts = bands[0] if len(bands) == 1 else np.moveaxis(bands, 0, -1)
     integer = counts.dtype.kind == "u"
     return Picture(counts, float(np.iinfo(counts.dtype).max) if integer else float(np.nanmax(counts)))
