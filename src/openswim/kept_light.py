@@ -221,7 +221,7 @@ def fingerprint(scene: Scene) -> str:
 
 def _checksum(array: np.ndarray) -> int:
     """CRC-32 of an array's bytes."""
-    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8) if array.size else b"")
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data if array.size else b"")
 
 
 def _first_line(error: Exception) -> str:

@@ -30,7 +30,7 @@ ABOVE_PLACE = "above the mean ground of the domain's middle"  # as users are tol
 DEFAULT_AEROSOL = f"the default aerosol (optical depth {DEFAULT_DEPTH:g} at 550 nm {ABOVE_PLACE})"  # the same
 EXPONENTIAL_TOP_M = 30_000.0
 _RANGES = {
-    "optical_depth": (0.0, 1e6),
+    "optical_depth": (0.0, 100.0),
     "angstrom_exponent": ANGSTROM_EXPONENTS,
     "scale_height_m": (1.0, 1e9),
     "reference_nm": WAVELENGTHS_NM,

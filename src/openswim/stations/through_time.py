@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 # Solved for at no more cost than three; broadband diffuse light is within 1 W/m2 of that from eleven, 330-1600 nm.
 WAVELENGTHS_NM = (870.0, 615.0, 500.0, 400.0)
+MOST_VAPOUR_CM = 20.0  # the wettest air has some 8
 _NAMES = {  # of variables: CF standard name, description
     "ghi": ("surface_downwelling_shortwave_flux_in_air", "global horizontal irradiance"),
     "dni": ("surface_direct_along_beam_shortwave_flux_in_air", "direct normal irradiance"),
@@ -71,8 +72,12 @@ def irradiance(
     if latitudes.ndim > 1 or latitudes.shape != longitudes.shape:
         raise UserError(f"lat has shape {np.shape(lat)} and lon {np.shape(lon)}: give as many of each, in a row")
     vapour = None if water_vapour_cm is None else numbers("water_vapour_cm", water_vapour_cm).astype(float)
-    if vapour is not None and (vapour.shape not in ((), stamps.shape) or not (vapour >= 0).all()):
-        raise UserError(f"water_vapour_cm has shape {vapour.shape}: give one number of 0 or more, or one per time")
+    if vapour is not None and vapour.shape not in ((), stamps.shape):
+        raise UserError(f"water_vapour_cm has shape {vapour.shape}: give one number, or one per time")
+    impossible = np.empty(0) if vapour is None else vapour[~((vapour >= 0) & (vapour <= MOST_VAPOUR_CM))]
+    if impossible.size:
+        limits = f"is not within 0 to {MOST_VAPOUR_CM:g}: give cm of precipitable water"
+        raise UserError(f"water_vapour_cm: {impossible[0]:g} {limits}")
     if not number("step_minutes", step_minutes) > 0:
         raise UserError(f"step_minutes = {step_minutes}: give minutes above 0")
 
