@@ -438,6 +438,17 @@ def test_a_short_path_is_lit_once_and_a_long_one_again_and_again() -> None:
         assert len(shares) == min(count, 2)
 
 
+def test_a_log_with_more_columns_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: list[str] = []
+    monkeypatch.setattr("openswim.films.camera_path.tell", notes.append)
+    file = tmp_path / "path.csv"
+    file.write_text("time,battery,lat,lon,height_m,speed,azimuth\n2024-01-01,x,1,2,3,,90\n2024-01-02,,1,2,3,7,80\n")
+    path = CameraPath.read(file)
+    assert path.attitude[:, 0].tolist() == [90.0, 80.0]
+    assert np.isnan(path.attitude[:, 1:]).all()
+    assert notes == [f"note: {file}: columns that are not used: 'battery', 'speed'"]
+
+
 def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solved(monkeypatch) -> None:
     import gc
     import weakref

@@ -42,7 +42,7 @@ def read_picture(path: Path | str) -> Picture:
         return _guarded(path, _read_raw)
     if is_fits(head, path):
         return _guarded(path, read_fits_picture)
-    deep_png = head[:8] == b"\x89PNG\r\n\x1a\n" and head[24:25] == b"\x10" and head[25:26] in b"\x02\x04\x06"
+    deep_png = head[:8] == b"\x89PNG\r\n\x1a\n" and head[24:26] in (b"\x10\x02", b"\x10\x04", b"\x10\x06")
     if deep_png:
         return _guarded(path, _read_deep)  # Pillow would make 8 bits of it without a word
     return _guarded(path, _read_pillow)

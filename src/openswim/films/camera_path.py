@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import difflib
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from openswim.arguments import check_keys, shown
 from openswim.cameras import Camera
 from openswim.errors import UserError
+from openswim.progress import tell
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import parse_time
 from openswim.system.inputs import check_ordinary
@@ -158,8 +160,13 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
             f"{', '.join(ATTITUDE)}"
         )
     named = [name for name in names if name]
-    check_keys(named, ("time", *PLACE, *ATTITUDE), f"{file}: the first line")
-    if len(set(named)) < len(named):
+    known = ("time", *PLACE, *ATTITUDE)
+    others = [name for name in named if name not in known]
+    misspelt = [name for name in others if difflib.get_close_matches(name, known, n=1)]
+    check_keys(misspelt, known, f"{file}: the first line")
+    if others:  # as logs of drones have them
+        tell(f"note: {file}: columns that are not used: {', '.join(map(shown, others[:9]))}")
+    if any(named.count(name) > 1 for name in known):
         raise UserError(f"{file}: the first line has a name twice: leave one of the columns out")
     rows = []
     for number, cells in table[1:]:
