@@ -186,6 +186,23 @@ def test_terrain_and_levels_belong_together():
         Scene.from_arrays({}, axis, axis, levels, terrain_m=np.full((4, 4), 3500.0))
 
 
+def test_arrays_with_dimensions_may_have_them_in_any_order():
+    """On a cube no shape would tell."""
+    axes = {name: np.arange(4) * 100.0 for name in ("x_m", "y_m", "z_m")}
+    values = np.zeros((4, 4, 4), np.float32)
+    values[1, 2, 3] = 0.01
+    turned = xr.DataArray(values, dims=("z", "y", "x")).transpose("y", "x", "z")
+    albedo = xr.DataArray(np.arange(16.0).reshape(4, 4) / 16, dims=("y", "x")).transpose("x", "y")
+    found = Scene.from_arrays(turned, **axes, fields={"surface_albedo": albedo}).data
+    np.testing.assert_array_equal(found.extinction_cloud.values, values)
+    np.testing.assert_array_equal(found.surface_albedo.values, np.arange(16.0).reshape(4, 4) / 16)
+
+
+def test_a_wavelength_that_is_there_twice_is_refused():
+    with pytest.raises(UserError, match=r"wavelengths \[500.0, 500.0\] nm: leave out what is there twice"):
+        Scene.from_arrays(np.zeros(SHAPE), **AXES, surface_albedo=np.zeros((*SHAPE[1:], 2)), wavelength_nm=[500, 500])
+
+
 def test_arrays_on_a_sphere_have_air_and_ground_as_in_a_file():
     """Unless they are told otherwise; flat ones are alone in the dark, as theory wants them."""
     degrees = dict(x_m=np.arange(4) * 0.1, y_m=np.arange(3) * 0.1, z_m=AXES["z_m"])

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
 from openswim.scene.particles import WAVELENGTHS_NM
@@ -64,6 +65,8 @@ def _wavelengths(data: xr.Dataset) -> Any:
     values, (low, high) = np.asarray(data.coords[WAVELENGTH_DIM].values, dtype=np.float64), WAVELENGTHS_NM
     if not np.isfinite(values).all() or values.min() < low or values.max() > high:
         raise UserError(f"scene: wavelength is out of range ({low:.0f} to {high:.0f} nm): give nanometres")
+    if np.unique(values).size < values.size:
+        raise UserError(f"scene: wavelengths {shown(values.tolist())} nm: leave out what is there twice")
     return WAVELENGTH_DIM, values, {"standard_name": "radiation_wavelength", "units": "nm"}
 
 

@@ -167,7 +167,8 @@ class Scene:
         """A scene from plain arrays.
 
         extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
-            arrays by species name (None for none). A bare array is the species "cloud".
+            arrays by species name (None for none). A bare array is the species "cloud". DataArrays may have their
+            dimensions z, y, x in any order.
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
             z_m is (nz,) or (nz, ny, nx).
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
@@ -324,7 +325,10 @@ def _for_species(value: Any, name: str) -> Any:
 
 
 def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:
-    array, dims = numbers(f"scene: {name}", values), variable(name).dims
+    dims = variable(name).dims
+    if isinstance(values, xr.DataArray) and set(values.dims) == set(dims):
+        values = values.transpose(*dims)
+    array = numbers(f"scene: {name}", values)
     shape = grid.shape[3 - len(dims) :]
     if array.shape != shape:
         raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(dims)}) is {shape}")
