@@ -196,6 +196,10 @@ def test_arrays_with_dimensions_may_have_them_in_any_order():
     found = Scene.from_arrays(turned, **axes, fields={"surface_albedo": albedo}).data
     np.testing.assert_array_equal(found.extinction_cloud.values, values)
     np.testing.assert_array_equal(found.surface_albedo.values, np.arange(16.0).reshape(4, 4) / 16)
+    levels = xr.DataArray(100.0 * np.arange(64).reshape(4, 4, 4), dims=("z", "y", "x"))
+    scene = Scene.from_arrays(turned, **axes | {"z_m": levels.transpose("x", "z", "y")}, surface_albedo=albedo)
+    np.testing.assert_array_equal(scene.data.surface_albedo.values, np.arange(16.0).reshape(4, 4) / 16)
+    np.testing.assert_array_equal(scene.grid.height_m, levels.values)
 
 
 def test_a_wavelength_that_is_there_twice_is_refused():

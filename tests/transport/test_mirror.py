@@ -21,7 +21,7 @@ from openswim.transport.view.mirror import Mirrored, WetRays
 from openswim.transport.view.viewer import AimedGrid, looking_from
 
 N, CELL = 25, 500.0
-TURN, GLOW = 0.00026, {0.008: 0.021, 0.03: 0.022, 0.07: 0.074}
+GLOW = {0.008: 0.021, 0.03: 0.022, 0.07: 0.074}  # rms that facets leave of the glow's mean, by slope variance
 
 
 @pytest.fixture(scope="module")
@@ -223,15 +223,14 @@ def test_a_whole_turn_has_no_seam(beyond_deg: float) -> None:
     turn = np.arange(0.0, 360.0, 0.05)
     seen = found.along(glance(turn, 5.0, 2.0)[2])[:, 0]
     waves = np.stack([np.ones(turn.size), np.sin(np.radians(turn)), np.cos(np.radians(turn))], axis=-1)
-    (_, sine, cosine), *_ = np.linalg.lstsq(waves, seen, rcond=None)
-    assert sine == pytest.approx(0.5, rel=0.06)
-    assert cosine == pytest.approx(0.0, abs=0.004)
-    assert np.abs(seen - waves @ np.linalg.lstsq(waves, seen, rcond=None)[0]).max() < TURN
+    fitted, *_ = np.linalg.lstsq(waves, seen, rcond=None)
+    np.testing.assert_allclose(fitted, [1.0, 0.5, 0.0], atol=0.028)  # steep facets mirror less of what is level
+    assert np.abs(seen - waves @ fitted).max() < 0.00026
 
 
 @pytest.mark.parametrize("slope_variance", [0.008, 0.03, 0.07])
 def test_the_glow_of_dusk_is_mirrored_without_stripes(slope_variance: float) -> None:
-    """A bright band along the horizon, as from under water it is seen by 40,000 facets."""
+    """A bright band along the horizon, beside what 40,000 facets mirror of it."""
     from scipy.special import ndtri
 
     def look(place, out, image):

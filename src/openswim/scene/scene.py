@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,7 +24,7 @@ from openswim.scene.optics import Optics
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
 from openswim.scene.plausible import check_plausible
 from openswim.scene.times import parse_time
-from openswim.scene.variables import DIRECT_PREFIX, SURFACE_DIMS, species_of, variable
+from openswim.scene.variables import DIRECT_PREFIX, LEVEL_DIMS, SURFACE_DIMS, species_of, variable
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -167,8 +167,8 @@ class Scene:
         """A scene from plain arrays.
 
         extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
-            arrays by species name (None for none). A bare array is the species "cloud". DataArrays may have their
-            dimensions z, y, x in any order.
+            arrays by species name (None for none). A bare array is the species "cloud". DataArrays, here
+            and below, may have their dimensions z, y, x in any order.
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
             z_m is (nz,) or (nz, ny, nx).
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
@@ -181,7 +181,7 @@ class Scene:
         place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
         fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
         """
-        given = {"x_m": x_m, "y_m": y_m, "z_m": z_m}
+        given = {"x_m": x_m, "y_m": y_m, "z_m": _ordered(z_m, LEVEL_DIMS)}
         x, y, z = (numbers(f"scene: {name}", values) for name, values in given.items())
         grid = Grid(x, y, z, _projection(crs), earth_radius_m, periodic)
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
@@ -326,17 +326,22 @@ def _for_species(value: Any, name: str) -> Any:
 
 def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:
     dims = variable(name).dims
-    if isinstance(values, xr.DataArray) and set(values.dims) == set(dims):
-        values = values.transpose(*dims)
-    array = numbers(f"scene: {name}", values)
+    array = numbers(f"scene: {name}", _ordered(values, dims))
     shape = grid.shape[3 - len(dims) :]
     if array.shape != shape:
         raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(dims)}) is {shape}")
     return dims, array
 
 
+def _ordered(values: Any, dims: Sequence[str]) -> Any:
+    """A DataArray of these dimensions with them in this order; anything else as it is."""
+    named = isinstance(values, xr.DataArray) and set(values.dims) == set(dims)
+    return values.transpose(*dims) if named else values
+
+
 def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-    albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
+    dims = (*SURFACE_DIMS, WAVELENGTH_DIM)[: getattr(surface_albedo, "ndim", 0)]
+    albedo = numbers("scene: surface_albedo", _ordered(surface_albedo, dims)).astype(np.float32)
     if albedo.ndim == 0:
         albedo = np.full(grid.shape[1:], albedo)
     if albedo.ndim not in (2, 3) or albedo.shape[:2] != grid.shape[1:]:

@@ -231,8 +231,8 @@ def _marched(
     weight = share * np.maximum(cos_in, 0.0) * steepness[..., 0] * water.fresnel_reflectance(cos_in)
     out = direction[:, None] + 2 * cos_in[..., None] * normal
     rise = (out * up[:, None]).sum(-1, keepdims=True)
-    toward = -(direction * up).sum(-1)
-    weight *= water.returned(rise[..., 0], toward[:, None], slope_variance[:, None])
+    mu_view = -(direction * up).sum(-1)
+    weight *= water.returned(rise[..., 0], mu_view[:, None], slope_variance[:, None])
     out += np.maximum(_LOWEST - rise, 0.0) * up[:, None]
     out /= np.linalg.norm(out, axis=-1, keepdims=True)
     radiance, distance = look(np.repeat(place, _FACETS, axis=0), out.reshape(-1, 3), image)
