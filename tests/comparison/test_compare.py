@@ -13,6 +13,7 @@ import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
 from openswim.cli.compare import Progress, line_of
 from openswim.comparison.encoding import decoded, encoded
+from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
 from openswim.comparison.response import Curve
 from openswim.errors import UserError
@@ -36,6 +37,15 @@ def test_curves_of_counts_and_their_inverse():
     for encoding in ("srgb", "linear", 2.2, 0.7):
         np.testing.assert_allclose(encoded(decoded(share, encoding), encoding), share, atol=1e-6)
     assert float(decoded(0.5, "srgb")) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+
+
+def test_pictures_are_kept_to_twelve_bits():
+    light = np.r_[0.0, np.nan, np.inf, -np.inf, np.random.default_rng(0).lognormal(0, 5, 10_000)].astype(np.float32)
+    kept = rounded(light)
+    np.testing.assert_allclose(kept, light, rtol=2.0**-13)
+    assert not (kept.view(np.uint32)[4:] % 2**11).any()
+    np.testing.assert_array_equal(rounded(kept), kept)
+    assert abs(np.mean(kept[4:] / light[4:] - 1)) < 2.0**-13 / 30  # neither up nor down in the mean
 
 
 def test_a_level_part_of_a_curve_makes_no_seam():
