@@ -163,6 +163,26 @@ def test_star_trails_and_curves_are_refused_before_the_work(tmp_path: Path) -> N
         assert not list(tmp_path.iterdir())
 
 
+def test_a_film_replaces_nothing_that_it_reads_nor_its_own_outputs(tmp_path: Path) -> None:
+    model, way, store = tmp_path / "run.nc", tmp_path / "way.csv", tmp_path / "run.zarr"
+    CLEAR.to_netcdf(model)
+    CLEAR.to_zarr(store)
+    way.write_text("time,lat,lon,height_m\n2024-06-01T12:00:00Z,47,11,900\n2024-06-01T12:00:01Z,47,11.01,900\n")
+    before = model.read_bytes(), way.read_bytes()
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for output, weather, given, line in (
+        (frames, model, {"irradiance": model}, "run.nc: would replace .*run.nc, which is needed"),
+        (frames, model, {"irradiance": way, "path": way}, "way.csv: would replace .*way.csv, which is needed"),
+        (store, store, {}, "film .*run.zarr: would replace .*run.zarr, which is needed"),
+        (frames, model, {"keogram": frames / "frame_000001.png"}, "keogram .*: lies in .*frames, another output"),
+    ):
+        with pytest.raises(UserError, match=line):
+            film(weather, CAMERA, output, solver="swim", **given)
+    assert (model.read_bytes(), way.read_bytes()) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames", "run.nc", "run.zarr", "way.csv"]
+
+
 def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from openswim.films import making
 

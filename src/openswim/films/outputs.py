@@ -16,7 +16,7 @@ from openswim.films.from_frames import FORMATS, curves_of, series_of, times_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.cf import save_netcdf
-from openswim.scene.files import check_folder, check_target, written_whole
+from openswim.scene.files import check_apart, check_folder, check_kept, check_target, check_targets, written_whole
 from openswim.system.workshops import replace_folder, workshop
 
 KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
@@ -44,6 +44,17 @@ def check_output(path: Path) -> str:
     else:
         check_target(path)
     return kind
+
+
+def check_outputs(
+    film: Path, beside: Sequence[tuple[str, str | os.PathLike[str] | None]], inputs: Sequence[Path]
+) -> None:
+    """UserError where a film, or what is written beside it, would replace a file that is read, or each other."""
+    check_kept("film", film, inputs)
+    check_targets(beside, inputs)
+    for name, path in beside:
+        if path is not None:
+            check_apart(name, Path(path), film)
 
 
 def check_curves(path: Path) -> None:
