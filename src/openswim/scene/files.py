@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import tempfile
@@ -15,6 +16,7 @@ from openswim.system.inputs import check_name
 from openswim.system.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store
 
 
@@ -105,27 +107,30 @@ def _others_folder(target: Path) -> bool:
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path`; on success it is renamed to `path`, on failure removed.
 
-    Works for files and for Zarr folders. Raises UserError where the name cannot be written.
+    Works for files and for Zarr folders. Raises UserError where the name cannot be written. own_folder: a folder of
+    this name is known to be ours, whatever it holds.
     """
     check_kind("output", path, (str, os.PathLike), "give a file's name")
     target = Path(path)
     with ExitStack() as stack:
         try:
-            if _others_folder(target):
+            if not own_folder and _others_folder(target):
                 raise UserError(f"{target}: is a folder: choose another name")
             made = stack.enter_context(workshop(target.parent))
         except OSError as error:
-            raise UserError(
-                f"{target}: cannot be written ({error.strerror}): choose a folder that exists and that you may write to"
-            ) from error
+            remedy = (
+                "free some space" if error.errno in _FULL else "choose a folder that exists and that you may write to"
+            )
+            raise UserError(f"{target}: cannot be written ({error.strerror}): {remedy}") from error
         try:
             partial = made / target.name
             yield partial
             if target.is_dir() and partial.is_dir():
-                _check_own(target)
+                if not own_folder:
+                    _check_own(target)
                 replace_folder(partial, target, made)
             else:
                 _settle(partial)
