@@ -1,7 +1,9 @@
 """Many frames: what an interruption leaves is gone on with, and interpolated clear skies are those that are solved."""
 
+import os
 import re
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,6 +91,16 @@ def test_what_was_made_of_other_frames_cameras_or_times_is_made_anew(frames, tmp
     assert (made(chosen=listed[:1], time="2024-06-20T09:00"), made(chosen=listed[:1], time="2024-06-20T10:00")) == (
         names[:1], names[:1]
     )  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file systems whose names are bytes")
+def test_names_that_are_not_utf_8_are_refused(frames, tmp_path):
+    settings, skies = Settings(size=64), skies_of(None, "swim", None, None)
+    frame = shutil.copy2(frames[0], tmp_path / os.fsdecode(b"\xff_20240620_080000.png"))
+    known = known_camera(CAMERA, settings, None, "swim", skies)
+    for chosen, folder in ((frame, tmp_path / "out"), (frames[0], tmp_path / os.fsdecode(b"out\xff"))):
+        with pytest.raises(UserError, match="this name is not UTF-8: rename it"):
+            compare_into(skies, [Path(chosen)], CAMERA, settings, known, folder)
 
 
 def test_a_series_replaces_nothing_that_it_reads(frames, tmp_path):

@@ -25,7 +25,7 @@ from openswim.observations.frame_times import frame_time
 from openswim.readers import files_of
 from openswim.scene.cf import save_netcdf
 from openswim.system import side_by_side
-from openswim.system.inputs import size_and_change
+from openswim.system.inputs import check_name, size_and_change
 
 _ALONE = 5  # frames that are given to a process at once where their names do not tell which share light
 
@@ -75,6 +75,7 @@ def compare_into(
     compared are told and left out; if there is no other, the first error is raised. Numbers do not depend on `jobs`,
     the processes that work side by side. Returns the page to look at.
     """
+    check_name(folder, "output")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
