@@ -206,6 +206,25 @@ def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, mo
         np.testing.assert_array_equal(np.asarray(Image.open(one)), np.asarray(Image.open(found / one.name)))
 
 
+def test_a_model_that_changes_meanwhile_is_not_mixed_with_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, real = tmp_path / "run.nc", making._frame
+    CLEAR.to_netcdf(model)
+
+    def changes(*arguments: object) -> KeptFrame:
+        CLEAR.to_netcdf(model)
+        return real(*arguments)
+
+    monkeypatch.setattr(making, "_frame", changes)
+    with pytest.raises(UserError, match=r"run.nc: has changed while the film was made: make it again"):
+        film(model, CAMERA, tmp_path / "film", solver="swim")
+    assert not (tmp_path / "film").exists()
+    monkeypatch.setattr(making, "_frame", real)
+    assert film(model, CAMERA, tmp_path / "film", solver="swim").is_dir()
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_radiance_of_all_frames_is_that_of_single_pictures(tmp_path: Path) -> None:
     import openswim
 

@@ -117,6 +117,7 @@ def film(
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance))
     lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
     _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
+    sky.check_unchanged()
     curve = _exposures(kept, len(shots), exposure, fps)
     lines: list[NDArray[np.uint8]] = []
     trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from copy import copy
 from itertools import pairwise
 from pathlib import Path
@@ -35,6 +36,7 @@ class Weather:
         if not self.times.size:
             raise UserError("no model times: a film needs scenes with valid times")
         self._open, self.identity, self._grids, self.inputs = open_at, list(identity), grids_at, tuple(inputs)
+        self._were: dict[Path, tuple[int, int]] = {}  # of files: size and time of change
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
         self._speeds: dict[tuple[np.datetime64, np.datetime64], NDArray[np.float64]] = {}
@@ -60,26 +62,36 @@ class Weather:
         references = options.get("allow_references", False)
         states = states_of(path, references)
         listed = files_of(path)
-        identity = [f"{file.absolute()} {size_and_change(file)}" for file in listed]
+        were = {Path(file): size_and_change(file) for file in listed}
+        identity = [f"{file.absolute()} {about}" for file, about in were.items()]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
         identity += _maps([options.get("ground")])
         inputs = [*listed, *_map_names([options.get("ground")])]
         files = {time: own for time, own in states if time is not None}
         if not files:
             found = cls.of_scenes([open_scene(path, **options)])
-            found.inputs = tuple(inputs)
+            found.inputs, found._were = tuple(inputs), were
             return found
         if len(files) > 1:  # clouds travel from one time to the next
             options = {"winds": True} | options
-        return cls(
+        found = cls(
             list(files), lambda time: open_scene(files[time], time=time, **options), identity,
             lambda time: grids_of(files[time], time, references), inputs,
         )  # fmt: skip
+        found._were = were
+        return found
 
     @property
     def first(self) -> Scene:
         """The scene of the first time."""
         return self._scene(self.times[0])
+
+    def check_unchanged(self) -> None:
+        """Raise UserError where a file that frames were made of is now another one; one that is gone mixes nothing."""
+        for path, about in self._were.items():
+            with suppress(OSError):
+                if size_and_change(path) != about:
+                    raise UserError(f"{path}: has changed while the film was made: make it again")
 
     def spanned(self, times: Sequence[np.datetime64], most: int) -> Iterator[Scene]:
         """Scenes of model times of which those of ``times`` are made, no more than so many of them, evenly chosen."""
