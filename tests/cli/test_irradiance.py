@@ -60,6 +60,14 @@ def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 BESIDE = ["irradiance", "--clear", "--lat", "46.8", "--lon", "6.9", "--ground", "490"]
 
 
+def test_measured_aerosol_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    aerosol = tmp_path / "aod.csv"
+    aerosol.write_text("measured")
+    assert run(["irradiance", "--clear", "--aeronet", str(aerosol), "-o", str(aerosol)]) == 2
+    assert "which is needed" in capsys.readouterr().err
+    assert aerosol.read_text() == "measured"
+
+
 @pytest.mark.parametrize("minutes", [1, 10, 15])
 def test_clear_times_are_told_before_times_are_left_out(
     minutes: int, station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -1,6 +1,11 @@
 """Many frames: what an interruption leaves is gone on with, and interpolated clear skies are those that are solved."""
 
+import os
 import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +16,7 @@ from tests.comparison.skies import clear_radiance, small_camera, write_frame
 from openswim.comparison.into_folder import compare_into
 from openswim.comparison.settings import Settings, known_camera, skies_of
 from openswim.errors import UserError
+from openswim.scene.procedural import demo_scene
 
 CAMERA = small_camera(64)
 TIMES = ("080000", "080400", "100000")
@@ -63,6 +69,52 @@ def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
     again = []
     run(frames, tmp_path, lambda comparison: again.append(comparison))
     assert not again
+
+
+def test_what_was_made_of_other_frames_cameras_or_times_is_made_anew(frames, tmp_path):
+    """Frames replaced under their names, a camera that stands higher, a frame whose time is said otherwise."""
+    listed = [Path(shutil.copy2(frame, tmp_path)) for frame in frames[:2]]
+    settings, skies = Settings(size=64, aod_range=False), skies_of(None, "swim", None, None, table=True)
+
+    def made(camera=CAMERA, chosen=listed, time=None):
+        told = []
+        compare_into(skies, chosen, camera, settings, known_camera(camera, settings, None, "swim", skies),
+                     tmp_path / "out", time, lambda scores: told.append(scores.attrs["frame"]))  # fmt: skip
+        return told
+
+    names = [path.name for path in listed]
+    assert (made(), made()) == (names, [])
+    shutil.copy2(frames[2], listed[1])
+    assert (made(), made()) == (names[1:], [])
+    higher = replace(CAMERA, camera=replace(CAMERA.camera, height_m=2500.0, above="sea level"))
+    assert made(higher) == names
+    assert (made(chosen=listed[:1], time="2024-06-20T09:00"), made(chosen=listed[:1], time="2024-06-20T10:00")) == (
+        names[:1], names[:1]
+    )  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file systems whose names are bytes")
+def test_names_that_are_not_utf_8_are_refused(frames, tmp_path):
+    settings, skies = Settings(size=64), skies_of(None, "swim", None, None)
+    frame = shutil.copy2(frames[0], tmp_path / os.fsdecode(b"\xff_20240620_080000.png"))
+    known = known_camera(CAMERA, settings, None, "swim", skies)
+    for chosen, folder in ((frame, tmp_path / "out"), (frames[0], tmp_path / os.fsdecode(b"out\xff"))):
+        with pytest.raises(UserError, match="this name is not UTF-8: rename it"):
+            compare_into(skies, [Path(chosen)], CAMERA, settings, known, folder)
+
+
+def test_a_series_replaces_nothing_that_it_reads(frames, tmp_path):
+    model = tmp_path / f"{frames[0].stem}.nc"
+    demo_scene(16, 16, 16, spacing_m=2000.0).to_netcdf(model)
+    before = model.read_bytes()
+    settings, skies = Settings(size=64), skies_of(model, "swim", None, None, table=True)
+    known = known_camera(CAMERA, settings, None, "swim", skies)
+    with pytest.raises(UserError, match=r"would replace .*, which is read: choose another folder with -o"):
+        compare_into(skies, frames, CAMERA, settings, known, tmp_path)
+    assert model.read_bytes() == before
+    called = Path(shutil.copy2(frames[0], tmp_path / "scores.png"))
+    with pytest.raises(UserError, match="a frame is called scores, as a file of the whole series: rename it"):
+        compare_into(skies, [called, frames[1]], CAMERA, settings, known, tmp_path / "out")
 
 
 def test_a_grey_and_a_damaged_frame_end_no_series(frames, tmp_path):

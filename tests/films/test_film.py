@@ -163,6 +163,26 @@ def test_star_trails_and_curves_are_refused_before_the_work(tmp_path: Path) -> N
         assert not list(tmp_path.iterdir())
 
 
+def test_a_film_replaces_nothing_that_it_reads_nor_its_own_outputs(tmp_path: Path) -> None:
+    model, way, store = tmp_path / "run.nc", tmp_path / "way.csv", tmp_path / "run.zarr"
+    CLEAR.to_netcdf(model)
+    CLEAR.to_zarr(store)
+    way.write_text("time,lat,lon,height_m\n2024-06-01T12:00:00Z,47,11,900\n2024-06-01T12:00:01Z,47,11.01,900\n")
+    before = model.read_bytes(), way.read_bytes()
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for output, weather, given, line in (
+        (frames, model, {"irradiance": model}, "run.nc: would replace .*run.nc, which is needed"),
+        (frames, model, {"irradiance": way, "path": way}, "way.csv: would replace .*way.csv, which is needed"),
+        (store, store, {}, "film .*run.zarr: would replace .*run.zarr, which is needed"),
+        (frames, model, {"keogram": frames / "frame_000001.png"}, "keogram .*: lies in .*frames, another output"),
+    ):
+        with pytest.raises(UserError, match=line):
+            film(weather, CAMERA, output, solver="swim", **given)
+    assert (model.read_bytes(), way.read_bytes()) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames", "run.nc", "run.zarr", "way.csv"]
+
+
 def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from openswim.films import making
 
@@ -184,6 +204,25 @@ def test_a_film_that_was_stopped_goes_on_with_the_same_frames(tmp_path: Path, mo
     assert len(calls) == 4  # the one that was cut, again
     for one in sorted(whole.glob("*.png")):
         np.testing.assert_array_equal(np.asarray(Image.open(one)), np.asarray(Image.open(found / one.name)))
+
+
+def test_a_model_that_changes_meanwhile_is_not_mixed_with_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, real = tmp_path / "run.nc", making._frame
+    CLEAR.to_netcdf(model)
+
+    def changes(*arguments: object) -> KeptFrame:
+        CLEAR.to_netcdf(model)
+        return real(*arguments)
+
+    monkeypatch.setattr(making, "_frame", changes)
+    with pytest.raises(UserError, match=r"run.nc: has changed while the film was made: make it again"):
+        film(model, CAMERA, tmp_path / "film", solver="swim")
+    assert not (tmp_path / "film").exists()
+    monkeypatch.setattr(making, "_frame", real)
+    assert film(model, CAMERA, tmp_path / "film", solver="swim").is_dir()
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_radiance_of_all_frames_is_that_of_single_pictures(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,17 @@ def test_what_is_written_is_read_at_the_same_places(picture: xr.Dataset, tmp_pat
     assert grid_of(back).sweep == "x"
     assert picture.attrs["time_coverage_start"].startswith("2021-06-21T15:00")
     assert back.attrs["time_coverage_start"] == picture.attrs["time_coverage_start"]
+
+
+def test_a_full_disk_is_told_in_a_line_and_leaves_nothing(picture: xr.Dataset, tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(UserError, match=r"a.tif: cannot be written .*: free some space"):
+            write(picture, tmp_path / "a.tif")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
 
 
 def test_satpy_reads_what_is_written_into_a_folder(picture: xr.Dataset, tmp_path: Path) -> None:
@@ -101,9 +113,7 @@ def test_an_observed_crop_lies_on_its_coast(rows: int, columns: int, least: floa
     land = 1 - water_fraction(found.latitude.values, found.longitude.values)
     inner = np.s_[12:-12, 12:-12]
     shifts = [(i, j) for i in range(-12, 13, 2) for j in range(-12, 13, 2)]
-    scores = [
-        np.corrcoef(np.roll(land, shift, (0, 1))[inner].ravel(), factor[inner].ravel())[0, 1] for shift in shifts
-    ]
+    scores = [np.corrcoef(np.roll(land, shift, (0, 1))[inner].ravel(), factor[inner].ravel())[0, 1] for shift in shifts]
     assert max(scores) > least
     assert np.abs(shifts[int(np.argmax(scores))]).max() <= 4  # pixels of 1 km; the mask's are of 4 km
     assert np.nanmin(factor) > 0

@@ -19,6 +19,7 @@ from PIL import Image
 
 from openswim.colour import save
 from openswim.errors import UserError
+from openswim.films.outputs import _write_pictures, check_output
 from openswim.scene.files import check_target, written_whole
 from openswim.system import workshops
 from openswim.system.inputs import check_ordinary
@@ -131,6 +132,31 @@ def _small_files(most: int):
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
+
+
+def test_a_full_disk_for_folders_of_pictures(tmp_path):
+    picture = np.random.default_rng(0).integers(0, 255, (60, 60, 3), np.uint8)
+    path = tmp_path / "film"
+    with _small_files(2000), pytest.raises(UserError, match=r"film: cannot be written .*: free some space"):
+        _write_pictures(path, iter([picture]), "")
+    assert not list(tmp_path.iterdir())
+    _write_pictures(path, iter([picture] * 2), "")
+    _write_pictures(path, iter([picture]), "")
+    assert [each.name for each in path.iterdir()] == ["frame_000001.png"]
+    path.rename(tmp_path / "elsewhere")
+    path.symlink_to("nowhere")
+    with pytest.raises(UserError, match="is a link to nowhere"):
+        check_output(path)
+
+
+def test_a_disk_without_room_for_a_lock(tmp_path, monkeypatch):
+    """It may have some for the lock's empty file, which is not left."""
+    monkeypatch.setattr(workshops, "_host", lambda: b"host" * 50)
+    with _small_files(100), pytest.raises(UserError, match="cannot be written"), written_whole(tmp_path / "a"):
+        pass
+    with _small_files(0), pytest.raises(UserError, match="cannot be written"), written_whole(tmp_path / "a"):
+        pass
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".nc"])

@@ -48,7 +48,7 @@ class IrradianceRequest:
 
 def run(request: IrradianceRequest) -> None:
     """Compute, print what is worth knowing, write."""
-    from openswim.scene.files import check_target
+    from openswim.scene.files import check_targets
 
     if request.clear == bool(request.files):
         raise UserError("give a model's FILES, or --clear for a clear sky")
@@ -56,10 +56,8 @@ def run(request: IrradianceRequest) -> None:
         raise UserError("--output missing: give -o irradiance.nc (or .csv)")
     if request.output is not None and request.output.suffix.lower() not in (".nc", ".csv"):
         raise UserError(f"output {request.output}: suffix {request.output.suffix!r} is unknown; use .nc or .csv")
-    inputs = [*request.files, *([request.station] if request.station else [])]
-    for path, name in ((request.output, "output"), (request.plot, "--plot")):
-        if path is not None:
-            check_target(path, inputs, name)
+    inputs = [*request.files, *request.aeronet, *([request.station] if request.station else [])]
+    check_targets([("output", request.output), ("--plot", request.plot)], inputs)
     if request.station is None and (request.plot or request.fit):
         raise UserError("--plot and --fit need a --station to be compared with")
     if not request.clear and (request.fit or request.aeronet or request.aod is not None or request.albedo is not None):
@@ -200,9 +198,7 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
     return model, station, None
 
 
-def _clear_beside(
-    request: IrradianceRequest, station: xr.Dataset
-) -> tuple[xr.Dataset, xr.Dataset, np.ndarray]:
+def _clear_beside(request: IrradianceRequest, station: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset, np.ndarray]:
     """Under a clear sky. Whether it was clear is told by all that was measured, before times are left out."""
     import numpy as np
 

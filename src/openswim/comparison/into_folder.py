@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import openswim
 from openswim.cameras.files import CameraFile
 from openswim.comparison.one_frame import compare_frame
 from openswim.comparison.report.page import write_page
@@ -23,7 +25,7 @@ from openswim.observations.frame_times import frame_time
 from openswim.readers import files_of
 from openswim.scene.cf import save_netcdf
 from openswim.system import side_by_side
-from openswim.system.inputs import size_and_change
+from openswim.system.inputs import check_name, size_and_change
 
 _ALONE = 5  # frames that are given to a process at once where their names do not tell which share light
 
@@ -73,6 +75,7 @@ def compare_into(
     compared are told and left out; if there is no other, the first error is raised. Numbers do not depend on `jobs`,
     the processes that work side by side. Returns the page to look at.
     """
+    check_name(folder, "output")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -81,12 +84,13 @@ def compare_into(
     doubled = {name for name in names if names.count(name) > 1}
     if doubled:
         raise UserError(f"two frames are called {min(doubled)}: compare them one by one, into folders of their own")
+    _check_targets(folder, frames, skies)
     mark = fingerprint(skies, content, settings, known)
-    parts = {path: part for path in frames if (part := _done(folder / f"{path.stem}.nc", mark, content)) is not None}
+    comparing = Comparing(skies, content, settings, known, folder, time, mark, len(frames) > 1)
+    parts = {path: part for path in frames if (part := _done(comparing, path)) is not None}
     waiting = [path for path in frames if path not in parts]
     begin(len(waiting), len(parts))
     failures = []
-    comparing = Comparing(skies, content, settings, known, folder, time, mark, len(frames) > 1)
     for done in _compared(comparing, waiting, jobs):
         if done.scores is None or done.part is None:
             failures.append(done.failure)
@@ -158,12 +162,13 @@ def _compare_one(comparing: Comparing, path: Path) -> Compared:
     content, settings, target = comparing.content, comparing.settings, comparing.folder / f"{path.stem}.nc"
     camera = content.camera.resized(settings.size) if settings.size < content.camera.shape[1] else content.camera
     try:
+        mark = _mark_of(comparing, path)  # before it is read: one that changes meanwhile is done again
         frame = frame_of(path, content, comparing.time, not comparing.series)
         done = compare_frame(comparing.skies, frame, content, settings, comparing.known)
     except UserError as error:
         text = str(error)
         return Compared(path, failure=text if str(path) in text else f"{path}: {text}")
-    done.attrs["fingerprint"] = comparing.mark
+    done.attrs["fingerprint"] = mark
     write_page(done, camera, target.with_suffix(".html"))
     save_netcdf(done, target)
     return Compared(path, done.drop_dims(("y", "x")), of_series(done, content.camera))
@@ -175,8 +180,7 @@ def fingerprint(skies: Skies, content: CameraFile, settings: Settings, known: Kn
     curves = None if known.curves is None else [curve.radiance.tolist() for curve in known.curves]
     said = json.dumps(
         [_model_mark(skies), str(skies.solver), skies.aod, skies.albedo, skies.sun, asdict(settings), known.red_blue,
-         curves, str(content.response), str(content.frames), content.camera.horizon_deg, content.camera.lat,
-         content.camera.lon],
+         curves, str(content.response), str(content.frames), repr(content.camera), skies.table, openswim.__version__],
         default=str,
     )  # fmt: skip
     hidden = np.packbits(content.camera.open_sky()).tobytes()
@@ -194,12 +198,42 @@ def _model_mark(skies: Skies) -> Any:
         return str(skies.model)
 
 
-def _done(target: Path, mark: str, content: CameraFile) -> xr.Dataset | None:
+def _check_targets(folder: Path, frames: Sequence[Path], skies: Skies) -> None:
+    """UserError where what is written would replace what is read, or each other."""
+    series = ["scores.nc", "index.html"] if len(frames) > 1 else []
+    try:
+        inputs = [*frames, *(files_of(skies.model) if skies.of_files else [])]  # type: ignore[arg-type]
+    except UserError:  # of a model that cannot be read it is told with each frame
+        inputs = list(frames)
+    known = {os.path.realpath(each): each for each in inputs}
+    targets = [f"{path.stem}{suffix}" for path in frames for suffix in (".nc", ".html")]
+    for name in series:
+        if name in targets:
+            raise UserError(f"a frame is called {Path(name).stem}, as a file of the whole series: rename it")
+    for name in (*targets, *series):
+        at = os.path.realpath(folder / name)
+        if at in known:
+            raise UserError(f"{folder / name}: would replace {known[at]}, which is read: choose another folder with -o")
+
+
+def _mark_of(comparing: Comparing, path: Path) -> str:
+    """The fingerprint of a frame's comparison, by the frame's size and time of change as well."""
+    try:
+        size, changed = size_and_change(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror})") from None
+    said = f"{comparing.mark} {size} {changed} {comparing.time}"
+    return hashlib.sha256(said.encode()).hexdigest()[:16]
+
+
+def _done(comparing: Comparing, path: Path) -> xr.Dataset | None:
     """What a series keeps of a frame that an earlier run has left, if it was made alike."""
-    if not target.exists():
+    target = comparing.folder / f"{path.stem}.nc"
+    if not (target.is_file() and target.with_suffix(".html").is_file()):
         return None
     try:
         with xr.open_dataset(target) as found:
-            return of_series(found, content.camera).load() if found.attrs.get("fingerprint") == mark else None
-    except (OSError, ValueError):
+            alike = found.attrs.get("fingerprint") == _mark_of(comparing, path)
+            return of_series(found, comparing.content.camera).load() if alike else None
+    except Exception:  # of a damaged file: of netCDF, HDF5, or of what it lacks
         return None

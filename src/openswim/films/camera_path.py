@@ -35,11 +35,13 @@ class CameraPath:
 
     time : (n,) datetime64[ms], increasing. place : (n, 3) latitude, longitude in degrees, height in m above sea level.
     attitude : (n, 4) azimuth, altitude, roll and field of view in degrees; columns of NaN keep the camera's own.
+    file : what it was read from.
     """
 
     time: NDArray[np.datetime64]
     place: F64
     attitude: F64
+    file: Path | None = None
 
     def __post_init__(self) -> None:
         if len(self.time) < 2:
@@ -71,7 +73,7 @@ class CameraPath:
         time = np.array([row[0] for row in rows], "datetime64[ms]")
         values = np.array([row[1] for row in rows], float).reshape(len(rows), len(PLACE) + len(ATTITUDE))
         try:
-            return cls(time, values[:, :3], values[:, 3:])
+            return cls(time, values[:, :3], values[:, 3:], file)
         except UserError as error:
             raise UserError(f"{file}: {error}") from error
 

@@ -23,7 +23,7 @@ from openswim.films.exposure import exposure_curve
 from openswim.films.from_frames import NIGHT_DEG, StarTrails
 from openswim.films.keogram import keogram as keogram_of
 from openswim.films.kept_frames import KeptFrame, KeptFrames
-from openswim.films.outputs import check_curves, check_output, write_curves, write_film
+from openswim.films.outputs import check_curves, check_output, check_outputs, write_curves, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.films.whereabouts import told_of_places, told_of_times
@@ -33,7 +33,7 @@ from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
 from openswim.progress import tell, track
 from openswim.scene import Scene
-from openswim.scene.files import check_targets, written_whole
+from openswim.scene.files import written_whole
 from openswim.solver import Solver
 from openswim.transport import EarlierLight
 
@@ -96,7 +96,6 @@ def film(
             raise UserError(f"{name} {picture}: give a picture's name, .png, .jpg or .tif")
     if irradiance is not None:
         check_curves(Path(irradiance))
-    check_targets([("keogram", keogram), ("star trails", star_trails), ("irradiance", irradiance)])
     if star_trails is not None and path is not None:
         raise UserError("star trails: they are of a camera that stands still: leave out the path")
     fps = number("film: frames_per_second", frames_per_second)
@@ -105,6 +104,8 @@ def film(
     check_exposure(exposure)
     sky = _weather(weather)
     way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
+    beside = [("keogram", keogram), ("star trails", star_trails), ("irradiance", irradiance)]
+    check_outputs(target, beside, [*sky.inputs, *([] if way is None or way.file is None else [way.file])])
     shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
     times, cameras = [shot.time for shot in shots], [shot.camera for shot in shots]
@@ -116,6 +117,7 @@ def film(
     kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance))
     lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
     _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
+    sky.check_unchanged()
     curve = _exposures(kept, len(shots), exposure, fps)
     lines: list[NDArray[np.uint8]] = []
     trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
@@ -341,8 +343,10 @@ def _above_ground(lit: LitScene, camera: Camera) -> Camera:
     except UserError:  # beside the domain it flies over ground that nobody knows
         return camera
     ground_m = ground_below(lit.scene, lit.field, standing)
-    return standing if camera.height_m < ground_m + _LOWEST_M else replace(
-        camera, above="ground", height_m=camera.height_m - ground_m
+    return (
+        standing
+        if camera.height_m < ground_m + _LOWEST_M
+        else replace(camera, above="ground", height_m=camera.height_m - ground_m)
     )
 
 
@@ -380,4 +384,3 @@ def _write_picture(path: Path, picture: NDArray[np.uint8], content: str) -> None
 
     with written_whole(path) as partial:
         write_picture(picture, partial, {"Content": content})
-

@@ -16,8 +16,7 @@ from openswim.films.from_frames import FORMATS, curves_of, series_of, times_of
 from openswim.films.kept_frames import KeptFrames
 from openswim.films.video import CODECS, check_video, write_video
 from openswim.scene.cf import save_netcdf
-from openswim.scene.files import check_folder, check_target, written_whole
-from openswim.system.workshops import replace_folder, workshop
+from openswim.scene.files import check_apart, check_folder, check_kept, check_target, check_targets, written_whole
 
 KINDS = {".mp4": "video", ".webm": "video", ".zarr": "radiance", "": "pictures"}
 _FRAME = re.compile(r"frame_\d{6}\.png")
@@ -40,10 +39,21 @@ def check_output(path: Path) -> str:
         check_folder(path, "film")
         foreign = _foreign(path)
         if foreign:
-            raise UserError(f"film {path}: holds {foreign}, which is no frame: choose another name")
+            raise UserError(f"film {path}: {foreign}, which is no frame: choose another name")
     else:
         check_target(path)
     return kind
+
+
+def check_outputs(
+    film: Path, beside: Sequence[tuple[str, str | os.PathLike[str] | None]], inputs: Sequence[Path]
+) -> None:
+    """UserError where a film, or what is written beside it, would replace a file that is read, or each other."""
+    check_kept("film", film, inputs)
+    check_targets(beside, inputs)
+    for name, path in beside:
+        if path is not None:
+            check_apart(name, Path(path), film)
 
 
 def check_curves(path: Path) -> None:
@@ -92,22 +102,19 @@ def write_film(
 def _write_pictures(path: Path, pictures: Iterator[NDArray[np.uint8]], about: str) -> None:
     from openswim.colour.picture import write_picture
 
-    with workshop(path.parent) as made:
-        new = made / path.name
+    with written_whole(path, own_folder=True) as new:
         new.mkdir()
         for number, picture in enumerate(pictures, 1):
             write_picture(picture, new / f"frame_{number:06d}.png", {"Film": about})
-        if path.exists():
-            replace_folder(new, path, made)
-        else:
-            os.replace(new, path)
 
 
 def _foreign(path: Path) -> str:
     """What is in the way of a folder of pictures: a file, or the first in a folder that is no frame."""
     if not path.is_dir():
-        return "a file" if path.exists() else ""
-    return next((each.name for each in sorted(path.iterdir()) if not _FRAME.fullmatch(each.name)), "")
+        return (
+            "is a link to nowhere" if path.is_symlink() and not path.exists() else "is a file" if path.exists() else ""
+        )
+    return next((f"holds {each.name}" for each in sorted(path.iterdir()) if not _FRAME.fullmatch(each.name)), "")
 
 
 def _write_radiance(path: Path, kept: KeptFrames, count: int, wavelengths_nm: Sequence[float]) -> None:

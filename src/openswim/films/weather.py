@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from copy import copy
 from itertools import pairwise
 from pathlib import Path
@@ -24,17 +25,18 @@ class Weather:
     """Model times (ascending, datetime64[ms]) whose scenes ``open_at`` reads; two of them are held at a time.
 
     identity: text that is another one where the weather is. grids_at: the grids of a time, and where they come from,
-    where they can be had without reading its scene.
+    where they can be had without reading its scene. inputs: the files that are read, which nothing may replace.
     """
 
     def __init__(
         self, times: Sequence[np.datetime64], open_at: Callable[[np.datetime64], Scene], identity: Sequence[str],
-        grids_at: Callable[[np.datetime64], Sequence[tuple[str, Grid]]] = lambda _: (),
+        grids_at: Callable[[np.datetime64], Sequence[tuple[str, Grid]]] = lambda _: (), inputs: Sequence[Path] = (),
     ) -> None:  # fmt: skip
         self.times: NDArray[np.datetime64] = np.unique(np.asarray(times, "datetime64[ms]"))
         if not self.times.size:
             raise UserError("no model times: a film needs scenes with valid times")
-        self._open, self.identity, self._grids = open_at, list(identity), grids_at
+        self._open, self.identity, self._grids, self.inputs = open_at, list(identity), grids_at, tuple(inputs)
+        self._were: dict[Path, tuple[int, int]] = {}  # of files: size and time of change
         self._held: dict[np.datetime64, Scene] = {}
         self._motion: tuple[Any, Motion] | None = None
         self._speeds: dict[tuple[np.datetime64, np.datetime64], NDArray[np.float64]] = {}
@@ -44,13 +46,13 @@ class Weather:
     def of_scenes(cls, scenes: Sequence[Scene]) -> Weather:
         """Of scenes with valid times, in any order; a single one may have none."""
         grounds = [scene.ground for scene in scenes]
-        identity = [*map(fingerprint, scenes), *_maps(grounds)]
+        identity, inputs = [*map(fingerprint, scenes), *_maps(grounds)], _map_names(grounds)
         if len(scenes) == 1 and scenes[0].time is None:
-            return cls([np.datetime64("NaT", "ms")], lambda _: scenes[0], identity)
+            return cls([np.datetime64("NaT", "ms")], lambda _: scenes[0], identity, inputs=inputs)
         by_time = {scene.time: scene for scene in scenes if scene.time is not None}
         if len(by_time) < len(scenes):
             raise UserError("scenes of a film need valid times, each another one")
-        return cls(list(by_time), lambda time: by_time[time], identity, lambda time: _grids_of(by_time[time]))
+        return cls(list(by_time), lambda time: by_time[time], identity, lambda time: _grids_of(by_time[time]), inputs)
 
     @classmethod
     def of_files(cls, path: Any, **options: Any) -> Weather:
@@ -59,24 +61,37 @@ class Weather:
 
         references = options.get("allow_references", False)
         states = states_of(path, references)
-        identity = [f"{file.absolute()} {size_and_change(file)}" for file in files_of(path)]
+        listed = files_of(path)
+        were = {Path(file): size_and_change(file) for file in listed}
+        identity = [f"{file.absolute()} {about}" for file, about in were.items()]
         identity += [f"{name} {value!r}" for name, value in sorted(options.items())]
         identity += _maps([options.get("ground")])
+        inputs = [*listed, *_map_names([options.get("ground")])]
         files = {time: own for time, own in states if time is not None}
         if not files:
-            scene = open_scene(path, **options)
-            return cls.of_scenes([scene])
+            found = cls.of_scenes([open_scene(path, **options)])
+            found.inputs, found._were = tuple(inputs), were
+            return found
         if len(files) > 1:  # clouds travel from one time to the next
             options = {"winds": True} | options
-        return cls(
+        found = cls(
             list(files), lambda time: open_scene(files[time], time=time, **options), identity,
-            lambda time: grids_of(files[time], time, references),
+            lambda time: grids_of(files[time], time, references), inputs,
         )  # fmt: skip
+        found._were = were
+        return found
 
     @property
     def first(self) -> Scene:
         """The scene of the first time."""
         return self._scene(self.times[0])
+
+    def check_unchanged(self) -> None:
+        """Raise UserError where a file that frames were made of is now another one; one that is gone mixes nothing."""
+        for path, about in self._were.items():
+            with suppress(OSError):
+                if size_and_change(path) != about:
+                    raise UserError(f"{path}: has changed while the film was made: make it again")
 
     def spanned(self, times: Sequence[np.datetime64], most: int) -> Iterator[Scene]:
         """Scenes of model times of which those of ``times`` are made, no more than so many of them, evenly chosen."""
@@ -166,16 +181,19 @@ def _with_drift(scene: Scene, drift_m: tuple[float, float]) -> Scene:
     return out
 
 
-def _maps(grounds: Sequence[Ground | None]) -> list[str]:
-    """What the maps of the ground hold, wherever they lie."""
+def _map_names(grounds: Sequence[Ground | None]) -> list[Path]:
+    """The maps of the ground that are there; of others it will be told when they are opened."""
     names = {
         str(name) for ground in grounds if ground is not None
         for kind in ("albedo", "height", "lights") for name in paths(kind, getattr(ground, kind))
     }  # fmt: skip
+    return [Path(name) for name in sorted(names) if Path(name).is_file()]
+
+
+def _maps(grounds: Sequence[Ground | None]) -> list[str]:
+    """What the maps of the ground hold, wherever they lie."""
     found = []
-    for name in sorted(names):
-        if not Path(name).is_file():  # it will be told when it is opened
-            continue
+    for name in _map_names(grounds):
         with open(name, "rb") as file:
             found.append(hashlib.file_digest(file, "sha256").hexdigest())
     return sorted(found)

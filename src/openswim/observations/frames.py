@@ -14,6 +14,7 @@ from openswim.cameras.picture_files import read_picture
 from openswim.errors import UserError
 from openswim.observations.frame_times import FrameTime, frame_time
 from openswim.scene.times import Time, parse_time
+from openswim.system.inputs import check_name
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ def read_frame(
     """
     check_kind("frame", path, (str, os.PathLike), "give a file's name")
     path, settings = Path(path), settings or FrameSettings()
+    check_name(path)  # it will be written into pages and files
     picture = read_picture(path)
     if time is not None:
         stamp = parse_time(time)

@@ -67,8 +67,11 @@ def _write_geotiff(picture: xr.Dataset, target: Path) -> None:
             for number, name in enumerate(picture.band.values, 1):
                 file.set_band_description(number, str(name))
             file.update_tags(**{k: str(v) for k, v in picture.attrs.items()}, AREA_OR_POINT="Area")
-        with written_whole(target) as partial, memory.open() as file:
-            copy(file, partial, driver="COG", compress="deflate")
+        with MemoryFile() as whole:  # GDAL itself does not hear of every full disk
+            with memory.open() as file:
+                copy(file, whole.name, driver="COG", compress="deflate")
+            with written_whole(target) as partial:
+                partial.write_bytes(whole.getbuffer())
 
 
 def _proj(grid: FixedGrid) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import tempfile
@@ -15,6 +16,7 @@ from openswim.system.inputs import check_name
 from openswim.system.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store
 
 
@@ -27,9 +29,7 @@ def check_target(
     """
     target = Path(path)
     check_name(target, name)
-    for each in map(Path, inputs):
-        if any(_same(target, held) for held in (each, *each.absolute().parents)):
-            raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")
+    check_kept(name, target, inputs)
     with _writable_beside(target, name):
         if _others_folder(target):
             raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
@@ -48,9 +48,24 @@ def check_targets(
         if path is None:
             continue
         check_target(path, needed, name)
-        if any(_same(Path(path), other) for other in before):
-            raise UserError(f"{name} {path}: another output has this name too; choose another name")
+        for other in before:
+            check_apart(name, Path(path), other)
         before.append(Path(path))
+
+
+def check_kept(name: str, target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Raise UserError where a target is one of the inputs, or a folder that holds one."""
+    for each in map(Path, inputs):
+        if any(_same(target, held) for held in (each, *each.absolute().parents)):
+            raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")
+
+
+def check_apart(name: str, target: Path, other: Path) -> None:
+    """Raise UserError where a target is another output, or lies in it: it would be lost with what is there."""
+    if _same(target, other):
+        raise UserError(f"{name} {target}: another output has this name too; choose another name")
+    if any(_same(folder, other) for folder in target.absolute().parents):
+        raise UserError(f"{name} {target}: lies in {other}, another output; choose another name")
 
 
 def check_folder(path: str | os.PathLike[str], name: str = "output") -> None:
@@ -92,37 +107,37 @@ def _others_folder(target: Path) -> bool:
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path`; on success it is renamed to `path`, on failure removed.
 
-    Works for files and for Zarr folders. Raises UserError where the name cannot be written.
+    Works for files and for Zarr folders. Raises UserError where the name cannot be written. own_folder: a folder of
+    this name is known to be ours, whatever it holds.
     """
     check_kind("output", path, (str, os.PathLike), "give a file's name")
     target = Path(path)
     with ExitStack() as stack:
         try:
-            if _others_folder(target):
+            if not own_folder and _others_folder(target):
                 raise UserError(f"{target}: is a folder: choose another name")
             made = stack.enter_context(workshop(target.parent))
         except OSError as error:
-            raise UserError(
-                f"{target}: cannot be written ({error.strerror}): choose a folder that exists and that "
-                "you may write to"
-            ) from error
+            remedy = (
+                "free some space" if error.errno in _FULL else "choose a folder that exists and that you may write to"
+            )
+            raise UserError(f"{target}: cannot be written ({error.strerror}): {remedy}") from error
         try:
             partial = made / target.name
             yield partial
             if target.is_dir() and partial.is_dir():
-                _check_own(target)
+                if not own_folder:
+                    _check_own(target)
                 replace_folder(partial, target, made)
             else:
                 _settle(partial)
                 os.replace(partial, target)
         except (OSError, RuntimeError) as error:  # the latter is netCDF4's of a full disk
             why = getattr(error, "strerror", None) or error
-            raise UserError(
-                f"{target}: cannot be written ({why}): free some space or choose another folder"
-            ) from error
+            raise UserError(f"{target}: cannot be written ({why}): free some space or choose another folder") from error
 
 
 def _settle(partial: Path) -> None:
@@ -141,6 +156,4 @@ def _check_own(store: Path, name: str = "output") -> None:
         for file in files:
             if not _PIECE.fullmatch(file):
                 foreign = os.path.relpath(os.path.join(folder, file), store)
-                raise UserError(
-                    f"{name} {store}: holds {foreign}, which is no part of a Zarr store: move it away"
-                )
+                raise UserError(f"{name} {store}: holds {foreign}, which is no part of a Zarr store: move it away")

@@ -89,6 +89,7 @@ def outcomes(
             elif lost:
                 alone.extend([*lost, *running.values()])
                 running.clear()
+        pool.shutdown(wait=True)  # workers that end by themselves give back what libraries have of the system
     finally:
         _end(pool)
 

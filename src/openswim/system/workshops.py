@@ -87,8 +87,12 @@ def _made(folder: Path) -> Path:
         except FileNotFoundError:  # swept before it was locked
             continue
         if _lock(lock) is not False and os.fstat(lock).st_nlink:
-            os.write(lock, _host())
             _held[made] = lock
+            try:
+                os.write(lock, _host())
+            except OSError:  # a full disk has room for an empty file
+                _close(made)
+                raise
             return made
         os.close(lock)
 
