@@ -77,6 +77,7 @@ def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
         ({"cloud_area_fraction": np.full(31, 1e-9)}, "zero where 100 % of the cloud's water is"),
         ({"air_temperature": lambda t: 1.06 * t}, "0.947 times as warm"),
         ({"air_temperature": lambda t: np.where(np.arange(31) == 5, 0.8 * t, t)}, "times as warm"),
+        ({"air_temperature": np.full(31, 250.0), "air_pressure": 1e5 * np.exp(-HEIGHT / 7315.0)}, "250 K everywhere"),
         ({"liquid_effective_radius": lambda r: np.where(HEIGHT < 3e3, 0.0, r)}, "default sizes there"),
         ({"liquid_content": np.where(abs(HEIGHT - 1e4) < 1e3, 1e-4, 0.0)}, "% of liquid_content is in air colder"),
         ({"ice_content": np.where(HEIGHT < 1.5e3, 1e-4, 0.0)}, "% of ice_content is in air warmer than 3 degC"),

@@ -13,6 +13,7 @@ _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is 
 }  # fmt: skip
 _MOST_DROPS = 2e10  # in m3, four times as many as in clouds of fires
 _FEW_NODES = 16  # so small fields may be even
+_UNEVEN = ("_content", "cloud_area_fraction", "_10m", "air_temperature")  # fields that weather makes so
 _FEW_ROWS = 4
 _UNEVEN_WINDS = 300.0  # times as strong along one axis as along the other
 _WHOLE_K = 3.0  # temperatures that spread less may be whole numbers by chance
@@ -44,7 +45,7 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
     if drops > _MOST_DROPS:
         notes.append(f"liquid_number is {drops:.2g} m-3 at most; clouds in smoke have 5e9: is it per m3?")
     for field in map(str, data.data_vars):
-        if field.endswith(("_content", "cloud_area_fraction", "_10m")) and data[field].size > _FEW_NODES:
+        if field.endswith(_UNEVEN) and data[field].size > _FEW_NODES:
             low, high = float(data[field].min()), float(data[field].max())
             if low == high != 0 and not (high == 1 and field.endswith("fraction")):
                 units = data[field].attrs.get("units", "1")
