@@ -15,6 +15,8 @@ from openswim.errors import UserError
 
 def number(what: str, value: Any) -> float:
     """The one number that this is (NaN and infinity too); raises UserError."""
+    if isinstance(value, float):  # mostly; fits make thousands of lenses
+        return float(value)
     array = _array(what, value)
     if array.ndim or array.dtype.kind not in "fiu":
         raise UserError(f"{what} must be a number, got {shown(value)}")

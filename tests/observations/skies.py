@@ -26,7 +26,7 @@ def star_frame(path, optics, time, shape=(700, 720), lat=LAT, lon=LON, seed=0, p
             continue
         i, j = round(r), round(c)
         counts[i - 6 : i + 7, j - 6 : j + 7] += amount * np.exp(-((y - (r - i)) ** 2 + (x - (c - j)) ** 2) / 2 / 1.2**2)
-    Image.fromarray(np.clip(counts, 0, 65535).astype(np.uint16)).save(path)
+    Image.fromarray(np.clip(counts, 0, 65535).astype(np.uint16)).save(path, compress_level=1)
     return path
 
 
@@ -38,7 +38,7 @@ def spot_frame(path, optics, time, body="sun", shape=(480, 500), lat=LAT, lon=LO
     glow = 0 * away if overcast else 700 * np.exp(-away / 12) + 150 * np.exp(-away / 60)
     sky = np.array([170, 172, 175.0]) if overcast else np.array([60, 80, 120.0])
     counts = sky + glow[..., None] + np.random.default_rng(1).normal(0, 2, (*shape, 3))
-    Image.fromarray(np.clip(counts, 0, 255).astype(np.uint8)).save(path)
+    Image.fromarray(np.clip(counts, 0, 255).astype(np.uint8)).save(path, compress_level=1)
     return path
 
 

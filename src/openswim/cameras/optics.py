@@ -42,7 +42,7 @@ class Optics:
     def __post_init__(self) -> None:
         for name in _NUMBERS:
             value = number(f"camera: {name}", getattr(self, name))
-            if not np.isfinite(value):
+            if not math.isfinite(value):
                 raise UserError(f"camera: {name} {value} must be a finite number")
             object.__setattr__(self, name, value)
         for name in ("centre_row", "centre_column"):

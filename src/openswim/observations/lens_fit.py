@@ -1,5 +1,6 @@
 """Fitting a mounted lens to directions whose places in the picture are known."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,16 +101,16 @@ def _units(optics: Optics, freedom: Freedom) -> F64:
 
 def _optics(start: Optics, freedom: Freedom, values: F64) -> Optics:
     v = [float(x) for x in values]
-    focal, rotation = float(np.exp(np.clip(v[0], -5, 15))), float(np.degrees(v[1]))
+    focal, rotation = math.exp(min(max(v[0], -5.0), 15.0)), math.degrees(v[1])
     rest = v[2:]
     changes: dict[str, float] = {"rotation_deg": (rotation + 180) % 360 - 180}
     if freedom.centre:
-        changes |= {"centre_row": np.clip(rest[0], -1e5, 1e5), "centre_column": np.clip(rest[1], -1e5, 1e5)}
+        changes |= {"centre_row": min(max(rest[0], -1e5), 1e5), "centre_column": min(max(rest[1], -1e5), 1e5)}
         rest = rest[2:]
     if freedom.tilt:
         changes |= {
-            "tilt_deg": min(float(np.degrees(np.hypot(rest[0], rest[1]))), 180.0),
-            "tilt_azimuth_deg": float(np.degrees(np.arctan2(rest[0], rest[1])) % 360),
+            "tilt_deg": min(math.degrees(math.hypot(rest[0], rest[1])), 180.0),
+            "tilt_azimuth_deg": math.degrees(math.atan2(rest[0], rest[1])) % 360,
         }
         rest = rest[2:]
     lens = replace(start.lens, focal_px=focal, coefficients=tuple(rest) or start.lens.coefficients)
