@@ -226,13 +226,12 @@ def test_diffuse_irradiance_under_broken_clouds(monkeypatch) -> None:
     lon, lat = grid.lonlat(*(np.random.default_rng(1).uniform(0.15, 0.85, (2, 10)) * 63))
     found = []
     for place in zip(lat, lon, strict=True):
+        eye = lit.viewpoint(Camera.allsky(*place, size=8))  # what it sees by is the dear part
         for places in (usual, 64):
             monkeypatch.setattr(viewpoint, "_QUADRATURE", places)
-            lit.irradiances.clear()
-            told = lit.viewpoint(Camera.allsky(*place, size=8)).attrs
-            found.append(told["diffuse_horizontal_spectral_irradiance_w_m2_nm"])
+            found.append(eye._irradiance()["diffuse_horizontal_spectral_irradiance_w_m2_nm"])
     error = np.array(found[::2]) / np.array(found[1::2]) - 1
-    assert np.sqrt((error**2).mean()) < 0.0016
+    assert np.sqrt((error**2).mean()) < 0.0015
 
 
 def test_spectral_irradiance_is_that_of_the_field(clear, allsky: xr.Dataset) -> None:
