@@ -78,7 +78,7 @@ def _modules() -> dict[str, set[str]]:
 @cache
 def _classes() -> dict[str, set[str]]:
     """What each class of the package has, by the class's name; what it inherits included."""
-    found = [node for tree in test_rooms.trees().values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    found = [node for tree in test_rooms.trees().values() for node in tree.body if isinstance(node, ast.ClassDef)]
     own: dict[str, set[str]] = {}
     for node in found:
         own.setdefault(node.name, set()).update(_names_in(node.body))
