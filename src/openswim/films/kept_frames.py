@@ -8,6 +8,7 @@ import os
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
 from openswim.system.archives import arrays_of
+from openswim.system.workshops import alone_in, sweep
 
 _PLAN = "film.json"
 _LONGEST_NAME = 200  # bytes: file systems take 255, and the folder's has more than the film's
@@ -38,20 +40,36 @@ class KeptFrames:
     """The folder beside a film, in which its frames wait; `remove` it when the film is whole."""
 
     def __init__(self, output: Path, plan: dict[str, Any]) -> None:
-        """``plan``: all that the frames depend on, as JSON takes it; frames of another plan are thrown away."""
+        """``plan``: all that the frames depend on, as JSON takes it."""
         name = output.name if len(os.fsencode(output.name)) <= _LONGEST_NAME else _hash(output.name)
         self.folder = output.parent / f".film-{name}.frames"
-        self._print = _hash(json.dumps(plan, sort_keys=True, default=str))
+        self._output, self._print = output, _hash(json.dumps(plan, sort_keys=True, default=str))
+
+    @contextmanager
+    def held(self) -> Iterator[KeptFrames]:
+        """These, which nobody else makes meanwhile; frames of another plan are thrown away."""
         if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
             raise UserError(f"{self.folder}: is in the way of the film's frames: remove it")
-        if self.folder.is_dir() and any(self.folder.iterdir()) and not (self.folder / _PLAN).is_file():
+        with ExitStack() as stack:
+            try:
+                stack.enter_context(alone_in(self.folder))
+            except BlockingIOError:
+                raise UserError(
+                    f"{self._output}: is being made by another process: wait for it, or choose another name"
+                ) from None
+            except OSError as error:
+                raise UserError(f"{self.folder}: cannot be made ({error.strerror}): choose another folder") from error
+            self._begin()
+            yield self
+
+    def _begin(self) -> None:
+        sweep(self.folder)
+        left = list(self.folder.iterdir())
+        if left and not (self.folder / _PLAN).is_file():
             raise UserError(f"{self.folder}: holds what is no film's: move it away, frames are kept there")
-        if self.folder.is_dir() and not self._is_of_plan():
-            shutil.rmtree(self.folder)
-        try:
-            self.folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise UserError(f"{self.folder}: cannot be made ({error.strerror}): choose another folder") from error
+        if not self._is_of_plan():
+            for each in left:
+                shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
         with written_whole(self.folder / _PLAN) as partial:
             partial.write_text(json.dumps({"fingerprint": self._print}))
 
@@ -100,7 +118,7 @@ class KeptFrames:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, number: int) -> Path:
-        # by the plan, lest the frames of two films that are made at once into one output be mixed
+        # by the plan, lest frames of two films be mixed where the system locks no folders
         return self.folder / f"frame_{number + 1:06d}_{self._print[:12]}.npz"
 
 

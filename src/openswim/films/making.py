@@ -114,24 +114,26 @@ def film(
     if star_trails is not None:
         _check_night(shots)
     with_irradiance = kind == "radiance" or irradiance is not None
-    kept = KeptFrames(target, _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance))
-    lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
-    _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
-    sky.check_unchanged()
-    curve = _exposures(kept, len(shots), exposure, fps)
-    lines: list[NDArray[np.uint8]] = []
-    trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
-    pictures = _pictures(kept, curve, title, lines, trails)
-    write_film(target, kept, len(shots), pictures, fps, kept.facts(0), wavelengths_nm)
-    if kind == "radiance" and (keogram is not None or trails is not None):  # such a film makes no pictures
-        deque(pictures, maxlen=0)
-    if keogram is not None:
-        _write_picture(Path(keogram), keogram_of(lines), "keogram: the middle columns of a film's frames")
-    if star_trails is not None and trails is not None:
-        _write_picture(Path(star_trails), trails.picture(), "star trails: the brightest of a film's frames by night")
-    if irradiance is not None:
-        write_curves(Path(irradiance), kept, len(shots))
-    kept.remove()
+    plan = _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance)
+    with KeptFrames(target, plan).held() as kept:
+        lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
+        _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
+        sky.check_unchanged()
+        curve = _exposures(kept, len(shots), exposure, fps)
+        lines: list[NDArray[np.uint8]] = []
+        trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
+        pictures = _pictures(kept, curve, title, lines, trails)
+        write_film(target, kept, len(shots), pictures, fps, kept.facts(0), wavelengths_nm)
+        if kind == "radiance" and (keogram is not None or trails is not None):  # such a film makes no pictures
+            deque(pictures, maxlen=0)
+        if keogram is not None:
+            _write_picture(Path(keogram), keogram_of(lines), "keogram: the middle columns of a film's frames")
+        if star_trails is not None and trails is not None:
+            content = "star trails: the brightest of a film's frames by night"
+            _write_picture(Path(star_trails), trails.picture(), content)
+        if irradiance is not None:
+            write_curves(Path(irradiance), kept, len(shots))
+        kept.remove()
     return target
 
 

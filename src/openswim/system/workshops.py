@@ -42,6 +42,43 @@ def workshop(folder: Path) -> Iterator[Path]:
         _close(made)
 
 
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder, which is made if need be, against whoever else asks for it; BlockingIOError where somebody has it.
+
+    Where the system locks no folders, nothing is held.
+    """
+    held = _entered(folder)
+    try:
+        yield
+    finally:
+        if held is not None:
+            os.close(held)
+
+
+def _entered(folder: Path) -> int | None:
+    while True:
+        folder.mkdir(exist_ok=True)
+        try:
+            held = os.open(folder, os.O_RDONLY)
+        except PermissionError:  # Windows opens no folders
+            return None
+        free = _lock(held)
+        if free is not False and _is_open(folder, held):
+            return held
+        os.close(held)
+        if free is False:
+            raise BlockingIOError(f"{folder} is held")
+
+
+def _is_open(folder: Path, held: int) -> bool:
+    """Whether what was opened still has this name; who held it before may have removed it."""
+    try:
+        return os.path.samestat(folder.stat(), os.fstat(held))
+    except FileNotFoundError:
+        return False
+
+
 def sweep(folder: Path) -> None:
     """Remove what dead processes have left in a folder, and give back what they had put aside."""
     with suppress(OSError), os.scandir(folder) as entries:
