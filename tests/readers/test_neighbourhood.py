@@ -253,6 +253,16 @@ def test_wide_views_of_narrow_cells_are_averaged():
     np.testing.assert_allclose(part.wider.data.liquid_content[1], 1e-4, rtol=1e-4)
 
 
+@pytest.mark.parametrize(("column", "alone"), [(5, True), (25, True), (40, False), (575, True)])
+def test_near_the_end_of_a_domain_a_part_stays_alone(column, alone):
+    """Where the domain ends near the eye so does the part, and the border of two grids would be above it."""
+    whole = _scene_of(Mesh(3000.0 * np.arange(601), 3000.0 * np.arange(601), LAMBERT, 6371000.0))
+    lon, lat = whole.grid.lonlat(column, 300)
+    near = Neighbourhood(float(lat), float(lon), if_large=True, far_m=far_m(2.0))
+    part = with_beyond(part_of(whole, near), near, lambda beyond: part_of(whole, beyond))
+    assert (part.wider is None) == alone
+
+
 def test_a_domain_that_is_whole_has_nothing_beyond():
     small = _scene_of(Mesh(3000.0 * np.arange(101), 3000.0 * np.arange(101), LAMBERT, 6371000.0))
     lat, lon = small.place

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from openswim.transport.beam.lit_volume import _between, _lattice
 from openswim.transport.diffuse.absorbed_beam import beam_around
 from openswim.transport.diffuse.optical_grid import OpticalGrid, optical_grid
 from openswim.transport.engine.ordinates import harmonic_matrix
+from openswim.transport.engine.pack import PACK
 from openswim.transport.medium.delta_scaled import Coefficients
 
 NZ, NY, NX = 18, 2, 32
@@ -114,3 +118,16 @@ def test_a_deck_takes_all_of_a_low_sun(altitude_deg: float) -> None:
     around = beam_around(grid_of(extinction, np.exp(-np.minimum(above / sun[2], 80.0)), sun))[:, 0, 4 : NX - 4]
     taken = CELL_M * (extinction[:, 4 : NX - 4] * around).sum(axis=0)
     np.testing.assert_allclose(taken, sun[2] * (1 - np.exp(-above[0, 0] / sun[2])), rtol=0.01)
+
+
+def test_what_the_moon_leaves_is_found_quickly_where_cells_are_wide() -> None:
+    """Between places of a lattice, which has every node of a grid of wide cells, in two steps and not for all pairs."""
+    rows, columns = _lattice(60, 1000.0)[1], _lattice(45, 1500.0)[1]
+    values = np.random.default_rng(3).random((2, rows.shape[1], columns.shape[1], PACK))
+    right = np.einsum("jJ,iI,hJIw->whji", rows, columns, values)
+    np.testing.assert_allclose(_between(rows, columns, values), right, rtol=1e-12)
+    every = _lattice(240, 9000.0)[1]
+    assert every.shape == (240, 240)
+    started = time.process_time()
+    _between(every, every, np.ones((4, 240, 240, PACK)))
+    assert time.process_time() - started < 5.0

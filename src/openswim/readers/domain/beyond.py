@@ -11,6 +11,8 @@ from openswim.readers.domain.mesh import mesh_of
 from openswim.readers.domain.neighbourhood import FARTHER, Neighbourhood
 from openswim.scene import Scene
 
+LEAST_SHARE = 0.5  # of its radius that a part must reach on all sides, to lie in a wider one
+
 
 def seen_part(scene: Scene, around: Neighbourhood) -> Scene:
     """The part of a scene of very many columns, or of a large part of the Earth, that matters around a place, lying in
@@ -21,9 +23,12 @@ def seen_part(scene: Scene, around: Neighbourhood) -> Scene:
 
 
 def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neighbourhood], Scene]) -> Scene:
-    """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches."""
+    """The part of a domain around a place, lying in what ``read`` finds beyond, where that is wanted and reaches.
+
+    Near a domain's end the part stays alone: the border between the two grids, whose invented details differ, would
+    stand above the eye as a wall."""
     far = None if around is None else around.beyond
-    if far is None or scene.grid is None or not scene.cut:
+    if around is None or far is None or scene.grid is None or not scene.cut or _ends_near(scene, around):
         return scene
     wider = read(far)
     assert wider.grid is not None
@@ -33,3 +38,11 @@ def with_beyond(scene: Scene, around: Neighbourhood | None, read: Callable[[Neig
             scene.atmosphere = replace(scene.atmosphere, aerosol=wider.atmosphere.aerosol)
         scene.notes = [*scene.notes, f"beyond, cells of {max(wider.grid.spacing_m()) / 1e3:.3g} km"]
     return scene
+
+
+def _ends_near(scene: Scene, around: Neighbourhood) -> bool:
+    """Whether a part ends much nearer to its place than it would, did not the domain end there."""
+    assert scene.grid is not None
+    _, ny, nx = scene.grid.shape
+    (dx, dy), (ix, iy) = scene.grid.spacing_m(), mesh_of(scene).index(around.lon, around.lat)
+    return bool(min(dx * min(ix, nx - 1 - ix), dy * min(iy, ny - 1 - iy)) < LEAST_SHARE * around.radius_m)

@@ -272,7 +272,7 @@ def _dim(dimmed: Dimmed, medium: Medium, volume: Volume, beams: F32, surfaces: l
     some = np.ix_(rows[0], columns[0])
     place = medium.place[some] + heights[:, None, None, None] * up[some]
     left = dimmed.left(place.reshape(-1, 3)).reshape(*place.shape[:3], PACK)
-    left = np.einsum("jJ,iI,hJIw->whji", rows[1], columns[1], left)
+    left = _between(rows[1], columns[1], left)
 
     def at(height_m: Any) -> F64:
         """Share (PACK, ny, nx) at heights above sea level, one for all or (ny, nx)."""
@@ -291,6 +291,12 @@ def _dim(dimmed: Dimmed, medium: Medium, volume: Volume, beams: F32, surfaces: l
     for surface in surfaces:
         if surface is not None:
             surface *= on_ground
+
+
+def _between(rows: F64, columns: F64, values: F64) -> F64:
+    """Values (h, some, some, w) of `_lattice` at all nodes (w, h, ny, nx): along one axis, then along the other, since
+    both at once are as many products as there are pairs of columns."""
+    return np.asarray(rows @ (np.moveaxis(values, -1, 0) @ columns.T))
 
 
 def _lattice(nodes: int, cell_m: float) -> tuple[NDArray[np.int64], F64]:
