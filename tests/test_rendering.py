@@ -76,6 +76,13 @@ def test_a_given_sun_is_where_it_was_put(sun: tuple[float, float]) -> None:
     assert "light_time" not in image.attrs
 
 
+def test_a_given_sun_stands_over_the_camera_not_over_the_middle_of_the_scene() -> None:
+    camera = Camera.allsky(LAT - 2.0, LON + 3.0, size=8)
+    image = openswim.render(Scene.clear(LAT, LON), camera, sun=(280.0, 2.0))
+    assert image.attrs["sun_azimuth_deg"] == pytest.approx(280.0, abs=1e-6)
+    assert image.attrs["sun_altitude_deg"] == pytest.approx(2.0, abs=1e-6)
+
+
 def test_the_disc_carries_the_direct_sun(clear) -> None:
     """Radiance times solid angle, summed over the disc, is the direct irradiance of the attributes."""
     sun = sun_position(TIME, LAT, LON)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.arguments import check_kind
+from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import settled
 from openswim.heavens.eyes import LitBy
@@ -22,7 +23,7 @@ from openswim.lights.eclipses import MoonShadow
 from openswim.lights.refraction import lit_altitude_deg
 from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
-from openswim.scene.frame import scene_frame
+from openswim.scene.frame import azimuth_altitude, scene_frame
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.transport import EarlierLight, Field
@@ -33,7 +34,8 @@ WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
 
 
 def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:
-    """The sun at a time (UTC; the scene's own by default), or at ``sun`` = (azimuth, altitude) degrees.
+    """The sun at a time (UTC; the scene's own by default), or at ``sun`` = (azimuth, altitude) degrees over
+    the middle of the scene.
 
     Its direction is raised by atmospheric refraction at the centre of the scene, so that it sets when it should;
     rays themselves are straight.
@@ -56,6 +58,14 @@ def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = N
         tangent = up - direction * direction[2]
         direction = direction * np.cos(lift) + tangent / max(np.linalg.norm(tangent), 1e-9) * np.sin(lift)
     return Daylight(direction, place.distance_au, place.angular_radius_deg)
+
+
+def sun_over_camera(scene: Scene, camera: Camera, sun: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Azimuth and altitude (degrees) over the middle of a scene of a sun that stands at ``sun`` over a camera."""
+    frame = scene_frame(scene)
+    if sun is None or not frame.curved or camera.lat is None or camera.lon is None:
+        return sun
+    return azimuth_altitude(frame.direction(*_checked_sun(sun), camera.lat, camera.lon))
 
 
 def _checked_sun(sun: Any) -> tuple[float, float]:
@@ -93,6 +103,7 @@ def light(
 ) -> LitScene:
     """Solve the light of a scene once, to render it from many cameras (`render` does this by itself for one).
 
+    sun: azimuth and altitude (degrees) over the middle of the scene, in place of a time.
     earlier: an `openswim.transport.EarlierLight`, handed to one solve after the other of a series of times: solver fast
     begins from what the one before has left there. It takes up to a quarter less time where clouds change little
     between them, and light is the same within the solver's tolerance, not bit for bit.

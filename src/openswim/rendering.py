@@ -10,7 +10,7 @@ import xarray as xr
 
 from openswim.arguments import check_kind
 from openswim.cameras import Camera
-from openswim.lighting import WAVELENGTHS_NM, light, solver_of
+from openswim.lighting import WAVELENGTHS_NM, light, solver_of, sun_over_camera
 from openswim.pictures.images import check_fits, check_layers
 from openswim.pictures.observer import check_observer
 from openswim.pictures.viewpoint import LitScene
@@ -31,7 +31,7 @@ def render(
 
     Parameters: a scene (or the result of `light`, then the other options are taken from it); a camera; "fast",
     "swim", "reference" or a `Solver`; wavelengths (nm, any number); time (UTC, default the scene's);
-    sun = (azimuth, altitude) in degrees instead of a time.
+    sun = (azimuth, altitude) in degrees over the camera instead of a time.
 
     Returns a Dataset on (y, x, wavelength): ``radiance`` (W m-2 sr-1 nm-1), ``solar_relative_radiance`` (Albers et
     al. 2020, Eq. 2); coordinates on (y, x): ``azimuth``, ``altitude`` (degrees), ``latitude``, ``longitude`` where the
@@ -48,6 +48,7 @@ def render(
     part = _needed(scene, camera, chosen.name)
     check_observer(part, camera, chosen.name)
     check_layers(layers, chosen.name)
+    sun = sun_over_camera(part, camera, sun)
     return light(part, chosen, wavelengths_nm, time, sun).viewpoint(camera).view(layers)
 
 

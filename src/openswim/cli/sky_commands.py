@@ -47,7 +47,8 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
 @click.option("--time", help="UTC, ISO 8601, such as 2005-08-28T18:00.  [default: the file's first]")
 @click.option(
     "--sun",
-    help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees.  [default: the sun at --time]",
+    help="Light of another time (UTC, ISO 8601), or AZIMUTH,ALTITUDE in degrees over the observer.  "
+    "[default: the sun at --time]",
 )
 @click.option("--roll", "roll_deg", type=float, help="Of a perspective: the camera turned clockwise, degrees.")
 @click.option("--altitude-range", help="Of a panorama: BOTTOM,TOP in degrees.  [default: -30,90]")

@@ -13,7 +13,7 @@ from openswim.cameras import Camera
 from openswim.comparison.clear_table import ClearTable
 from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
-from openswim.lighting import WAVELENGTHS_NM, light
+from openswim.lighting import WAVELENGTHS_NM, light, sun_over_camera
 from openswim.lights import sun_position
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
@@ -136,7 +136,8 @@ class Skies:
             return self.model
         number = light_number(time)
         # of files the part around the camera is read; a Scene has the same light for all cameras
-        key = (number if self.table else time, *(() if isinstance(self.model, Scene) else (camera.lat, camera.lon)))
+        alike = isinstance(self.model, Scene) and self.sun is None
+        key = (number if self.table else time, *(() if alike else (camera.lat, camera.lon)))
         if self._lit is None or self._lit[0] != key:
             self._lit = self._picture = None  # memory is for the light that is solved now
             # the middle of the minutes that this light serves: it is the same whichever frame asks for it first
@@ -144,7 +145,8 @@ class Skies:
             scene = self.scene(camera, when)
             if self.aod is not None:
                 scene = with_aerosol(scene, None, self.aod)
-            self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if self.sun else when, self.sun)
+            sun = sun_over_camera(scene, camera, self.sun)
+            self._lit = key, light(scene, self.solver, WAVELENGTHS_NM, None if sun else when, sun)
         return self._lit[1]
 
     def place_of_camera(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
