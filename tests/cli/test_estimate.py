@@ -16,6 +16,7 @@ from openswim.errors import UserError
 from openswim.films import Weather
 from openswim.lighting import lights_of
 from openswim.optics.matter import matter_of
+from openswim.readers import Neighbourhood
 from openswim.scene import Scene
 from openswim.scene.rays import Rays
 from openswim.solver import Solver
@@ -48,6 +49,16 @@ def test_flat_scenes_as_measured(shared: Path, file: str, seconds: float, gigaby
     expected = estimate(scene, Camera.allsky(x_m=0, y_m=0, size=400))
     assert seconds / 1.5 < expected.seconds < seconds * 1.5
     assert gigabytes / 1.5 < expected.memory_bytes / 1e9 < gigabytes * 1.5
+
+
+@pytest.mark.parametrize(("sun_deg", "seconds"), [(40.0, 16.0), (5.0, 24.0), (-1.0, 43.0)])
+def test_a_low_sun_takes_longer(shared: Path, sun_deg: float, seconds: float) -> None:
+    """As measured: rays toward it pass up to a hundred cells of a global model's."""
+    around = Neighbourhood.seen_from(45.0, 15.0, 2.0, True)
+    scene = openswim.open_scene(shared / "data" / "nwp" / "um_cosp_input_2d.nc", around=around)
+    expected = estimate(scene, Camera.allsky(45.0, 15.0, size=400), sun_deg=sun_deg).seconds
+    assert seconds / 1.3 < expected < seconds * 1.3
+    assert estimate(scene, Camera.allsky(45.0, 15.0, size=400), sun_deg=-10.0).seconds < 43.0 / 1.5
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,8 @@ _FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples
 _SOLVE_S_PER_NODE = 2.1e-6  # `fast`, per node of the grid and pack of wavelengths, full or not, all sweeps
 _COLUMN_NODE_S = 0.63e-6  # the same where every column is solved by itself
 _SWIM_NODE_S = 0.3e-6
+_SUNWARD_S, _HIGH_SUN_CELLS = 2.9e-8, 15  # per cloudy node and cell on its way to a low sun; those that all solves have
+_CLOUD_TOP_M, _RADIUS_M, _NIGHT_DEG = 12e3, 6.37e6, -4.0
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that, where there is cloud: 2.5, or 1.6 where
 # "high" has halved the cells; in clear air as many sweeps do
 REFERENCE_PATHS = 256
@@ -85,17 +87,18 @@ class Estimate:
 
 def estimate(
     scene: "Scene", camera: View, solver: str = "fast", wavelengths_nm: Sequence[float] = WAVELENGTHS_NM,
-    paths: int | None = None, quality: str = "standard", lights: int = 1,
+    paths: int | None = None, quality: str = "standard", lights: int = 1, sun_deg: float = 90.0,
 ) -> Estimate:
     """What solving the scene and viewing it once will take on two cores; nested grids and ``lights`` (sun, moon, night
-    sky) are solved one after the other and kept."""
+    sky) are solved one after the other and kept. ``sun_deg``: the sun's altitude."""
     terms = terms_in(scene, np.array(wavelengths_nm, float)).nm.size
-    return _of_terms(scene, camera, solver, int(terms), paths, quality, lights)
+    return _of_terms(scene, camera, solver, int(terms), paths, quality, lights, sun_deg)
 
 
 def _of_terms(
-    scene: "Scene", camera: View, solver: str, wavelengths: int, paths: int | None, quality: str, lights: int
-) -> Estimate:
+    scene: "Scene", camera: View, solver: str, wavelengths: int, paths: int | None, quality: str, lights: int,
+    sun_deg: float,
+) -> Estimate:  # fmt: skip
     """wavelengths: how many terms are solved for, several of each wavelength at which gases absorb in lines."""
     start_s, start_bytes = (_EARTH_START_S, _EARTH_BYTES) if _on_earth(scene) else (_START_S, _BYTES)
     packs = -(-wavelengths // PACK)  # solved for one after the other, and kept
@@ -103,7 +106,7 @@ def _of_terms(
         return _estimate_reference(scene, camera, wavelengths, paths or REFERENCE_PATHS, start_s)
     if scene.wider is not None:
         inner, wider = (
-            _of_terms(one, camera, solver, wavelengths, paths, quality, lights)
+            _of_terms(one, camera, solver, wavelengths, paths, quality, lights, sun_deg)
             for one in (scene.alone(), scene.wider)
         )
         of_pixels = math.prod(camera.shape) * inner.pixel_bytes
@@ -125,11 +128,23 @@ def _of_terms(
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
     fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (1 + (_QUALITY[quality] - 1) * broken)
     solve_s = (fast_s if solver == "fast" else _SWIM_NODE_S) * nodes
-    seconds = start_s + lights * packs * (solve_s + pixels * steps / per_s)
+    sunward_s = 0.0 if plan is None or solver != "fast" else _sunward_s(plan, of_nodes, sun_deg)
+    seconds = start_s + packs * (lights * (solve_s + pixels * steps / per_s) + sunward_s)
     swept = 0.0 if wide or solver == "swim" else _NODE_BYTES + _CLOUD_NODE_BYTES * of_nodes
     node_bytes = (swept or _COLUMN_NODE_BYTES) + (lights - 1) * _KEPT_NODE_BYTES
     kept = 1.0 + _KEPT_PACK * (packs - 1)
     return Estimate(seconds, start_bytes + nodes * _OF_A_PACK * kept * node_bytes + pixels * per_pixel, per_pixel)
+
+
+def _sunward_s(plan: MediumPlan, of_nodes: float, sun_deg: float) -> float:
+    """More than a solve has of depths to a high sun: rays go by cells, until they are above clouds or have left."""
+    if sun_deg < _NIGHT_DEG:
+        return 0.0
+    altitude = math.radians(sun_deg)
+    rise_m = _RADIUS_M * math.sin(altitude)
+    across_m = math.cos(altitude) * (math.sqrt(rise_m**2 + 2 * _RADIUS_M * _CLOUD_TOP_M) - rise_m)
+    cells = min(across_m / min(plan.cell_m), sum(plan.columns) / 4)
+    return _SUNWARD_S * of_nodes * math.prod(plan.drawn_shape) * max(cells - _HIGH_SUN_CELLS, 0.0)
 
 
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:
@@ -221,14 +236,14 @@ def _estimate_large(scene: "Scene", camera: View, wavelengths: int, packs: int) 
 
 def announce(
     scene: "Scene", camera: View, solver: str, paths: int | None = None, quality: str = "standard",
-    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM, lights: int = 1,
+    wavelengths_nm: Sequence[float] = WAVELENGTHS_NM, lights: int = 1, sun_deg: float = 90.0,
 ) -> None:
     """Print the estimate of a large job to stderr; UserError where it does not fit into memory."""
     if solver == "reference" and scene.wider is not None:
         click.echo("note: solver reference sees the innermost grid alone", err=True)
     if solver == "fast" and _large(scene):
         click.echo(f"note: {LIGHT_OF_COLUMNS}", err=True)
-    expected = estimate(scene, camera, solver, wavelengths_nm, paths, quality, lights)
+    expected = estimate(scene, camera, solver, wavelengths_nm, paths, quality, lights, sun_deg)
     if expected.memory_bytes > free_memory():
         raise UserError(_too_large(camera, expected) if isinstance(camera, Camera) else _no_room(expected))
     if expected.large:
