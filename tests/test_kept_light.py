@@ -160,7 +160,7 @@ def test_a_changed_number_of_the_description_is_refused(copy: Path, checksum: st
     if checksum == "gone":
         del about["checksum"]
     (copy / ".zattrs").write_text(json.dumps(about))
-    with pytest.raises(UserError, match="damaged .*description"):
+    with pytest.raises(UserError, match=r"damaged .*description"):
         openswim.open_light(copy)
 
 
