@@ -14,6 +14,7 @@ from tests.transport.scenes import grid_scene
 
 import openswim
 from openswim import Camera, Solver, UserError
+from openswim.kept_light import checksum_of
 from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.scene.procedural import demo_scene
@@ -105,9 +106,12 @@ def copy(folder: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(folder, tmp_path / "light.zarr"))
 
 
-def changed(path: Path, **about: Any) -> Path:
+def changed(path: Path, **new: Any) -> Path:
+    """With other attributes, and the checksum of these."""
     attributes = path / ".zattrs"
-    attributes.write_text(json.dumps(json.loads(attributes.read_text()) | about))
+    about = json.loads(attributes.read_text()) | new
+    del about["checksum"]
+    attributes.write_text(json.dumps(about | {"checksum": checksum_of(about)}))
     return path
 
 
@@ -115,7 +119,7 @@ def test_light_of_another_scene_or_layout_is_refused(copy: Path) -> None:
     other = grid_scene(2 * cloud((6, 12, 12)), (6, 12, 12), (100.0, 100.0, 100.0))
     with pytest.raises(UserError, match="of another scene"):
         openswim.open_light(copy, other)
-    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 5"):
+    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 6"):
         openswim.open_light(changed(copy, version=99))
     with pytest.raises(UserError, match="no kept light"):
         openswim.open_light(changed(copy, kind="something else"))
@@ -146,6 +150,18 @@ def test_a_changed_description_is_refused(copy: Path, seed: int) -> None:
         light[0]["packs"][0][0]["channels"]["forward_depth"] = arrays[rng.integers(len(arrays))]
     with pytest.raises(UserError, match="damaged"):
         openswim.open_light(changed(copy, lights=light))
+
+
+@pytest.mark.parametrize("checksum", ["kept", "gone"])
+def test_a_changed_number_of_the_description_is_refused(copy: Path, checksum: str) -> None:
+    """Such as the width of cells, of which the arrays know nothing."""
+    about = json.loads((copy / ".zattrs").read_text())
+    about["lights"][0]["packs"][0][0]["medium"]["cell_m"]["tuple"][0] += 1.0
+    if checksum == "gone":
+        del about["checksum"]
+    (copy / ".zattrs").write_text(json.dumps(about))
+    with pytest.raises(UserError, match=r"damaged .*description"):
+        openswim.open_light(copy)
 
 
 def test_missing_arrays_are_refused(copy: Path) -> None:

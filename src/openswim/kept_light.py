@@ -29,7 +29,7 @@ from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
 
-KIND, VERSION = "openswim light", 5
+KIND, VERSION = "openswim light", 6
 _CHUNK = 1 << 23  # bytes of an array that are written together
 _LONGEST_TEXT = 1 << 22  # characters of the description, more than any light has
 _MOST_MEMORY = 0.8  # share of the memory that is free
@@ -76,6 +76,7 @@ def save_light(
         ],
         "checksums": {name: _checksum(array) for name, array in arrays.items()},
     }  # fmt: skip
+    about["checksum"] = checksum_of(about)
     import zarr
 
     with written_whole(path) as partial, job("light to disk", sum(a.nbytes for a in arrays.values())) as meter:
@@ -128,6 +129,8 @@ def _read(
 ) -> tuple[Scene, list[KeptLamp], bool, Daylight, np.datetime64 | None]:
     if len(json.dumps(about)) > _LONGEST_TEXT:
         raise ValueError("its description is too long")
+    if about.pop("checksum", None) != checksum_of(about):  # numbers in it reach kernels that trust them
+        raise ValueError("its description is not what was saved")
     nbytes = sum(array.nbytes for _, array in root["arrays"].members(max_depth=None) if hasattr(array, "nbytes"))
     free = free_memory()
     if nbytes > _MOST_MEMORY * free:
@@ -222,6 +225,11 @@ def fingerprint(scene: Scene) -> str:
 def _checksum(array: np.ndarray) -> int:
     """CRC-32 of an array's bytes."""
     return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data if array.size else b"")
+
+
+def checksum_of(about: dict[str, Any]) -> int:
+    """CRC-32 of a description, as it is written."""
+    return zlib.crc32(json.dumps(about, sort_keys=True).encode())
 
 
 def _first_line(error: Exception) -> str:

@@ -156,6 +156,7 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
     head = 'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
     for text, match in (
         ('model = "model.nc"', "openswim_analysis"),
+        (head.replace("= 1", "= true"), "openswim_analysis"),
         (head + "[obsrve]\n", "did you mean observe"),
         (head + "[observe]\ncontrol = 1\n", "did you mean controls"),
         (head.replace("model.nc", "../../etc/passwd"), "leads out of"),

@@ -108,6 +108,7 @@ outputs = ".tif"
     (HEAD.replace("run_*.nc", "*.nc") + CAMERA, "leads out"),
     (HEAD.replace("run_*.nc", "/etc/*") + CAMERA, "leads out"),
     (HEAD.replace("run_*.nc", "**/*.nc") + CAMERA, "every folder"),
+    (HEAD.replace("run_*.nc", "run**.nc") + CAMERA, "every folder"),
     (HEAD.replace("run_*.nc", "no_*.nc") + CAMERA, "no file"),
     (HEAD.replace("run_*.nc", "a\\u0000b") + CAMERA, "one line"),
     (HEAD + 'output = "../elsewhere"\n' + CAMERA, "leads out"),

@@ -182,6 +182,7 @@ HOSTILE = {
     "an unknown above": (GOOD.replace("lat = 47.5", "lat = 47.5\nabove = 3"), "above"),
     "a flat view": (GOOD.replace("[view]", "view = 3\n[other]").split("[other]")[0], "view"),
     "nested without end": ("a = " + "[" * 100_000, "TOML"),
+    "dots without end": ("a" + ".a" * 400_000 + " = 1", "endless dots"),
     "digits without end": ("a = " + "9" * 10_000, "TOML"),
     "no file": (GOOD + '[obstacles]\nmask = "nowhere.png"\n', "nowhere.png"),
     "a device": (GOOD + '[obstacles]\nmask = "/dev/zero"\n', "/dev/zero"),
@@ -207,7 +208,7 @@ def test_hostile_files_are_refused_in_one_line(case, tmp_path):
     assert len(message) < 400
 
 
-@pytest.mark.parametrize("make", ["folder", "missing", "latin", "pipe", "large", "npy"])
+@pytest.mark.parametrize("make", ["folder", "missing", "latin", "pipe", "large", "npy", "waiting"])
 def test_what_is_no_camera_file(make, tmp_path):
     path = tmp_path / "camera.toml"
     if make == "folder":
@@ -216,6 +217,9 @@ def test_what_is_no_camera_file(make, tmp_path):
         path.write_bytes(GOOD.replace("roof", "D\xe4ch").encode("latin-1"))
     elif make == "pipe":
         os.mkfifo(path)
+    elif make == "waiting":
+        os.mkfifo(tmp_path / "map.npy")
+        path.write_text(GOOD.split("[frame]")[0] + '[view]\nkind = "map"\ndirections = "map.npy"\n')
     elif make == "large":
         path.write_bytes(b"#" * 2_000_000)
     elif make == "npy":

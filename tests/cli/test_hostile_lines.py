@@ -158,3 +158,10 @@ def test_no_line_is_a_fault_of_ours(folder, monkeypatch, capsys, lines) -> None:
 def test_whose_help_is_named(capsys, line, command) -> None:
     assert run(line) == 2
     assert f"(see {command} --help)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("threads", ["0", "x", "100000", "9" * 5000])
+def test_no_number_of_threads_is_told_in_a_line(threads, monkeypatch, capfd):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    assert run(["aerosol", "types"]) == 2
+    assert "error: NUMBA_NUM_THREADS is" in capfd.readouterr().err

@@ -341,6 +341,11 @@ def test_a_camera_that_stops_goes_on_looking_ahead() -> None:
         ("\n", "no column time"),
         ("<gpx><!ENTITY a 'b'></gpx>", "declarations"),
         ("<gpx>", "damaged GPX"),
+        ("time,lat,lon,height_m\n2024-01-01,1,1e18,3\n2024-01-02,1,2,3\n", "places that are none"),
+        ("time,lat,lon,height_m,altitude\n2024-01-01,1,2,3,99\n2024-01-02,1,2,3,4\n", "altitude beyond 90 degrees"),
+        ("time,lat,lon,height_m" + ",d" * 1000, "1004 columns"),
+        ("time,lat,lon,height_m\n" + "1\n" * 100_001, "100001 points"),
+        (f"<gpx xmlns='{'x' * 1000}'><a/></gpx>", "endless names"),
     ],
 )
 def test_paths_that_are_none_are_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -151,3 +151,19 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc")
     with pytest.raises(UserError, match="no reflectance factor"):
         read(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("damage", ["no axis", "no numbers", "no mapping", "no ellipsoid"])
+def test_damaged_pictures_are_refused_with_their_file(picture: xr.Dataset, tmp_path: Path, damage: str) -> None:
+    spoilt = picture.copy()
+    if damage == "no axis":
+        spoilt = spoilt.isel(x=0)
+    elif damage == "no numbers":
+        spoilt["reflectance_factor"] = (("y", "x"), np.full((picture.y.size, picture.x.size), "a"))
+    elif damage == "no mapping":
+        spoilt = spoilt.drop_vars("geostationary")
+    else:
+        spoilt["geostationary"] = ((), 0, picture.geostationary.attrs | {"semi_major_axis": [1.0, 2.0]})
+    spoilt.to_netcdf(tmp_path / "a.nc")
+    with pytest.raises(UserError, match=r"a\.nc"):
+        read(tmp_path / "a.nc")

@@ -111,3 +111,17 @@ def test_what_is_no_aeronet_file_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "x.lev15").write_text(text)
     with pytest.raises(UserError):
         read_aeronet(tmp_path / "x.lev15")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("Time(hh:mm:ss)", "Tame", "made.lev15: no columns Date"),
+        ("11:19:04", "11:19:04+02:00", "is no date and time"),
+        ("264", "1e9", "height_m = 1e.09 is none"),
+    ],
+)
+def test_damaged_tables_are_refused(direct: Path, old: str, new: str, message: str) -> None:
+    direct.write_text(direct.read_text().replace(old, new))
+    with pytest.raises(UserError, match=message):
+        read_aeronet(direct, "2013-05-27T11:00")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 from pathlib import Path
 
@@ -131,3 +132,76 @@ def test_what_is_no_station_file_is_refused(tmp_path, text):
     (tmp_path / "x.csv").write_text(text)
     with pytest.raises(UserError):
         read_station(tmp_path / "x.csv")
+
+
+def _table(path, more="", place='{"lat": 47.0, "lon": 8.0, "elev_m": 500}'):
+    rows = "".join(f"2020-06-01T{hour:02d}:00:00,{50 * hour}\n" for hour in range(4, 20))
+    path.write_text(f"utc,ghi\n{rows}{more}")
+    path.with_suffix(".json").write_text(place)
+    return path
+
+
+def test_a_table_and_its_packed_copy_are_the_same(tmp_path):
+    plain, packed = _table(tmp_path / "x.csv"), tmp_path / "x.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    assert read_station(packed, 47.0, 8.0).ghi.equals(read_station(plain).ghi)
+
+
+@pytest.mark.parametrize("place", ["[]", '"a"', '{"lat": [], "lon": 1}', '{"lat": true, "lon": "x"}', "[" * 90_000,
+                                   '{"lat": 999, "lon": 1}', '{"lat": NaN, "lon": 1}', "", " " * 200_000])  # fmt: skip
+def test_what_is_no_place_beside_a_table_is_refused(tmp_path, place):
+    with pytest.raises(UserError, match=r"x\.(json|csv)"):
+        read_station(_table(tmp_path / "x.csv", place=place))
+
+
+def test_a_place_that_waits_for_ever_is_refused(tmp_path):
+    table = _table(tmp_path / "x.csv")
+    (tmp_path / "x.json").unlink()
+    os.mkfifo(tmp_path / "x.json")
+    with pytest.raises(UserError, match=r"x\.json: .*pipe"):
+        read_station(table)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("noon,3\n", r"x\.csv: time 'noon'"),
+        ("1" * 1_100_000, r"x\.csv: is larger"),
+        (",\n" * 1_200_000, r"x\.csv: has more than 1100000 lines"),
+    ],
+)
+def test_a_table_names_itself_and_has_an_end(tmp_path, more, message):
+    with pytest.raises(UserError, match=message):
+        read_station(_table(tmp_path / "x.csv", more))
+
+
+@needs_files
+@pytest.mark.parametrize("damage", ["cut", "flipped", "bomb"])
+def test_damaged_packed_files_are_refused(tmp_path, damage):
+    content = (RAW / "bsrn_raw/pay0616_excerpt.dat.gz").read_bytes()
+    middle = len(content) // 2
+    (tmp_path / "x.dat.gz").write_bytes({
+        "cut": content[:middle], "flipped": content[:middle] + b"\xff" * 9 + content[middle + 9 :],
+        "bomb": content + gzip.compress(b"\n" * 2_000_000),
+    }[damage])  # fmt: skip
+    with pytest.raises(UserError, match=r"x\.dat\.gz"):
+        read_station(tmp_path / "x.dat.gz")
+
+
+def test_a_radiometer_of_endless_size_is_refused(tmp_path):
+    """A header that claims more than the file has: xarray would have asked for all that memory."""
+    content = bytearray(_radiometer(tmp_path / "good.cdf").read_bytes())
+    at = content.index(b"time") + 4
+    content[at : at + 4] = (2_000_000_000).to_bytes(4)
+    (tmp_path / "x.cdf").write_bytes(content)
+    with pytest.raises(UserError, match=r"x\.cdf: truncated"):
+        read_station(tmp_path / "x.cdf")
+
+
+def _radiometer(path):
+    times = np.datetime64("2020-06-01", "ns") + np.arange(9) * np.timedelta64(60, "s")
+    data = xr.Dataset({"down_short_hemisp": ("time", np.full(9, 5.0)), "lat": 36.0, "lon": -97.0, "alt": 318.0},
+                      coords={"time": times})  # fmt: skip
+    data.to_netcdf(path, format="NETCDF3_CLASSIC")
+    assert read_station(path).attrs["latitude"] == 36
+    return path

@@ -84,7 +84,8 @@ def read_config(path: Path) -> Configuration:
 
 def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     check_keys(tables, _TOP, "the file")
-    if tables.get("openswim_analysis") != VERSION:
+    version = tables.get("openswim_analysis")
+    if version != VERSION or isinstance(version, bool):
         raise UserError(f"openswim_analysis = {VERSION} is missing at its top: is this an analysis?")
     parts = {name: _table(tables, name) for name in ("observe", "observations", "background", "analyse")}
     listed = _entries(tables, "camera")

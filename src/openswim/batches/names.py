@@ -47,7 +47,7 @@ class Names:
             pattern = Path(name)
             if not self.anywhere and (pattern.is_absolute() or ".." in pattern.parts):
                 raise UserError(f"{what} {shown(name)} leads out of the plan's folder: {_TRUST}")
-            if "**" in pattern.parts:
+            if "**" in name:
                 raise UserError(f"{what} {shown(name)}: ** would look into every folder: name the folders")
             start = self.folder / pattern.anchor  # an absolute name's own root
             hits = sorted(islice(start.glob(str(pattern.relative_to(pattern.anchor))), MOST_FILES + 1))

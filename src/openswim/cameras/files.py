@@ -19,7 +19,7 @@ from openswim.cameras.sizes import shape_of
 from openswim.cameras.toml_text import read_toml, toml_text
 from openswim.errors import UserError
 from openswim.scene.files import written_whole
-from openswim.system.inputs import check_within
+from openswim.system.inputs import check_ordinary, check_within
 
 VERSION = 1
 _PLACE = ("lat", "lon", "x_m", "y_m", "height_m", "above")
@@ -256,7 +256,8 @@ def _of_map(view: dict[str, Any], path: Path, options: dict[str, Any]) -> Camera
             raise UserError(f"[view] {name} has {counts.shape[-1]} channels: a map has one")
         scale = number(f"[view] {name}_deg_per_count", view.get(f"{name}_deg_per_count", 1.0))
         outside = number("[view] outside_count", view.get("outside_count", np.nan))
-        maps.append(np.where(counts == outside, np.nan, counts * scale))
+        with np.errstate(all="ignore"):  # what is no angle then is refused
+            maps.append(np.where(counts == outside, np.nan, counts * scale))
     return _mapped(maps[0], maps[1], options)
 
 
@@ -299,6 +300,7 @@ def _check_named(tables: dict[str, Any], path: Path, within: Path) -> None:
 
 
 def _array(path: Path) -> np.ndarray:
+    check_ordinary(path)
     try:
         with path.open("rb") as stream:  # mapped: a header may claim what is not there
             if stream.read(6) != b"\x93NUMPY":

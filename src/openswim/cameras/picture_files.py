@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras.fits import is_fits, read_fits
 from openswim.errors import UserError
+from openswim.system.rasters import open_raster
 
 RAW = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2", ".pef", ".srw")
 MOST_PIXELS = 400_000_000
@@ -120,16 +121,10 @@ def _read_pillow(path: Path) -> Picture:
 
 def _read_deep(path: Path) -> Picture:
     """Sixteen bits in three channels, or with a share of transparency."""
-    try:
-        import rasterio
-    except ImportError:
-        raise UserError(
-            f"{path}: pictures of 16 bits in three channels need rasterio: pip install 'openswim[cameras]'"
-        ) from None
-    with rasterio.open(path) as data:
+    with open_raster(path, "cameras") as data:
         _check_size(path, data.width, data.height)
         bands = data.read(list(range(1, 4)) if data.count >= 3 else [1])
-        if data.colorinterp[-1] == rasterio.enums.ColorInterp.alpha:
+        if data.colorinterp[-1].name == "alpha":
             whole = data.read(data.count)
             bands = bands * (whole == np.iinfo(whole.dtype).max)
     counts = bands[0] if len(bands) == 1 else np.moveaxis(bands, 0, -1)

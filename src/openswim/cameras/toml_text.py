@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import stat
 import tomllib
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from openswim.errors import UserError
 
 _LARGEST_BYTES = 1_000_000
+_IN_KEYS, _MOST_DOTS = re.compile(r"""[\w"'-][ \t]*\."""), 100
 
 
 def read_toml(path: Path, what: str = "a camera's TOML file") -> dict[str, Any]:
@@ -22,7 +24,10 @@ def read_toml(path: Path, what: str = "a camera's TOML file") -> dict[str, Any]:
             raise UserError(f"{path}: is no file: give {what}")
         if status.st_size > _LARGEST_BYTES:
             raise UserError(f"{path}: is larger than {what} can be ({_LARGEST_BYTES // 1000} kB)")
-        return tomllib.loads(path.read_text("utf-8"))
+        text = path.read_text("utf-8")
+        if any(len(_IN_KEYS.findall(part)) > _MOST_DOTS for part in re.split("[,=\n]", text)):
+            raise ValueError("a name with endless dots")  # its time grows by their square
+        return tomllib.loads(text)
     except (OSError, ValueError, RecursionError) as error:  # ValueError: not UTF-8, not TOML, numbers without end
         why = getattr(error, "strerror", None) or " ".join(str(error).split())[:120]
         raise UserError(f"{path}: cannot be read as {what} ({why})") from None

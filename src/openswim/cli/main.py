@@ -25,6 +25,7 @@ from openswim.system.interrupts import INTERRUPTED, watched
 # products of matrices are small here, and the threads that wait for them would take time from the kernels'
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+_MOST_THREADS = 1024
 DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
 
 
@@ -54,6 +55,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     state: dict[str, bool] = {}
     try:
+        _check_threads()
         with spoken():
             cli.main(args=arguments, prog_name="openswim", standalone_mode=False, obj=state)
     except UserError as error:
@@ -75,6 +77,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
         hint = "" if state.get("debug") else " (a fault of openswim; --debug shows where)"
         return _fail(f"{type(error).__name__}: {error}{hint}", OUR_FAULT, state)
     return DONE
+
+
+def _check_threads() -> None:
+    """Numba takes what it is told: of none it fails, and of very many it starts all."""
+    told = os.environ.get("NUMBA_NUM_THREADS") or "1"
+    most = max(_MOST_THREADS, os.cpu_count() or 1)
+    if not (told.isascii() and told.isdigit() and len(told) < 9 and 1 <= int(told) <= most):
+        raise UserError(f"NUMBA_NUM_THREADS is {told[:20]!r}: set it to a number from 1 to {most}, or not at all")
 
 
 def _asked(error: click.ClickException, arguments: Sequence[str]) -> str:

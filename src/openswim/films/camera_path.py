@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ PLACE = ("lat", "lon", "height_m")
 ATTITUDE = ("azimuth", "altitude", "roll", "fov")
 MOST_POINTS = 100_000
 _DECIMALS = 9  # of degrees and m: a tenth of a millimetre, and tables are free of what arithmetic leaves behind
+_MOST_COLUMNS = 1000
+_MOST_TURNED = 1e6  # degrees: logs of yaw may go round and round
 MOST_BYTES = 50_000_000
 
 
@@ -48,12 +51,15 @@ class CameraPath:
             raise UserError("a camera's path needs at least two points")
         if not np.all(np.diff(self.time.astype(np.int64)) > 0):
             raise UserError("a camera's path must go forward in time: sort its points, each time once")
-        lat, _, height = self.place.T
-        if not np.isfinite(self.place).all() or np.abs(lat).max() > 90.0 or np.abs(height).max() > 1e9:
+        lat, lon, height = np.abs(self.place.T)
+        if not np.isfinite(self.place).all() or lat.max() > 90.0 or lon.max() > 360.0 or height.max() > 1e9:
             raise UserError("a camera's path has places that are none: latitude, longitude in degrees, height in m")
         for name, values in zip(ATTITUDE, self.attitude.T, strict=True):
             if not np.isfinite(values).all() and not np.isnan(values).all():
                 raise UserError(f"a camera's path has no finite {name} at some points: give it at all or at none")
+            most = 90.0 if name == "altitude" else _MOST_TURNED
+            if (np.abs(values) > most).any():
+                raise UserError(f"a camera's path has {name} beyond {most:g} degrees at some points: mend it")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> CameraPath:
@@ -155,6 +161,8 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
     except csv.Error as error:
         raise UserError(f"{file}: line {lines.line_num} is no CSV ({error}): mend it") from error
     names = [name.lower() for name in table[0][1]] if table else []
+    if len(names) > _MOST_COLUMNS:
+        raise UserError(f"{file}: {len(names)} columns; leave out those that a path does not have")
     lacking = [name for name in ("time", *PLACE) if name not in names]
     if lacking:
         raise UserError(
@@ -171,6 +179,8 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
     if any(named.count(name) > 1 for name in known):
         raise UserError(f"{file}: the first line has a name twice: leave one of the columns out")
     rows = []
+    if len(table) > MOST_POINTS + 1:
+        raise UserError(f"{file}: {len(table) - 1} points; a path has at most {MOST_POINTS}")
     for number, cells in table[1:]:
         if any(cells[len(names) :]):
             raise UserError(f"{file}: line {number} has more cells than the first line has names: mend it")
@@ -203,6 +213,8 @@ def _gpx(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
 
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise UserError(f"{file}: a GPX file with declarations of its own is not read; save it without them")
+    if re.search(r"""xmlns[^=<>]{0,99}=\s*["'][^"']{1000}""", text):  # each element would carry it
+        raise UserError(f"{file}: a GPX file with endless names (xmlns) is not read; save it without them")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.errors import UserError
 from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.scene.interpolation import corners
-from openswim.system.inputs import check_name, check_ordinary
+from openswim.system.rasters import open_raster
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -31,7 +31,7 @@ _BLUE_MARBLE_TILE = re.compile(r"world\..*21600x21600\.([A-D])([12])\b", re.IGNO
 
 
 class Raster:
-    """A GeoTIFF, or any image GDAL knows, in any projection.
+    """A GeoTIFF, or any image GDAL knows that lies in its own folder, in any projection.
 
     `sample` reads tiles of 256 x 256 pixels, decimated by a power of two (from the file's overviews where it has
     some), and keeps the last 256 MB of them. A picture without georeference is taken to be a Blue Marble tile where
@@ -215,20 +215,7 @@ class Raster:
 
 
 def _opened(path: Path) -> Any:
-    try:
-        import rasterio
-    except ModuleNotFoundError:
-        raise UserError(f"{path}: reading GeoTIFF needs rasterio: pip install 'openswim[geotiff]'") from None
-    import warnings
-
-    check_ordinary(path)
-    check_name(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            file = rasterio.open(path)
-    except rasterio.errors.RasterioError as error:
-        raise UserError(f"{path}: not an image that GDAL can read ({_first_line(error)})") from None
+    file = open_raster(path)
     if not file.count:
         raise UserError(f"{path}: no image, but several or none within: give a GeoTIFF (gdal_translate)")
     return file

@@ -45,6 +45,8 @@ def frame_time(
     if local is not None:
         said = _ZONE.search(path.stem)
         stated = None if said is None else _hours(said)
+        if stated is not None and abs(stated) > 15:
+            raise UserError(f"{path}: its name says UTC{stated:+g}, which no clock has: give {option}another name")
         if stated is not None and settings.utc_offset_h not in (None, stated):
             raise UserError(
                 f"{path}: its name says UTC{stated:+g}, --utc-offset {settings.utc_offset_h:g}: leave one of them out"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.opening import opened
 from openswim.satellites.fixed_grid import FixedGrid
 from openswim.scene.cf import save_netcdf
 from openswim.scene.files import written_whole
 from openswim.system.inputs import check_name, check_ordinary
+from openswim.system.machine import free_memory
+from openswim.system.rasters import open_raster
 
 F64 = NDArray[np.float64]
+
+_BYTES_PER_PIXEL = 150  # while their places are found
+_MOST_MEMORY = 0.8  # share of what is free
 
 
 def write(picture: xr.Dataset, path: str | Path) -> Path:
@@ -106,20 +113,25 @@ def read(path: str | Path, bands: Sequence[str] = ()) -> xr.Dataset:
     source = Path(path)
     check_ordinary(source)
     check_name(source)
+    take = _from_netcdf if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff
     try:
-        take = _from_netcdf if source.suffix.lower() in (".nc", ".nc4") else _from_geotiff
-        return take(source, bands)
-    except (OSError, ValueError, KeyError) as error:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # of what is refused in one line, or is no number then
+            return take(source, bands)
+    except UserError as error:
+        raise UserError(str(error) if str(source) in str(error) else f"{source}: {error}") from None
+    except Exception as error:  # whatever the back ends raise on damaged files
         raise UserError(f"{source}: no picture on a fixed grid of a geostationary imager ({error})") from error
 
 
 def _from_netcdf(path: Path, bands: Sequence[str]) -> xr.Dataset:
-    with xr.open_dataset(path) as file:
+    with opened(path, decode=False) as file:
         names = ("reflectance_factor", "CMI", "Rad")
         name = next((one for one in names if one in file), None)
         if name in (None, "Rad"):
             raise UserError(f"{path}: no reflectance factor in it (reflectance_factor, CMI)")
         values = file[name]
+        _check_size(path, values.shape)
         told = _names(path, file)
         at = _which(told, bands)
         if "band" in values.dims:
@@ -128,6 +140,14 @@ def _from_netcdf(path: Path, bands: Sequence[str]) -> xr.Dataset:
         grid = FixedGrid.of_cf(file.x.values, file.y.values, mapping.attrs)
         time = str(file.attrs.get("time_coverage_start", ""))
         return _picture(values.values.astype(np.float32), grid, time, told[at])
+
+
+def _check_size(path: Path, shape: tuple[int, ...]) -> None:
+    """Raise UserError where a picture and its places would not fit into memory, however little of it is stored."""
+    needed, free = prod(shape) * _BYTES_PER_PIXEL, free_memory()
+    if needed > _MOST_MEMORY * free:
+        sides = " x ".join(map(str, shape))
+        raise UserError(f"{path}: {sides} pixels take {needed / 1e9:.1f} GB, {free / 1e9:.1f} GB are free: cut it out")
 
 
 def _names(path: Path, file: xr.Dataset) -> list[str]:
@@ -150,18 +170,9 @@ def _which(names: Sequence[str], bands: Sequence[str]) -> int:
 
 
 def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
-    try:
-        import rasterio
-        from pyproj import CRS
-        from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
-    except ImportError as error:
-        raise UserError("GeoTIFF needs the package rasterio: pip install 'openswim[geotiff]'") from error
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused below
-            file = rasterio.open(path)
-    except RasterioIOError as error:
-        raise UserError(f"{path}: cannot be read as GeoTIFF ({error})") from error
+    file = open_raster(path)
+    from pyproj import CRS
+
     with file:
         mapping = {} if file.crs is None else CRS.from_wkt(file.crs.to_wkt()).to_cf()
         if mapping.get("grid_mapping_name") != "geostationary":
@@ -172,6 +183,7 @@ def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
         else:
             names = [_named(path.name) or _named(tags.get("NC_GLOBAL#dataset_name", ""))] * file.count
         at = _which(names, bands)
+        _check_size(path, file.shape)
         raw = file.read(at + 1, masked=True)
         values = np.ma.filled(raw.astype(np.float32) * file.scales[at] + file.offsets[at], np.nan)
         height, transform = float(mapping["perspective_point_height"]), file.transform

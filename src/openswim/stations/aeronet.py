@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,18 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import paths
+from openswim.arguments import paths, shown
 from openswim.errors import UserError
 from openswim.optics.spheres import Sizes, SphereOptics, scattering_by_spheres
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.phase import PhaseFunction, TablePhase
 from openswim.scene.times import Time, parse_time
-from openswim.system.inputs import check_ordinary
+from openswim.stations.text import PLACES, rows_of
 
 F64 = NDArray[np.float64]
 
 _LACKING = -900.0  # values below it stand for none
 _NEAR = np.timedelta64(6, "h")
+_MOST_CHARACTERS = 1_000_000_000
 _RADII = 200  # into which the 22 of an inversion are divided
 _SPECTRAL = {  # wavelength in nm is the first group
     "depth": r"AOD_(\d+)nm",
@@ -136,6 +136,9 @@ def read_aeronet(files: Any, time: Time = None, until: Time = None) -> Sunphotom
     single = {
         ours: found[name] for ours, names in _SINGLE.items() for name in names if name in found
     }
+    for name, (low, high) in PLACES.items():
+        if not low <= single.get(name, 0.0) <= high:
+            raise UserError(f"AERONET: {name} = {single[name]:g} is none: mend the file")
     return Sunphotometer(depth, spectral["albedo"], index, _phases(found), radius, volume, single)
 
 
@@ -160,29 +163,15 @@ def _phases(found: dict[str, float]) -> dict[float, PhaseFunction]:
 
 def _row(path: Path, time: np.datetime64 | None, until: np.datetime64 | None) -> dict[str, float]:
     """Numbers by column: of the row nearest to a time, or the mean of the rows of a period, or of all."""
-    check_ordinary(path)
-    try:
-        with path.open(newline="", encoding="latin-1") as file:
-            lines = list(csv.reader(file))
-    except (OSError, csv.Error) as error:
-        raise UserError(f"{path}: cannot be read ({error})") from error
-    start = next((n for n, line in enumerate(lines) if any(re.match(r"Date[_(]", name) for name in line)), None)
+    lines = rows_of(path, _MOST_CHARACTERS, "latin-1")
+    start = next((line for line in lines if any(re.match(r"Date[_(]", name) for name in line)), None)
     if start is None:
         raise UserError(f"{path}: no AERONET file of version 3: no line of column names with Date(dd:mm:yyyy)")
-    header = [name.strip() for name in lines[start]]
-    rows = [line for line in lines[start + 1 :] if len(line) >= len(header) - 1]
+    header = [name.strip() for name in start]
+    every = (line for line in lines if len(line) >= len(header) - 1)
+    rows = list(every) if time is None else _of_period(path, header, every, time, time if until is None else until)
     if not rows:
         raise UserError(f"{path}: no rows")
-    if time is not None:
-        stamps = np.array([_stamp(path, header, row) for row in rows])
-        last = time if until is None else until
-        beside = np.maximum(np.maximum(time - stamps, stamps - last), np.timedelta64(0, "ms"))  # of the period
-        nearest = int(np.argmin(beside))
-        if beside[nearest] > _NEAR:
-            when = time if until is None else f"{time} to {until}"
-            raise UserError(f"{path}: nothing within six hours of {when}; the nearest row is of {stamps[nearest]}")
-        within = [row for row, apart in zip(rows, beside, strict=True) if not apart]
-        rows = within or [rows[nearest]]
     out = {}
     for number, name in enumerate(header):
         values = [_number(row[number]) for row in rows if number < len(row)]
@@ -192,13 +181,41 @@ def _row(path: Path, time: np.datetime64 | None, until: np.datetime64 | None) ->
     return out
 
 
-def _stamp(path: Path, header: Sequence[str], row: Sequence[str]) -> np.datetime64:
-    date, clock = (next(n for n, name in enumerate(header) if name.startswith(word)) for word in ("Date", "Time"))
+def _of_period(
+    path: Path, header: Sequence[str], every: Iterable[Sequence[str]], time: np.datetime64, last: np.datetime64
+) -> list[Sequence[str]]:
+    """The rows of a period, or where there are none, the row nearest to it: whole files may have decades of them."""
+    places = [next((n for n, name in enumerate(header) if name.startswith(word)), None) for word in ("Date", "Time")]
+    date, clock = places
+    if date is None or clock is None:
+        raise UserError(f"{path}: no columns Date(dd:mm:yyyy) and Time(hh:mm:ss)")
+    within: list[Sequence[str]] = []
+    nearest: tuple[np.timedelta64, np.datetime64, Sequence[str]] | None = None
+    for row in every:
+        stamp = _stamp(path, row[date], row[clock])
+        apart = max(time - stamp, stamp - last, np.timedelta64(0, "ms"))
+        if not apart:
+            within.append(row)
+        elif nearest is None or apart < nearest[0]:
+            nearest = apart, stamp, row
+    if within or nearest is None:
+        return within
+    if nearest[0] > _NEAR:
+        when = time if time == last else f"{time} to {last}"
+        raise UserError(f"{path}: nothing within six hours of {when}; the nearest row is of {nearest[1]}")
+    return [nearest[2]]
+
+
+def _stamp(path: Path, date: str, clock: str) -> np.datetime64:
+    found = re.fullmatch(r"\s*(\d\d?)[:-](\d\d?)[:-](\d{4})\s*", date)
+    hours = re.fullmatch(r"\s*\d\d:\d\d:\d\d\s*", clock)
     try:
-        day, month, year = re.split(r"[:-]", row[date].strip())
-        return np.datetime64(f"{year}-{int(month):02d}-{int(day):02d}T{row[clock].strip()}", "ms")
-    except ValueError as error:
-        raise UserError(f"{path}: {row[date]} {row[clock]} is no date and time") from error
+        if found is None or hours is None:
+            raise ValueError
+        day, month, year = map(int, found.groups())
+        return np.datetime64(f"{year:04d}-{month:02d}-{day:02d}T{clock.strip()}", "ms")
+    except ValueError:
+        raise UserError(f"{path}: {shown(date)} {shown(clock)} is no date and time") from None
 
 
 def _number(text: str) -> float | None:

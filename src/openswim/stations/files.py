@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import gzip
 import json
 import re
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import number
 from openswim.errors import UserError
+from openswim.readers.common.opening import opened
 from openswim.scene.times import parse_time
-from openswim.system.inputs import check_ordinary
+from openswim.stations.text import PLACES, rows_of, text_of
+from openswim.system.inputs import check_ordinary, lines_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +48,7 @@ _COLUMNS = (  # of tables, by how their names begin or read
     ("relative_humidity", r"rh$|rel(ative)?[ _]hum(idity)?"),
     ("pressure", r"(station )?press(ure)?"),
 )
+_LARGEST_JSON = 100_000  # characters
 _MISSING_ARM_BIT = 1
 
 
@@ -65,8 +69,14 @@ def read_station(
         data, place = _READERS[kind](path)
     except ImportError as error:
         raise UserError(f"{path}: {kind} files need the package pvlib: pip install 'openswim[stations]'") from error
-    except (ValueError, KeyError, IndexError, OSError, csv.Error) as error:
+    except UserError as error:
+        raise UserError(str(error) if str(path.parent) in str(error) else f"{path}: {error}") from None
+    except (ValueError, LookupError, OSError, TypeError, AttributeError, ArithmeticError) as error:
         raise UserError(f"{path}: damaged {kind} file ({error})") from error
+    for name, value in place.items():
+        low, high = PLACES[name]
+        if not low <= value <= high:
+            raise UserError(f"{path}: {name} = {value:g} is none: mend the file")
     given = {"latitude": lat, "longitude": lon, "height_m": height_m}
     place = place | {name: value for name, value in given.items() if value is not None}
     for name, (unit, low, high) in QUANTITIES.items():
@@ -87,10 +97,14 @@ def kind_of(path: Path) -> str | None:
     """What a file is by its first lines; None: no station's file."""
     check_ordinary(path)
     try:
-        with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
+        with path.open("rb") as file:
             head = file.read(4000)
-    except (OSError, EOFError) as error:
-        raise UserError(f"{path}: cannot be read ({error})") from error
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror})") from error
+    if head.startswith(b"\x1f\x8b"):
+        head = text_of(path, "latin-1")[:4000].encode("latin-1")
+        if head.startswith((b"CDF", b"\x89HDF")):
+            raise UserError(f"{path}: a packed netCDF file: unpack it first (gunzip)")
     if head.startswith((b"CDF", b"\x89HDF")):
         return "ARM"
     lines = head.decode("latin-1").lstrip("\ufeff").splitlines()
@@ -107,7 +121,8 @@ def kind_of(path: Path) -> str | None:
 def _bsrn(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_bsrn
 
-    frame, about = read_bsrn(path, logical_records=("0100",))
+    with _unpacked(path) as plain:
+        frame, about = read_bsrn(plain, logical_records=("0100",))
     # longitudes are counted from 180 W and latitudes from the south pole in the archive's files
     return _of_frame(frame), _place(about.get("latitude"), about.get("longitude"), about.get("altitude"))
 
@@ -115,23 +130,34 @@ def _bsrn(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
 def _surfrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_surfrad
 
-    frame, about = read_surfrad(str(path))
+    with _unpacked(path) as plain:
+        frame, about = read_surfrad(plain)
     return _of_frame(frame), _place(about["latitude"], about["longitude"], about["elevation"])
 
 
 def _solrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_solrad
 
-    found = read_solrad(str(path))
+    with _unpacked(path) as plain:
+        found = read_solrad(plain)
     frame = found[0] if isinstance(found, tuple) else found
-    lat, lon, height = path.read_text("latin-1").splitlines()[1].split()[:3]
+    lat, lon, height = text_of(path, "latin-1").splitlines()[1].split()[:3]
     return _of_frame(frame), _place(lat, lon, height)
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[str]:
+    """Name of an unpacked copy under the file's own name, for pvlib, which reads by names: it fetches what is called
+    http..., and takes all for a file of Madison that has msn anywhere in its path."""
+    with tempfile.TemporaryDirectory(prefix="openswim") as folder:
+        plain = Path(folder) / path.name.removesuffix(".gz")
+        plain.write_text(text_of(path, "latin-1"), "ascii", "replace")
+        yield str(plain)
 
 
 def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Times are local standard time, whose name is that of their column."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        header, *rows = list(csv.reader(file))
+    header, *rows = rows_of(path)
     rows = [row for row in rows if len(row) == len(header)]
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))
     zone = next((name for name in header if name in _HOURS), None)
@@ -155,7 +181,7 @@ _HOURS = {"UTC": 0, "GMT": 0, "EST": -5, "CST": -6, "MST": -7, "PST": -8, "HST":
 
 def _arm(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Quality flags: bit 1 is a missing value where flags are bits; plain codes (before 2010) name no bits."""
-    with xr.open_dataset(path) as file:
+    with opened(path) as file:
         missing = [name for name in ("lat", "lon", "alt") if name not in file]
         if missing or not any(name in file for name in _ARM):
             raise UserError(f"{path}: netCDF without {', '.join(missing or _ARM)}: no file of an ARM radiometer")
@@ -177,8 +203,7 @@ def _by_bits(file: xr.Dataset, flags: xr.DataArray) -> bool:
 
 
 def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        header, *rows = list(csv.reader(file))
+    header, *rows = rows_of(path)
     columns = dict(zip(map(str.strip, header), zip(*rows, strict=True), strict=True))
     time = np.array([parse_time(text) for text in columns["utc"]], "datetime64[ns]")
     return _of_columns(columns, time), _beside(path)
@@ -222,8 +247,15 @@ def _place(lat: Any, lon: Any, height_m: Any) -> dict[str, float]:
 def _beside(path: Path) -> dict[str, float]:
     """The place that a JSON file beside a table names."""
     beside = path.with_suffix(".json")
-    about = json.loads(beside.read_text()) if beside.exists() else {}
-    return _place(about.get("lat"), about.get("lon"), about.get("elev_m"))
+    if not beside.exists():
+        return {}
+    try:
+        about = json.loads("".join(lines_of(beside, "the place of a station", _LARGEST_JSON)))
+        return _place(*(None if about.get(name) is None else number(name, about[name])
+                        for name in ("lat", "lon", "elev_m")))  # fmt: skip
+    except (UserError, ValueError, AttributeError, RecursionError) as error:
+        why = str(error).removeprefix(f"{beside}: ")
+        raise UserError(f"{beside}: no place in JSON ({why}): write lat, lon and elev_m as numbers") from None
 
 
 _READERS: dict[str, Callable[[Path], tuple[xr.Dataset, dict[str, float]]]] = {

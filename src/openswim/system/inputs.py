@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import os
 import stat
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from openswim.errors import UserError
 from openswim.system.workshops import sweep
 
+_LONGEST_LINE = 1_000_000  # characters
 MOST_IN_FOLDER = 100_000  # files of a Zarr store that are looked at
 
 
@@ -33,6 +37,37 @@ def check_ordinary(path: str | os.PathLike[str], name: str = "") -> None:
         raise UserError(f"{label}: a pipe, device or socket: copy what it gives to a file, and give that")
     if found.st_size == 0:  # of which some in /proc wait for ever
         raise UserError(f"{label}: empty: copy or download it again")
+
+
+def lines_of(
+    path: Path, what: str, most_characters: int, most_lines: int = 1_100_000, encoding: str = "utf-8-sig"
+) -> Iterator[str]:
+    """The lines of a file of text, unpacked where it is packed by gzip, each ended by a newline; raises UserError where
+    it is damaged, or larger than it can be. what: it is called in messages, such as "a station's file"."""
+    check_ordinary(path)
+    left = most_characters
+    try:
+        with path.open("rb") as file:
+            packed = file.read(2) == b"\x1f\x8b"
+        with (gzip.open if packed else open)(path, "rt", encoding=encoding) as text:
+            for _ in range(most_lines):
+                line = text.readline(_LONGEST_LINE)
+                left -= len(line)
+                if not line:
+                    return
+                if len(line) == _LONGEST_LINE or left < 0:
+                    break
+                yield line
+            else:
+                raise UserError(f"{path}: has more than {most_lines} lines, more than {what} can have: divide it")
+    except EOFError:
+        raise UserError(f"{path}: ends early: copy or download it again") from None
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: is no text in UTF-8: save it as such") from None
+    except (OSError, zlib.error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: cannot be read ({why}): copy or download it again") from None
+    raise UserError(f"{path}: is larger than {what} can be, or has no lines: divide it")
 
 
 def check_name(path: str | os.PathLike[str], name: str = "") -> None:
