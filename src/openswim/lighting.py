@@ -149,6 +149,11 @@ def lights_of(
     return 1 if _is_day(lamps) else len(lamps.every)
 
 
+def sun_altitude_deg(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> float:
+    """Altitude from which the sun lights the middle of a scene, as `daylight` takes time and ``sun``."""
+    return azimuth_altitude(daylight(scene, time, sun).direction)[1]
+
+
 def _lamps(scene: Scene, when: Any, day: Daylight, wavelengths: F64) -> Lamps:
     """The lights over the middle of a scene."""
     towns = scene.levels[-1].grid is not None

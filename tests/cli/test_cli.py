@@ -57,6 +57,7 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     monkeypatch.setitem(vars(openswim), "open_scene", open_scene)
     monkeypatch.setitem(vars(openswim), "render", render)
     monkeypatch.setattr("openswim.lighting.lights_of", lambda scene, *given, **sun: 1)
+    monkeypatch.setattr("openswim.lighting.sun_altitude_deg", lambda scene, **sun: 40.0)
     monkeypatch.chdir(tmp_path)
     return calls
 

@@ -105,7 +105,7 @@ def run(request: RenderRequest) -> None:
 
     import openswim
     from openswim.cli.estimate import announce
-    from openswim.lighting import daylight, lights_of
+    from openswim.lighting import lights_of, sun_altitude_deg
     from openswim.optics.choosing import only
     from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
@@ -129,7 +129,7 @@ def run(request: RenderRequest) -> None:
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
     lights = lights_of(scene, solver.name, wavelengths, **sun)
-    sun_deg = float(np.degrees(np.arcsin(np.clip(daylight(scene, **sun).direction[2], -1, 1))))
+    sun_deg = sun_altitude_deg(scene, **sun)
     announce(scene, camera, solver.name, request.paths, solver.quality, wavelengths, lights, sun_deg)
     if solver.name == "reference":
         scene = scene.alone()
