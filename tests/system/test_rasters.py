@@ -61,6 +61,10 @@ def test_a_pipe_is_no_image_and_a_geotiff_is_one(tmp_path: Path) -> None:
         file.write(np.full((3, 4, 5), 300, np.uint16))
     with open_raster(deep) as file:
         assert file.shape == (4, 5)
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "link.tif").symlink_to(deep)
+    with open_raster(tmp_path / "linked" / "link.tif") as file:
+        assert file.shape == (4, 5)
     assert (read_picture(deep).counts == 300).all()
 
 

@@ -36,8 +36,9 @@ def open_raster(path: Path, extra: str = "geotiff") -> Any:
     try:
         if file.driver in _BY_OTHERS:
             raise UserError(f"{path}: describes an image that lies in other files: {_REMEDY}")
-        for each in file.files:
-            check_within(Path(each), path.parent, f"{path}: {each}", f"its folder: {_REMEDY}")
+        for each in map(Path, file.files):
+            if each != path:  # which may be a link to anywhere
+                check_within(each, path.parent, f"{path}: {each}", f"its folder: {_REMEDY}")
     except UserError:
         file.close()
         raise
