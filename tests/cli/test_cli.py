@@ -221,6 +221,7 @@ def test_a_flat_scene_takes_metres(world) -> None:
         (["-o", "x.png", "--view", "sphere", "--altitude-range", "0,9"], "has no --altitude-range"),
         (["-o", "x.png", "--view", "panorama", "--altitude-range", "9"], "BOTTOM,TOP"),
         (["-o", "x.png", "--exposure", "0:"], "ALTITUDE:EXPOSURE"),
+        (["-o", "x.png", "--exposure", "0:1,5:2,0:3"], "an altitude twice"),
         (["-o", "x.png", "--exposure", "1/0s f/8 ISO100"], "ISO1600"),
         (["-o", "x.png", "--gamma", "-1"], "gamma"),
         (["-o", "x.jpg", "--bits", "16"], "JPEG has 8 bits"),

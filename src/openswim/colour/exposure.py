@@ -130,4 +130,6 @@ def _curve(text: str) -> Sequence[tuple[float, float]]:
         curve = []
     if not curve or len(curve) < len(points) or not all(is_positive(value) and abs(a) <= 90 for a, value in curve):
         raise UserError(_WRONG.format(shown(text)))
+    if len({altitude for altitude, _ in curve}) < len(curve):
+        raise UserError(f"exposure {shown(text)} has an altitude twice: leave one of them out")
     return curve
