@@ -134,7 +134,7 @@ def test_what_is_no_station_file_is_refused(tmp_path, text):
         read_station(tmp_path / "x.csv")
 
 
-def _table(path, more="", place='{"lat": 47.0, "lon": 8.0, "elev_m": 500}'):
+def _day_of(path, more="", place='{"lat": 47.0, "lon": 8.0, "elev_m": 500}'):
     rows = "".join(f"2020-06-01T{hour:02d}:00:00,{50 * hour}\n" for hour in range(4, 20))
     path.write_text(f"utc,ghi\n{rows}{more}")
     path.with_suffix(".json").write_text(place)
@@ -142,7 +142,7 @@ def _table(path, more="", place='{"lat": 47.0, "lon": 8.0, "elev_m": 500}'):
 
 
 def test_a_table_and_its_packed_copy_are_the_same(tmp_path):
-    plain, packed = _table(tmp_path / "x.csv"), tmp_path / "x.csv.gz"
+    plain, packed = _day_of(tmp_path / "x.csv"), tmp_path / "x.csv.gz"
     packed.write_bytes(gzip.compress(plain.read_bytes()))
     assert read_station(packed, 47.0, 8.0).ghi.equals(read_station(plain).ghi)
 
@@ -151,11 +151,11 @@ def test_a_table_and_its_packed_copy_are_the_same(tmp_path):
                                    '{"lat": 999, "lon": 1}', '{"lat": NaN, "lon": 1}', "", " " * 200_000])  # fmt: skip
 def test_what_is_no_place_beside_a_table_is_refused(tmp_path, place):
     with pytest.raises(UserError, match=r"x\.(json|csv)"):
-        read_station(_table(tmp_path / "x.csv", place=place))
+        read_station(_day_of(tmp_path / "x.csv", place=place))
 
 
 def test_a_place_that_waits_for_ever_is_refused(tmp_path):
-    table = _table(tmp_path / "x.csv")
+    table = _day_of(tmp_path / "x.csv")
     (tmp_path / "x.json").unlink()
     os.mkfifo(tmp_path / "x.json")
     with pytest.raises(UserError, match=r"x\.json: .*pipe"):
@@ -172,7 +172,7 @@ def test_a_place_that_waits_for_ever_is_refused(tmp_path):
 )
 def test_a_table_names_itself_and_has_an_end(tmp_path, more, message):
     with pytest.raises(UserError, match=message):
-        read_station(_table(tmp_path / "x.csv", more))
+        read_station(_day_of(tmp_path / "x.csv", more))
 
 
 @needs_files
