@@ -75,9 +75,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED
-    except SystemExit as error:  # click's, where nobody reads what is printed any more
-        if not isinstance(error.__context__, BrokenPipeError):
-            raise
+    except SystemExit:  # click's own of a pipe that nobody reads any more; of all else it raises, as it is asked to
         return UNREAD
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
