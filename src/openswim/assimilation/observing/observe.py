@@ -107,7 +107,7 @@ def observe(
         place = sun_at(frame, day.direction, lat, lon)
         instruments.append(Instrument(camera, Quantity(name, toa), place, near, low))
     if not _FINEST <= number("observe: tolerance", tolerance) < 1:
-        raise UserError(f"observe: tolerance = {tolerance:g}: give a small share, such as .003, of {_FINEST:g} or more")
+        raise UserError(f"observe: tolerance = {tolerance:g}: give a small positive share, {_FINEST:g} or more")
     floor = number("observe: floor_per_km", floor_per_km) / 1e3
     if not 0 < floor < 1:
         raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")
