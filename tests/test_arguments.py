@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from openswim import Camera, Ground, Scene, Solver, UserError, open_scene, render, to_rgb
+import openswim
+from openswim import Background, Camera, Ground, Scene, Solver, UserError, open_scene, render, save_camera, to_rgb
+from openswim.assimilation.settings import Settings
 from openswim.ground.maps import maps_of
 
 FIELD, AXIS, LEVELS = np.zeros((5, 4, 4)), np.arange(4.0), np.arange(5.0)
@@ -56,6 +58,15 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: Solver(tolerance="a"), "tolerance"),
         (lambda: Solver("reference", seed=1.5), "seed"),
         (lambda: maps_of(Ground(albedo=3)), "albedo"),
+        (lambda: Ground(chlorophyll_mg_m3="much"), "chlorophyll_mg_m3 must be a number"),
+        (lambda: Background(80, filter=np.zeros((3, 3))), "filter array"),
+        (lambda: Settings(method=np.zeros((3, 3))), "method array"),
+        (lambda: Settings(transform=np.zeros((3, 3))), "transform array"),
+        (lambda: open_scene(np.array("x")), "path is array"),
+        (lambda: openswim.light(CLEAR, wavelengths_nm=10**400), "wavelengths_nm"),
+        (lambda: save_camera(CAMERA, "\0"), "no file can have this name"),
+        (lambda: save_camera(CAMERA, "\ud800.toml"), "is not UTF-8"),
+        (lambda: CLEAR.to_netcdf(b"x.nc"), "give a file's name"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
@@ -63,3 +74,7 @@ def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
     with pytest.raises(UserError, match=named) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+def test_messages_hold_nothing_that_a_terminal_obeys():
+    assert str(UserError("a\x1b[31m\u202eb\udcff: \u6f22")) == "a\\x1b[31m\\u202eb\\udcff: \u6f22"

@@ -45,6 +45,12 @@ def check_kind(what: str, value: Any, kind: type | tuple[type, ...], remedy: str
         raise UserError(f"{what} is {shown(value)}: {remedy}")
 
 
+def check_choice(what: str, value: Any, choices: Sequence[str]) -> None:
+    """Raise UserError unless the value is one of these words."""
+    if not isinstance(value, str) or value not in choices:  # an array would be compared number by number
+        raise UserError(f"{what} {shown(value)} is unknown: choose {', '.join(choices[:-1])} or {choices[-1]}")
+
+
 def check_keys(table: Iterable[str], known: Sequence[str], what: str) -> None:
     """Raise UserError where a table of a file says what nobody understands."""
     for key in table:
@@ -57,6 +63,7 @@ def check_keys(table: Iterable[str], known: Sequence[str], what: str) -> None:
 def paths(what: str, given: Any) -> list[str | os.PathLike[str]]:
     """One name of a file, or several, as a list; raises UserError."""
     alone = isinstance(given, str | os.PathLike) or not isinstance(given, Iterable)
+    alone |= isinstance(given, np.ndarray) and given.ndim == 0
     listed: list[Any] = [given] if alone else list(given)
     for each in listed:
         check_kind(what, each, (str, os.PathLike), "give a file's name, or a list of names")
@@ -74,5 +81,5 @@ def _array(what: str, value: Any) -> NDArray[Any]:
         raise UserError(f"{what} has masked values: fill them in first, as by numpy.ma.filled")
     try:
         return np.asarray(value)
-    except (TypeError, ValueError):  # lists of unequal lengths
+    except (TypeError, ValueError):  # lists of unequal lengths, datasets
         return np.empty(0, object)

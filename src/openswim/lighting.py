@@ -82,7 +82,7 @@ def _checked_wavelengths(wavelengths_nm: Any) -> F64:
     """(n,), each once: data are told apart by them."""
     try:
         wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         wavelengths = np.empty((0, 0))
     if wavelengths.ndim != 1 or np.unique(wavelengths).size < wavelengths.size:
         raise UserError(f"wavelengths_nm = {wavelengths_nm!r}: give a list of numbers, each once")

@@ -155,4 +155,6 @@ def _someone_watches() -> bool:
     forced = os.environ.get("OPENSWIM_PROGRESS", "")
     if forced in ("0", "1"):
         return forced == "1"
+    if sys.stderr is None:  # closed
+        return False
     return sys.stderr.isatty() or "ipykernel" in sys.modules

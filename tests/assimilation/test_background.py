@@ -84,3 +84,17 @@ def test_spreads_and_lengths_by_control() -> None:
         Background(length_m=-1.0)
     with pytest.raises(UserError, match="filter"):
         Background(length_m=1.0, filter="box")
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "diffusion"])
+def test_errors_may_be_alike_without_end(kind: str) -> None:
+    """A Gaussian of such a width would have more nodes than memory holds."""
+    place = 50.0 * np.arange(9)
+    root = Filter.of([place], [1e300], kind)
+    alike = np.stack([root.apply(each) for each in np.eye(9)], axis=1)
+    assert np.allclose(alike @ alike.T, 1, atol=1e-3)
+
+
+def test_light_is_not_solved_to_less_than_rounding() -> None:
+    with pytest.raises(UserError, match="tolerance = 1e-300"):
+        observe(flat_scene(), Camera.allsky(x_m=200.0, y_m=250.0, size=9), sun=(150, 50), tolerance=1e-300)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 from tests.assimilation.test_analysing import CAMERAS, POINTS, twin
@@ -88,6 +89,12 @@ def test_an_interrupted_analysis_writes_what_there_is_and_ends_as_interrupted(
         ("length_m = 70", "length_m = { albedo = 70 }", "names no extinction_cloud"),
         ("[analyse]", "[observations]\nsaturated = 1e-9\n[analyse]", "no pixel of camera 0"),
         ('image = "seen1.nc"', 'image = "red.nc"', "is at .615.0. nm, not at .550.0."),
+        ('image = "seen1.nc"', 'image = "nowhere.nc"', "is at .nan. nm, not at .550.0."),
+        ('image = "seen1.nc"', 'image = "milli.nc"', "milli.nc: radiance is in 'mW m-2 sr-1 nm-1': give it in W m-2"),
+        ('image = "seen1.nc"', 'image = "black.nc"', "image 1 has no light"),
+        ("[background]", "[observations]\nirradiance_noise = 0\n[background]", "irradiance_noise is 0"),
+        ("w_m2 = ", "w_m2 = -", "irradiance in W m-2 lies"),
+        ("w_m2 = ", "w_m2 = inf  # ", "irradiance in W m-2 lies"),
     ],
 )
 def test_check_refuses_what_an_analysis_would(
@@ -101,6 +108,10 @@ def test_check_refuses_what_an_analysis_would(
     monkeypatch.setattr(operator(config).core, "forward", solved)
     seen = xr.open_dataset(config.with_name("seen1.nc"))
     seen.assign_coords(wavelength=[615.0]).to_netcdf(config.with_name("red.nc"))
+    seen.assign_coords(wavelength=[np.nan]).to_netcdf(config.with_name("nowhere.nc"))
+    (0 * seen).to_netcdf(config.with_name("black.nc"))
+    milli = seen["radiance"].assign_attrs(units="mW m-2 sr-1 nm-1")
+    milli.to_dataset(name="radiance").to_netcdf(config.with_name("milli.nc"))
     text = config.read_text()
     assert was in text
     config.write_text(text.replace(was, now))

@@ -14,7 +14,7 @@ from tests.batches.one_process import outcomes
 from openswim import Scene, UserError
 from openswim.batches import arrivals, processes, read_plan, tasks, watching
 from openswim.batches.arrivals import Arrivals
-from openswim.batches.index_page import page_of
+from openswim.batches.index_page import page_of, write_index
 from openswim.batches.records import Record, Records
 from openswim.batches.watching import watch
 from openswim.batches.working import Outcome
@@ -154,9 +154,11 @@ def test_a_zarr_folder_is_whole_when_its_last_chunk_is(tmp_path: Path, monkeypat
     assert [path.name for path, *_ in seen.whole()] == ["run.zarr"]
 
 
-def test_pages_escape_what_others_wrote() -> None:
+def test_pages_escape_what_others_wrote(tmp_path: Path) -> None:
     nasty = '"><script>alert(1)</script>&'
     record = Record(Path("x"), nasty, nasty, nasty, {nasty: {f"{nasty}.png": 1}})
+    write_index(SimpleNamespace(folder=tmp_path), [record], {"sky\udcff.nc": "x"})  # type: ignore[arg-type]
+    assert "sky\\udcff.nc" in (tmp_path / "index.html").read_text("utf-8")
     page = page_of([record], {nasty: nasty}, datetime(2026, 7, 10, tzinfo=UTC))
     assert "<script" not in page
     assert not re.search(r"style=|<style|javascript:|\son\w+=", page)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -165,3 +167,16 @@ def test_no_number_of_threads_is_told_in_a_line(threads, monkeypatch, capfd):
     monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
     assert run(["aerosol", "types"]) == 2
     assert "error: NUMBA_NUM_THREADS is" in capfd.readouterr().err
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize(("to", "code"), [("> /dev/full", 2), ("| true", 141), ("2>&-", 0), (">&-", 0)])
+def test_streams_that_are_full_or_closed_are_no_fault_of_ours(folder: Path, to: str, code: int) -> None:
+    shown = f"'{sys.executable}' -m openswim"
+    of_flat = f"{shown} render '{folder}/flat.nc' --x 1500 --y 1500 --sun 150,50 --size 4 --solver swim"
+    for line in (f"{shown} info '{folder}/flat.nc'", f"{of_flat} --view allsky -o '{folder}/streams.nc'"):
+        done = subprocess.run(["bash", "-c", f"set -o pipefail; {line} {to}"], capture_output=True, text=True)
+        assert done.returncode == code
+        assert "fault" not in done.stderr
+        assert "Traceback" not in done.stderr
+        assert "ignored" not in done.stderr

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import number
+from openswim.arguments import check_choice, number
 from openswim.assimilation.filters import Filter
 from openswim.assimilation.observing.controls import LEAST_SHARE
 from openswim.assimilation.observing.rows import Rows
@@ -41,8 +41,7 @@ class Background:
     filter: str = "gaussian"
 
     def __post_init__(self) -> None:
-        if self.filter not in ("gaussian", "diffusion"):
-            raise UserError(f"background: filter {self.filter!r} is unknown: choose gaussian or diffusion")
+        check_choice("background: filter", self.filter, ("gaussian", "diffusion"))
         for name in ("length_m", "spread", "height_m"):
             given = getattr(self, name)
             for key in given if isinstance(given, Mapping) else ():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from openswim.assimilation.background import Space
 from openswim.errors import UserError
 from openswim.pictures.observer import place_of
-from openswim.scene.files import written_whole
+from openswim.scene.files import check_target, written_whole
 from openswim.system.archives import Damaged, arrays_of
 from openswim.system.inputs import check_ordinary
 
@@ -46,6 +46,7 @@ class Checkpoint:
         v, mark = np.zeros(space.size), _mark(space, observed, settings)
         if path is None:
             return cls(v, mark)
+        check_target(path, name="checkpoint")
         target = Path(path)
         if not target.exists():
             return cls(v, mark, target)

@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 F64 = NDArray[np.float64]
 
 _UNEVEN = 1e-3  # of a step, by which places on an even axis may be off
+_FARTHEST = 100.0  # times an axis: from there on all of it is alike, and a Gaussian only has more nodes to go through
 _STEPS = 2  # of implicit diffusion in the square root, four in all
 
 
@@ -44,6 +45,7 @@ def axis_filter(place_m: ArrayLike, length_m: float, kind: str) -> Axis:
     "gaussian", and of "diffusion" implicit steps of it, with the same curvature at 0 and longer tails."""
     place = np.asarray(place_m, float)
     step = np.diff(place)
+    length_m = min(length_m, _FARTHEST * float(np.ptp(place)) if place.size > 1 else length_m)
     if place.size == 1 or length_m < 0.1 * step.min():
         return Axis(0.0, np.eye(place.size), np.ones(place.size))
     if kind == "gaussian" and np.abs(step - step.mean()).max() <= _UNEVEN * step.mean():

@@ -38,7 +38,7 @@ def write_report(analysis: Found, path: str | os.PathLike[str]) -> None:
         body += ["<h3>Global irradiance</h3>", _irradiance(analysis)]
     body += ["<h2>What was changed</h2>", *_changes(analysis)]
     with written_whole(path) as partial:
-        partial.write_text(document(title, body), "utf-8")
+        partial.write_text(document(title, body), "utf-8", "backslashreplace")
 
 
 def _summary(analysis: Found) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from openswim.arguments import whole
+from openswim.arguments import check_choice, whole
 from openswim.assimilation.departures import checked_solver
 from openswim.assimilation.transforms import check_transform
 from openswim.errors import UserError
@@ -27,8 +27,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_transform(self.transform)
-        if self.method not in METHODS:
-            raise UserError(f"analyse: method {self.method!r} is unknown: choose one of {', '.join(METHODS)}")
+        check_choice("analyse: method", self.method, METHODS)
         if self.loops < 1 or whole("analyse: iterations", self.iterations) < 1:
             raise UserError("analyse: outer and iterations must be 1 or more")
         if whole("analyse: signal", self.signal) < 0:

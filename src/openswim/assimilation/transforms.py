@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import check_choice
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -17,8 +18,7 @@ NAMES = (*OF_LEVELS, "linear")
 
 def check_transform(name: str) -> None:
     """Raise UserError unless fields on levels can be transformed by it."""
-    if name not in OF_LEVELS:
-        raise UserError(f"transform {name!r} is unknown: choose one of {', '.join(OF_LEVELS)}")
+    check_choice("transform", name, OF_LEVELS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ def write_index(plan: Plan, standing: Sequence[Record], failures: Mapping[str, s
     style = (Path(__file__).parent / STYLE).read_text("utf-8")
     for name, text in ((STYLE, style), (PAGE, page_of(standing, failures, datetime.now(UTC)))):
         with written_whole(plan.folder / name) as partial:
-            partial.write_text(text, "utf-8")
+            partial.write_text(text, "utf-8", "backslashreplace")  # names may be no text
 
 
 def page_of(standing: Sequence[Record], failures: Mapping[str, str], now: datetime) -> str:

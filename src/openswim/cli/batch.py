@@ -96,7 +96,7 @@ def _watch(request: BatchRequest, folder: Path, jobs: int) -> None:
 
     def tell(outcome: Outcome) -> None:
         failed = bool(outcome.failure)
-        click.echo(f"failed: {outcome.task}: {outcome.failure}" if failed else
+        click.echo(UserError(f"failed: {outcome.task}: {outcome.failure}") if failed else
                    f"{outcome.task}: {outcome.seconds:.0f} s", err=failed)  # fmt: skip
 
     click.echo(f"watching {folder}, page {plan.folder / 'index.html'}; Ctrl-C ends", err=True)

@@ -1,14 +1,17 @@
 """The `openswim` command line: its commands and exit codes.
 
-Exit codes: 0 done, 1 our fault, 2 the user's mistake or a bad file, 130 interrupted. Heavy modules are
+Exit codes: 0 done, 1 our fault, 2 the user's mistake or a bad file, 130 interrupted, 141 nobody
+reads on what is printed. Heavy modules are
 imported by the commands that need them, so that `openswim --help` is quick.
 """
 
+import errno
 import gc
 import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 import click
@@ -27,6 +30,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _MOST_THREADS = 1024
 DONE, OUR_FAULT, USERS_MISTAKE = 0, 1, 2
+UNREAD = 141  # as shells say it of a program that a closed pipe ended
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -71,12 +75,31 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("openswim: interrupted", err=True)
         return INTERRUPTED
+    except SystemExit:  # click's own of a pipe that nobody reads any more; of all else it raises, as it is asked to
+        return UNREAD
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            return _fault(error, state)
+        _silence()
+        return _fail("what is printed cannot be written, as the disk is full: free some space", USERS_MISTAKE, state)
     except MemoryError:
         return _fail("out of memory: use a smaller --size or a smaller domain", USERS_MISTAKE, state)
     except Exception as error:
-        hint = "" if state.get("debug") else " (a fault of openswim; --debug shows where)"
-        return _fail(f"{type(error).__name__}: {error}{hint}", OUR_FAULT, state)
+        return _fault(error, state)
     return DONE
+
+
+def _fault(error: Exception, state: dict[str, bool]) -> int:
+    hint = "" if state.get("debug") else " (a fault of openswim; --debug shows where)"
+    return _fail(f"{type(error).__name__}: {error}{hint}", OUR_FAULT, state)
+
+
+def _silence() -> None:
+    """Print nothing more: Python would fail again as it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    with suppress(OSError, ValueError, AttributeError):  # no file, or closed
+        os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 def _check_threads() -> None:

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from openswim.arguments import check_kind
 from openswim.errors import UserError
 from openswim.system.inputs import check_name
 from openswim.system.workshops import replace_folder, workshop
@@ -27,8 +26,8 @@ def check_target(
 
     Meant to be called before a long computation; `name`: what the message calls the file.
     """
+    check_name(path, name)
     target = Path(path)
-    check_name(target, name)
     check_kept(name, target, inputs)
     with _writable_beside(target, name):
         if _others_folder(target):
@@ -70,8 +69,8 @@ def check_apart(name: str, target: Path, other: Path) -> None:
 
 def check_folder(path: str | os.PathLike[str], name: str = "output") -> None:
     """Raise UserError unless a folder could be made under this name; what may lie there is not looked at."""
+    check_name(path, name)
     target = Path(path)
-    check_name(target, name)
     with _writable_beside(target, name):
         pass
 
@@ -113,7 +112,7 @@ def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Ite
     Works for files and for Zarr folders. Raises UserError where the name cannot be written. own_folder: a folder of
     this name is known to be ours, whatever it holds.
     """
-    check_kind("output", path, (str, os.PathLike), "give a file's name")
+    check_name(path, "output")
     target = Path(path)
     with ExitStack() as stack:
         try:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from openswim.arguments import number
 from openswim.errors import UserError
 
 PathLike = str | os.PathLike[str]
@@ -36,5 +37,6 @@ class Ground:
     lights: PathLike | Sequence[PathLike] = ()
 
     def __post_init__(self) -> None:
-        if self.chlorophyll_mg_m3 is not None and not 0.0 < self.chlorophyll_mg_m3 <= 100.0:
-            raise UserError(f"chlorophyll of {self.chlorophyll_mg_m3} mg/m3: give above 0, at most 100")
+        given = self.chlorophyll_mg_m3
+        if given is not None and not 0.0 < number("chlorophyll_mg_m3", given) <= 100.0:
+            raise UserError(f"chlorophyll of {given} mg/m3: give above 0, at most 100")

@@ -8,8 +8,10 @@ import os
 import stat
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+from openswim.arguments import check_kind
 from openswim.errors import UserError
 from openswim.system.workshops import sweep
 
@@ -72,10 +74,16 @@ def lines_of(
 
 def check_name(path: str | os.PathLike[str], name: str = "") -> None:
     """Refuse names that libraries which read and write files cannot be told. name: as in `check_ordinary`."""
+    check_kind(name or "a file", path, (str, os.PathLike), "give a file's name")
+    text = os.fspath(path)
+    if "\0" in str(text):
+        raise UserError(f"{f'{name} {text!r}'.strip()}: no file can have this name")
     try:
-        os.fspath(path).encode("utf-8")
+        str(text).encode("utf-8")
     except UnicodeEncodeError:
-        shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+        with suppress(UnicodeEncodeError):  # of half a pair of UTF-16, which no system gives
+            text = os.fsencode(text).decode("utf-8", "backslashreplace")
+        shown = str(text).encode("utf-8", "backslashreplace").decode()
         raise UserError(f"{f'{name} {shown}'.strip()}: this name is not UTF-8: rename it") from None
 
 

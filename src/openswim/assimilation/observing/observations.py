@@ -15,6 +15,7 @@ from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
 
+_MOST_W_M2 = 2500.0  # more than clouds' edges ever add to the sun
 NOISE, NOISE_OF_IRRADIANCE = 0.02, 0.03
 
 
@@ -59,6 +60,9 @@ def observations(
             raise UserError(f"observations: no pixel of camera {n} may be used")
         light = np.where(good, light, 0.0)
         mean = light[:, good].mean(axis=1, keepdims=True)
+        if not (mean > 0).all():  # errors are shares of it: of none they would weigh without bounds
+            raise UserError(f"observations: image {n} has no light in the mean of its pixels: is it a picture by day, "
+                            "in W m-2 sr-1 nm-1?")  # fmt: skip
         total = np.hypot(of_noise, _share("representation", shares[n]))
         if total == 0:
             raise UserError("observations: noise and representation are both 0, and an analysis weighs by errors: give "
@@ -94,7 +98,11 @@ def _add_irradiance(
         raise UserError(f"observations: {measured.size} values of irradiance for {len(rows.points)} pyranometers")
     here, known = rows.parts[-1].here, np.isfinite(measured)
     value[here] = np.where(known, measured, 0.0)
+    if not ((measured[known] >= 0) & (measured[known] <= _MOST_W_M2)).all() or np.isinf(measured).any():
+        raise UserError(f"observations: irradiance in W m-2 lies within 0 to {_MOST_W_M2:g}; leave out what is missing")
     share = _share("irradiance_noise", noise)
+    if known.any() and share == 0:
+        raise UserError("observations: irradiance_noise is 0, and an analysis weighs by errors: give .03, for instance")
     mean = measured[known].mean() if known.any() else 1.0
     error[here] = np.maximum(share * np.sqrt(0.5 * (value[here] ** 2 + mean**2)), 1e-6)
     use[here] = known
@@ -115,7 +123,7 @@ def _radiance(image: Any, rows: Rows, n: int) -> F64:
             raise UserError(f"observations: image {n} has no radiance (y, x, wavelength)")
         at = np.asarray(image["wavelength"].values, float)
         nearest = np.abs(at[:, None] - rows.wavelengths_nm).argmin(axis=0)
-        if np.abs(at[nearest] - rows.wavelengths_nm).max() > 1.0:
+        if not np.abs(at[nearest] - rows.wavelengths_nm).max() <= 1.0:  # NaN is far, too
             raise UserError(f"observations: image {n} is at {at.tolist()} nm, not at {rows.wavelengths_nm.tolist()}")
         values = image["radiance"].transpose("y", "x", "wavelength").values[..., nearest]
     else:

@@ -41,6 +41,7 @@ from openswim.transport.engine.interpolation import bilinear
 
 F64 = NDArray[np.float64]
 
+_FINEST = 1e-12  # tolerance that rounding lets a solution reach
 _SINGLE = 1e-4  # tolerance from which on single precision is enough
 
 _LEVELS_BESIDE = 2  # of cloud, at which cloud may come to be
@@ -105,8 +106,8 @@ def observe(
         lon, lat = place_of(camera)
         place = sun_at(frame, day.direction, lat, lon)
         instruments.append(Instrument(camera, Quantity(name, toa), place, near, low))
-    if not 0 < number("observe: tolerance", tolerance) < 1:
-        raise UserError(f"observe: tolerance = {tolerance:g}: give a small positive share, such as .003")
+    if not _FINEST <= number("observe: tolerance", tolerance) < 1:
+        raise UserError(f"observe: tolerance = {tolerance:g}: give a small positive share, {_FINEST:g} or more")
     floor = number("observe: floor_per_km", floor_per_km) / 1e3
     if not 0 < floor < 1:
         raise UserError(f"observe: floor_per_km = {floor_per_km:g}: give a small positive extinction, such as .02")

@@ -44,7 +44,7 @@ def write_page(comparison: xr.Dataset, camera: Camera, path: str | os.PathLike[s
         "<h2>What these numbers rest on</h2>", _notes(comparison, camera),
     ]  # fmt: skip
     with written_whole(path) as partial:
-        partial.write_text(document(title, body), "utf-8")
+        partial.write_text(document(title, body), "utf-8", "backslashreplace")
 
 
 def document(title: str, body: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 import os
 from html import escape
+from urllib.parse import quote
 
 import numpy as np
 import xarray as xr
@@ -31,7 +32,7 @@ def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
         "<h2>Frames</h2>", _table(series),
     ]  # fmt: skip
     with written_whole(path) as partial:
-        partial.write_text(document(title, body), "utf-8")
+        partial.write_text(document(title, body), "utf-8", "backslashreplace")
 
 
 def _plots(series: xr.Dataset) -> list[str]:
@@ -92,7 +93,8 @@ def _table(series: xr.Dataset) -> str:
             values.append(float(part[cover].sel(rule="clear sky")) if cover in part else np.nan)
         cells = ["&ndash;" if np.isnan(value) else f"{value:.3f}" for value in values]
         name = str(part["frame"].values)
-        link = f'<a href="{escape(os.path.splitext(name)[0])}.html">{escape(name)}</a>'
+        to = quote(f"{os.path.splitext(name)[0]}.html")  # a name may begin as "javascript:" does, or have # or %
+        link = f'<a href="{escape(to)}">{escape(name)}</a>'
         rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19].replace('T', ' ')}</td>"
                     + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")  # fmt: skip
     head = "".join(f"<th>{name}</th>" for name in ("frame", "time, UTC", "r as stored", "r, response undone",
