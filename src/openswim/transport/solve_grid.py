@@ -111,7 +111,7 @@ def light_of_grid(
     if fast and drawn.layered:
         light = _with_layers(light, lighting)
     elif fast and drawn.stands_alone:
-        light = _with_columns(light, volume, lighting, shells, sun, wider is None)
+        light = _with_columns(light, volume, lighting, shells, sun, None if around is None else around.depths.medium)
     elif fast:
         volume = volume._replace(per_extinction=True)
         start = None if earlier is None else earlier.begin(name, medium.shape[1:])
@@ -141,13 +141,13 @@ def _swept(wider: LitGrid | None) -> SweptAround | None:
 
 
 def _with_columns(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, ends: bool
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, wider: Medium | None
 ) -> GridLight:
     """The light of wide cells, every column by itself."""
     count = light.count
     inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
     columns = columns_of_grid(
-        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, ends
+        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, wider
     )
     fluxes_of_columns(columns, volume, lighting)
     lighting.clear_sky = clear_sky_table(shells, sun)

@@ -50,7 +50,7 @@ class Columns:
     inflow: F32
     lacking: F32
     count: int
-    half_m: F64 = field(default_factory=lambda: np.zeros(2))  # of cells at open sides, beyond their nodes
+    half_m: F64 = field(default_factory=lambda: np.zeros((2, 2)))  # of cells at open sides, beyond their nodes
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
     def aim(
@@ -84,16 +84,36 @@ def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> N
 
 def columns_of_grid(
     medium: Medium, coefficients: list[Coefficients], lighting: Lighting, local_sun: F64, inflow: F32, lacking: F32,
-    count: int, once: bool, ends: bool = True,
+    count: int, once: bool, wider: Medium | None = None,
 ) -> Columns:  # fmt: skip
-    """`Columns` of a medium. ``ends``: no wider grid is beyond."""
+    """`Columns` of a medium, which may lie in that of a ``wider`` grid."""
     direct = np.stack([lighting.flux_for_sweeps(w) for w in range(count)])
     albedo = np.stack([lighting.albedo_for_sweeps(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
         albedo, direct, inflow, lacking, count,
-        0.5 * ends * np.array(medium.cell_m, float), once,
+        0.5 * _open_sides(medium, wider) * np.array(medium.cell_m, float)[:, None], once,
     )  # fmt: skip
+
+
+def _open_sides(medium: Medium, wider: Medium | None) -> NDArray[np.bool_]:
+    """Whether nothing is beyond a medium's sides (2, 2), of x and y, below and above: no ``wider`` grid, or one that
+    ends there, within half a cell."""
+    place = medium.place
+    if wider is None or min(place.shape[:2]) < 2:
+        return np.full((2, 2), wider is None)
+    sides = [
+        [(place[:, 0], place[:, 1]), (place[:, -1], place[:, -2])],
+        [(place[0], place[1]), (place[-1], place[-2])],
+    ]
+    _, ny, nx = wider.shape
+
+    def is_open(last: F32 | F64, before: F32 | F64) -> bool:
+        x, y = wider.indices(np.asarray(1.5 * last - 0.5 * before, float))
+        beside = (x < 0) | (y < 0) | (x > nx - 1) | (y > ny - 1)
+        return bool(beside.mean() > 0.5)
+
+    return np.array([[is_open(*side) for side in axis] for axis in sides])
 
 
 def light_from_above(
