@@ -46,6 +46,7 @@ from openswim.transport.march.volume import Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.open_sides import open_sides
 from openswim.transport.medium.surface import Surface
 from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
@@ -106,7 +107,10 @@ def light_of_grid(
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
         volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
-    ends = wider is None and not matter.cut and not medium.periodic
+    ends = not matter.cut and not medium.periodic
+    if wider is not None and ends:
+        # at all sides a wider grid ends, too
+        ends = wider.ends and wider.medium is not None and bool(open_sides(medium, wider.medium).all())
     sweeps: list[list[int]] = []
     if fast and drawn.layered:
         light = _with_layers(light, lighting)

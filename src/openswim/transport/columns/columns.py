@@ -27,6 +27,7 @@ from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.open_sides import open_sides
 from openswim.transport.medium.scatterers import Scatterers
 
 F32 = NDArray[np.float32]
@@ -92,28 +93,8 @@ def columns_of_grid(
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
         albedo, direct, inflow, lacking, count,
-        0.5 * _open_sides(medium, wider) * np.array(medium.cell_m, float)[:, None], once,
+        0.5 * open_sides(medium, wider) * np.array(medium.cell_m, float)[:, None], once,
     )  # fmt: skip
-
-
-def _open_sides(medium: Medium, wider: Medium | None) -> NDArray[np.bool_]:
-    """Whether nothing is beyond a medium's sides (2, 2), of x and y, below and above: no ``wider`` grid, or one that
-    ends there, within half a cell."""
-    place = medium.place
-    if wider is None or min(place.shape[:2]) < 2:
-        return np.full((2, 2), wider is None)
-    sides = [
-        [(place[:, 0], place[:, 1]), (place[:, -1], place[:, -2])],
-        [(place[0], place[1]), (place[-1], place[-2])],
-    ]
-    _, ny, nx = wider.shape
-
-    def is_open(last: F32 | F64, before: F32 | F64) -> bool:
-        x, y = wider.indices(np.asarray(1.5 * last - 0.5 * before, float))
-        beside = (x < 0) | (y < 0) | (x > nx - 1) | (y > ny - 1)
-        return bool(beside.mean() > 0.5)
-
-    return np.array([[is_open(*side) for side in axis] for axis in sides])
 
 
 def light_from_above(
