@@ -113,3 +113,21 @@ def test_a_deck_that_ends_with_the_domain_is_no_brighter_there(altitude_deg: flo
     middle = up[up.shape[0] // 2, up.shape[1] // 2]
     np.testing.assert_allclose(up[:, -1], middle, rtol=0.12)
     np.testing.assert_allclose(up[-1], middle, rtol=0.12)
+
+
+@pytest.mark.parametrize("nodes", [21, 17])
+def test_a_nest_whose_sides_lie_on_its_parents_is_no_brighter_there(nodes: int) -> None:
+    """21 nodes end where the parent's cloud does; of fewer the sides are in the parent's shade."""
+
+    def deck(nodes: int, cell_m: float) -> Scene:
+        shape = (16, nodes, nodes)
+        cloud = box(shape, (slice(4, 12), slice(None), slice(None)), 0.02)
+        return grid_scene(cloud, shape, (cell_m, cell_m, 300.0), True, air=True)
+
+    nest = deck(nodes, 5000.0)
+    nest.wider = deck(11, 10_000.0)
+    field = Solver().solve(nest, toward(60.0, 20.0), [546.0])
+    up = field.lit[0].lighting.up_top[0]
+    middle = up[up.shape[0] // 2, up.shape[1] // 2]
+    np.testing.assert_allclose(up[:, -1], middle, rtol=0.12)
+    np.testing.assert_allclose(up[-1], middle, rtol=0.12)

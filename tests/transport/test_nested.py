@@ -307,3 +307,14 @@ def test_flat_scenes_lie_in_nothing() -> None:
 def test_reference_says_that_it_sees_the_innermost_alone() -> None:
     with pytest.warns(UserWarning, match="innermost"):
         solved(nest(clear_sky, inner=4), Solver("reference", paths=2))
+
+
+def test_a_nest_as_wide_as_the_domain_around_it_ends_as_that_does() -> None:
+    """A deck that its sides cut is lit there by clear sky, and not by what is seen at the wider grid's last nodes."""
+
+    def deck(x, y, z):
+        return 0.01 * ((z > 1500) & (z < 3000))
+
+    alone, two = (solved(scene).lit[0].lighting for scene in (laid(deck), nest(deck, HALF)))
+    np.testing.assert_allclose(two.up_top[0], alone.up_top[0], rtol=1e-3)
+    np.testing.assert_allclose(two.diffuse[0], alone.diffuse[0], rtol=1e-3)

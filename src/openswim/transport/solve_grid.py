@@ -46,6 +46,7 @@ from openswim.transport.march.volume import Shells, Volume, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
+from openswim.transport.medium.open_sides import open_sides
 from openswim.transport.medium.surface import Surface
 from openswim.transport.plan import Plan
 from openswim.transport.swim import light as swim
@@ -106,12 +107,15 @@ def light_of_grid(
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
         volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
-    ends = wider is None and not matter.cut and not medium.periodic
+    ends = not matter.cut and not medium.periodic
+    if wider is not None and ends:
+        # at all sides a wider grid ends, too
+        ends = wider.ends and wider.medium is not None and bool(open_sides(medium, wider.medium).all())
     sweeps: list[list[int]] = []
     if fast and drawn.layered:
         light = _with_layers(light, lighting)
     elif fast and drawn.stands_alone:
-        light = _with_columns(light, volume, lighting, shells, sun, wider is None)
+        light = _with_columns(light, volume, lighting, shells, sun, None if around is None else around.depths.medium)
     elif fast:
         volume = volume._replace(per_extinction=True)
         start = None if earlier is None else earlier.begin(name, medium.shape[1:])
@@ -141,13 +145,13 @@ def _swept(wider: LitGrid | None) -> SweptAround | None:
 
 
 def _with_columns(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, ends: bool
+    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, wider: Medium | None
 ) -> GridLight:
     """The light of wide cells, every column by itself."""
     count = light.count
     inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
     columns = columns_of_grid(
-        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, ends
+        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, wider
     )
     fluxes_of_columns(columns, volume, lighting)
     lighting.clear_sky = clear_sky_table(shells, sun)

@@ -57,7 +57,7 @@ class Bounds(NamedTuple):
     direct: F32  # (count, ny, nx) the beam's flux on level ground
     inflow: F32  # (count, suns, 2) light from above the grid, see `columns.top_light`
     lacking: F32  # (count, nz, suns, ways) 1/m, what clear air scatters beyond what is found here, see `lacking_source`
-    half_m: NDArray[np.float64]  # (2,) what cells at open sides have of their width beyond the nodes, or 0
+    half_m: NDArray[np.float64]  # (2, 2) of x and y, below and above: what cells at open sides have beyond their nodes
 
 
 class Wanted(NamedTuple):
@@ -149,9 +149,13 @@ def _shade_sides(j, i, ny, nx, levels_m, clear, sun, half_m, nodes):
         x, y, z = sun[j, 0, i + n], sun[j, 1, i + n], sun[j, 2, i + n]
         way = _ENDLESS
         if (i + n == 0 and x < 0.0) or (i + n == nx - 1 and x > 0.0):
-            way = half_m[0] / abs(x)
+            half = half_m[0, 1 if x > 0.0 else 0]
+            if half > 0.0:
+                way = half / abs(x)
         if (j == 0 and y < 0.0) or (j == ny - 1 and y > 0.0):
-            way = min(way, half_m[1] / abs(y))
+            half = half_m[1, 1 if y > 0.0 else 0]
+            if half > 0.0:
+                way = min(way, half / abs(y))
         if way == _ENDLESS or z <= 0.0:
             continue
         for k in range(nz):
@@ -346,7 +350,7 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
                 _nodes(w, j, i, scatterers, phases, wanted.once, fields, nodes)
-                if half_m[0] > 0.0:
+                if half_m[0, 0] + half_m[0, 1] + half_m[1, 0] + half_m[1, 1] > 0.0:
                     _shade_sides(j, i, ny, nx, levels_m, air_extinction[w], sun, half_m, nodes)
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)

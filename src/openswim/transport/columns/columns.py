@@ -27,6 +27,7 @@ from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
 from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
+from openswim.transport.medium.open_sides import open_sides
 from openswim.transport.medium.scatterers import Scatterers
 
 F32 = NDArray[np.float32]
@@ -50,7 +51,7 @@ class Columns:
     inflow: F32
     lacking: F32
     count: int
-    half_m: F64 = field(default_factory=lambda: np.zeros(2))  # of cells at open sides, beyond their nodes
+    half_m: F64 = field(default_factory=lambda: np.zeros((2, 2)))  # of cells at open sides, beyond their nodes
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
     def aim(
@@ -84,15 +85,15 @@ def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> N
 
 def columns_of_grid(
     medium: Medium, coefficients: list[Coefficients], lighting: Lighting, local_sun: F64, inflow: F32, lacking: F32,
-    count: int, once: bool, ends: bool = True,
+    count: int, once: bool, wider: Medium | None = None,
 ) -> Columns:  # fmt: skip
-    """`Columns` of a medium. ``ends``: no wider grid is beyond."""
+    """`Columns` of a medium, which may lie in that of a ``wider`` grid."""
     direct = np.stack([lighting.flux_for_sweeps(w) for w in range(count)])
     albedo = np.stack([lighting.albedo_for_sweeps(w) for w in range(count)])
     return Columns(
         medium, coefficients, np.minimum(medium.ground_node, len(medium.levels_m) - 2), local_sun, lighting.mu_sun,
         albedo, direct, inflow, lacking, count,
-        0.5 * ends * np.array(medium.cell_m, float), once,
+        0.5 * open_sides(medium, wider) * np.array(medium.cell_m, float)[:, None], once,
     )  # fmt: skip
 
 
