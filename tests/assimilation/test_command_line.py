@@ -13,7 +13,7 @@ from tests.assimilation.test_writing_back import wrf
 
 from openswim import UserError, save_camera
 from openswim.assimilation import Operator, configured
-from openswim.assimilation.config import read_config
+from openswim.assimilation.config import _image, read_config
 from openswim.cli.main import run
 
 HEAD = """openswim_analysis = 1
@@ -90,7 +90,7 @@ def test_an_interrupted_analysis_writes_what_there_is_and_ends_as_interrupted(
         ("[analyse]", "[observations]\nsaturated = 1e-9\n[analyse]", "no pixel of camera 0"),
         ('image = "seen1.nc"', 'image = "red.nc"', "is at .615.0. nm, not at .550.0."),
         ('image = "seen1.nc"', 'image = "nowhere.nc"', "is at .nan. nm, not at .550.0."),
-        ('image = "seen1.nc"', 'image = "milli.nc"', "milli.nc: radiance is in 'mW m-2 sr-1 nm-1': give it in W m-2"),
+        ('image = "seen1.nc"', 'image = "warm.nc"', "warm.nc: radiance is in 'K': give it in W m-2 sr-1 nm-1"),
         ('image = "seen1.nc"', 'image = "black.nc"', "image 1 has no light"),
         ("[background]", "[observations]\nirradiance_noise = 0\n[background]", "irradiance_noise is 0"),
         ("w_m2 = ", "w_m2 = -", "irradiance in W m-2 lies"),
@@ -110,8 +110,7 @@ def test_check_refuses_what_an_analysis_would(
     seen.assign_coords(wavelength=[615.0]).to_netcdf(config.with_name("red.nc"))
     seen.assign_coords(wavelength=[np.nan]).to_netcdf(config.with_name("nowhere.nc"))
     (0 * seen).to_netcdf(config.with_name("black.nc"))
-    milli = seen["radiance"].assign_attrs(units="mW m-2 sr-1 nm-1")
-    milli.to_dataset(name="radiance").to_netcdf(config.with_name("milli.nc"))
+    seen["radiance"].assign_attrs(units="K").to_dataset(name="radiance").to_netcdf(config.with_name("warm.nc"))
     text = config.read_text()
     assert was in text
     config.write_text(text.replace(was, now))
@@ -121,6 +120,21 @@ def test_check_refuses_what_an_analysis_would(
         said.append(capsys.readouterr().err.splitlines()[-1])
     assert said[0] == said[1]
     assert re.search(match, said[0])
+
+
+def test_what_instruments_show_is_taken(config: Path) -> None:
+    """Pictures in units that can be converted; a pyranometer below zero, as by night."""
+    op, seen = operator(config), xr.open_dataset(config.with_name("seen1.nc"))
+    other = (1e3 * seen["radiance"]).assign_attrs(units="W/(m2 sr um)").assign_coords(wavelength=[0.55])
+    other["wavelength"].attrs["units"] = "um"
+    other.to_dataset(name="radiance").to_netcdf(config.with_name("other.nc"))
+    found = _image(config.with_name("other.nc"))
+    np.testing.assert_allclose(found["wavelength"], seen["wavelength"])
+    np.testing.assert_allclose(found["radiance"], seen["radiance"], rtol=1e-6)
+    shown = np.full(len(POINTS), 300.0)
+    shown[0] = -2.0
+    observed = op.observations([xr.open_dataset(config.with_name(f"seen{n}.nc")) for n in range(len(CAMERAS))], shown)
+    assert observed["use"].values[-len(POINTS):].all()
 
 
 def test_check_looks_at_the_files_that_it_is_given(config: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,13 +19,14 @@ from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened, reading
+from openswim.readers.common.units import conversion
 from openswim.scene.times import parse_time
 from openswim.system.inputs import check_ordinary, check_within
 
 VERSION = 1
 MOST_INSTRUMENTS = 1000
 _LARGEST_IMAGE = 4_000_000  # numbers: a camera of 1000 x 1000 pixels in four channels
-_UNITS = {"radiance": ("W m-2 sr-1 nm-1", "W m-2 nm-1 sr-1", "W/m2/sr/nm", "W/(m2 sr nm)"), "wavelength": ("nm",)}
+_UNITS = {"radiance": "W m-2 sr-1 nm-1", "wavelength": "nm"}
 _TABLES: dict[str, tuple[str, ...]] = {
     "observe": ("wavelengths_nm", "controls", "quantity", "heights_m", "near_sun_deg", "lowest_deg", "floor_per_km",
                 "tolerance", "lean", "wind"),
@@ -185,8 +186,15 @@ def _image(path: Path) -> xr.Dataset:
             raise UserError(f"{path}: is larger than pictures of an analysis can be; average its pixels first")
         if any(file[name].dtype.kind not in "fiu" for name in ("radiance", "wavelength")):
             raise UserError(f"{path}: its radiance or wavelength are no numbers")
-        for name, known in _UNITS.items():
-            units = str(file[name].attrs.get("units", known[0]))
-            if units not in known:
-                raise UserError(f"{path}: {name} is in {shown(units)}: give it in {known[0]}")
-        return file[["radiance"]].load()
+        return _in_units(file[["radiance"]].load(), path)
+
+
+def _in_units(image: xr.Dataset, path: Path) -> xr.Dataset:
+    for name, wanted in _UNITS.items():
+        units = str(image[name].attrs.get("units", wanted))
+        found = conversion(units, wanted)
+        if found is None:
+            raise UserError(f"{path}: {name} is in {shown(units)}: give it in {wanted}")
+        if found[0] != 1.0:
+            image = image.assign({name: image[name] * found[0]})
+    return image

@@ -176,14 +176,17 @@ def _of_a_task(work: "Work") -> "Estimate | str":
 
 def _of_scene(work: "Work", scene: "Scene") -> "Estimate":
     from openswim.cli.estimate import Estimate, estimate
-    from openswim.lighting import lights_of
+    from openswim.lighting import lights_of, sun_altitude_deg
 
     plan = work.plan
     lights = lights_of(scene, plan.solver.name, plan.wavelengths_nm, **plan.sun_options)
+    sun_deg = sun_altitude_deg(scene, **plan.sun_options)
 
     def of(camera: "Camera") -> Estimate:
         solver = plan.solver
-        return estimate(scene, camera, solver.name, plan.wavelengths_nm, quality=solver.quality, lights=lights)
+        return estimate(
+            scene, camera, solver.name, plan.wavelengths_nm, quality=solver.quality, lights=lights, sun_deg=sun_deg
+        )
 
     found = [of(each.camera) for each in plan.cameras]
     point = replace(plan.cameras[0].camera, view="perspective", shape=(1, 1), fov_deg=1.0, lens_optics=None, given=None,

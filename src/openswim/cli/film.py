@@ -78,7 +78,7 @@ def _run(request: FilmRequest) -> None:
     from openswim.films import CameraPath, Weather, film
     from openswim.films.making import shots_of
     from openswim.films.outputs import check_output
-    from openswim.lighting import lights_of
+    from openswim.lighting import lights_of, sun_altitude_deg
     from openswim.readers import Neighbourhood
 
     check_output(request.output)
@@ -96,7 +96,10 @@ def _run(request: FilmRequest) -> None:
     solver = solver_of(picture)
     middle, times = shots[len(shots) // 2].time, len({shot.time for shot in shots})
     one = mean_of([
-        estimate(scene, camera, solver.name, quality=solver.quality, lights=lights_of(scene, solver.name, time=middle))
+        estimate(
+            scene, camera, solver.name, quality=solver.quality, lights=lights_of(scene, solver.name, time=middle),
+            sun_deg=sun_altitude_deg(scene, middle),
+        )
         for scene in weather.spanned([shot.time for shot in shots], most=_LOOKED_AT)
     ])
     solves = "every five minutes of the path" if path is not None else f"for {times} time{'s' if times > 1 else ''}"

@@ -15,6 +15,7 @@ from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
 
+_LEAST_W_M2 = -20.0  # that pyranometers show by night, as they cool
 _MOST_W_M2 = 2500.0  # more than clouds' edges ever add to the sun
 NOISE, NOISE_OF_IRRADIANCE = 0.02, 0.03
 
@@ -98,8 +99,11 @@ def _add_irradiance(
         raise UserError(f"observations: {measured.size} values of irradiance for {len(rows.points)} pyranometers")
     here, known = rows.parts[-1].here, np.isfinite(measured)
     value[here] = np.where(known, measured, 0.0)
-    if not ((measured[known] >= 0) & (measured[known] <= _MOST_W_M2)).all() or np.isinf(measured).any():
-        raise UserError(f"observations: irradiance in W m-2 lies within 0 to {_MOST_W_M2:g}; leave out what is missing")
+    within = (measured[known] >= _LEAST_W_M2) & (measured[known] <= _MOST_W_M2)
+    if not within.all() or np.isinf(measured).any():
+        raise UserError(
+            f"observations: irradiance in W m-2 lies within {_LEAST_W_M2:g} to {_MOST_W_M2:g}: leave out others"
+        )
     share = _share("irradiance_noise", noise)
     if known.any() and share == 0:
         raise UserError("observations: irradiance_noise is 0, and an analysis weighs by errors: give .03, for instance")

@@ -23,7 +23,11 @@ _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
     "kg-1": {},
     "m2 s-2": {"gpm": (9.80665, 0.0)},
     "kg m-2 s-1": {},
-}
+    "W m-2 sr-1 nm-1": {
+        "W m-2 nm-1 sr-1": (1.0, 0.0), "mW m-2 sr-1 nm-1": (1e-3, 0.0), "W m-2 sr-1 um-1": (1e-3, 0.0),
+        "W m-2 um-1 sr-1": (1e-3, 0.0),
+    },
+}  # fmt: skip
 _SPELLING = {
     "meter": "m",
     "meters": "m",
@@ -86,7 +90,7 @@ _TERMS = {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s
 
 
 def canonical(units: str) -> str:
-    """One spelling of a unit: "kg/m^3", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
+    """One spelling of a unit: "kg/m^3", "kg/(m^3)", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
     if len(units) > _LONGEST:  # no unit, and patience of its own
         return units[:_LONGEST]
     text = re.sub(r"\*\*|\^", "", units.strip()).replace(".", " ").replace("*", " ").replace("#", "1")
@@ -94,7 +98,7 @@ def canonical(units: str) -> str:
     terms = [term for term in above.split() if term != "1"]
     terms += [
         re.sub(r"(\d*)$", lambda power: f"-{power[1] or 1}", term, count=1)
-        for term in re.split(r"[ /]+", below)
+        for term in re.split(r"[ /()]+", below)
         if term
     ]
     terms = terms or ["1"]
