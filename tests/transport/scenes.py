@@ -66,15 +66,18 @@ def grid_scene(
     """A domain of nodes (nz, ny, nx), spacing (dx, dy, dz), centred on x = y = 0 and standing on z = 0."""
     nz, ny, nx = shape
     dx, dy, dz = cell_m
+    x, y = dx * (np.arange(nx) - (nx - 1) / 2), dy * (np.arange(ny) - (ny - 1) / 2)
+    return laid_scene(extinction, x, y, dz * np.arange(nz), curved, air, **more)
+
+
+def laid_scene(
+    extinction: ArrayLike | Mapping[str, ArrayLike], x: np.ndarray, y: np.ndarray, z: np.ndarray, curved: bool = True,
+    air: bool = False, **more: Any,
+) -> Scene:  # fmt: skip
+    """A domain on axes of metres, from the projection's centre and from the ground."""
     more = {"atmosphere": Atmosphere.us_standard() if air else None, "surface_albedo": 0.0} | more
-    return Scene.from_arrays(
-        extinction,
-        dx * (np.arange(nx) - (nx - 1) / 2),
-        dy * (np.arange(ny) - (ny - 1) / 2),
-        dz * np.arange(nz),
-        crs=_CRS if curved else None,
-        **{"phase": HenyeyGreenstein(0.85)} | more,
-    )
+    crs = _CRS if curved else None
+    return Scene.from_arrays(extinction, x, y, z, crs=crs, **{"phase": HenyeyGreenstein(0.85)} | more)
 
 
 def box(

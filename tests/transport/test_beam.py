@@ -40,8 +40,8 @@ def grid_of(extinction: np.ndarray, beam: np.ndarray, sun: np.ndarray, air: floa
     of_air = np.full(NZ, air, f32), np.full((NZ, 5), air, f32)
     coefficients = Coefficients(np.ones(1, f32), np.ones((1, 5), f32), *of_air)
     return optical_grid(
-        everywhere, harmonics, CELL_M * np.arange(NZ), np.full(2, CELL_M), False, True, np.zeros((NY, NX), np.int64),
-        coefficients, np.repeat(beam[:, None, :], NY, axis=1).astype(f32),
+        everywhere, harmonics, CELL_M * np.arange(NZ), np.full(2, CELL_M), False, np.full((2, 2), True),
+        np.zeros((NY, NX), np.int64), coefficients, np.repeat(beam[:, None, :], NY, axis=1).astype(f32),
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def medium_of(scene: Scene) -> Medium:
 @pytest.mark.parametrize("periodic", [False, True])
 def test_through_an_even_deck_it_fades_by_the_cosine(periodic: bool) -> None:
     medium, ordinates = medium_of(overcast(9, 2.0, periodic)), lebedev(50)
-    share = clear_share(medium, np.ones(1, np.float32), ordinates, np.ones((50, 2), np.float32), False)
+    share = clear_share(medium, np.ones(1, np.float32), ordinates, np.ones((50, 2), np.float32), np.full((2, 2), False))
     mu = ordinates.direction[:, 2]
     weight, down = ordinates.weight * mu, mu > 0
     expected = (weight[down] * np.exp(-2.0 / mu[down])).sum() / weight[down].sum()
@@ -53,18 +53,19 @@ def test_through_an_even_deck_it_fades_by_the_cosine(periodic: bool) -> None:
     np.testing.assert_allclose(share, expected, rtol=0.01)  # levels have a little more than the deck
 
 
-@pytest.mark.parametrize("ends", [False, True])
-def test_a_cloud_hides_the_sky_where_its_shadow_falls(ends: bool) -> None:
+@pytest.mark.parametrize("east_ends", [False, True])
+def test_a_cloud_hides_the_sky_where_its_shadow_falls(east_ends: bool) -> None:
     """Along one direction, east at 45 degrees: a wall 1000 m up hides it 1000 m to the west, beyond a side none."""
     shape = (13, 5, 21)
     field = np.zeros(shape, np.float32)
     field[10, :, 12] = field[10, :, 20] = 1.0
     medium = medium_of(grid_scene(field, shape, (100.0, 100.0, 100.0)))
+    ends = np.array([[False, east_ends], [False, False]])
     east = Ordinates(np.array([[0.5**0.5, 0.0, 0.5**0.5]]), np.ones(1))
     share = clear_share(medium, np.ones(1, np.float32), east, np.ones((1, 1), np.float32), ends)[0]
     hidden = np.zeros(21, bool)
     hidden[[2, 10]] = True
-    if not ends:  # what is at the side goes on
+    if not east_ends:  # what is at the side goes on
         hidden[11:] = True
     np.testing.assert_array_equal(share[2] < 1e-6, hidden)
     np.testing.assert_array_equal(share[2][~hidden], 1.0)

@@ -26,7 +26,7 @@ def medium(
     air = Coefficients(np.ones(1, np.float32), scattering, np.zeros(nz, np.float32), np.zeros((nz, 3), np.float32))
     return optical_grid(
         extinction[None].astype(np.float32), np.zeros((ny, 9, nx), np.float32), levels_m, np.array([50.0, 50.0]),
-        periodic, True, np.zeros((ny, nx), np.int64) if ground is None else ground, air,
+        periodic, np.full((2, 2), True), np.zeros((ny, nx), np.int64) if ground is None else ground, air,
         np.zeros(extinction.shape, np.float32),
     )  # fmt: skip
 

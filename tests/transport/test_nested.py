@@ -11,6 +11,7 @@ from tests.transport.scenes import (
     aimed_at,
     down_on,
     grid_scene,
+    laid_scene,
     sky_directions,
     sun_at_zenith_angle,
     toward,
@@ -23,6 +24,7 @@ from openswim.rendering import render as rendered
 from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.transport import Field
+from openswim.transport.ground_light.fluxes import Lighting
 from openswim.transport.march.march import march_rays
 from openswim.transport.medium.core import Core
 
@@ -42,17 +44,21 @@ def waves(x, y, z):
     return 2e-3 * cover * np.exp(-(((z - 2400) / 700) ** 2))
 
 
-def laid(content, cell=CELL, half=HALF, **more) -> Scene:
-    """A domain of so many cells of 1 km to each side of the middle, in cells of so many metres."""
+def thick_deck(x, y, z):
+    return 0.01 * ((z > 1500) & (z < 3000))
+
+
+def laid(content, cell=CELL, half=HALF, middle=(0, 0), **more) -> Scene:
+    """A domain of so many cells of 1 km to each side of its ``middle``, in cells of so many metres."""
     count = round(2 * half * CELL / cell) + 1
-    axis = cell * (np.arange(count) - (count - 1) / 2)
-    z, y, x = np.meshgrid(HEIGHT * np.arange(LEVELS), axis, axis, indexing="ij")
-    field = np.float32(content(x, y, z) + 0 * x)
-    return grid_scene(field, field.shape, (cell, cell, HEIGHT), curved=True, air=True, surface_albedo=0.2, **more)
+    x, y = (cell * (np.arange(count) - (count - 1) / 2) + CELL * at for at in middle)
+    z = HEIGHT * np.arange(LEVELS)
+    zz, yy, xx = np.meshgrid(z, y, x, indexing="ij")
+    return laid_scene(np.float32(content(xx, yy, zz) + 0 * xx), x, y, z, air=True, surface_albedo=0.2, **more)
 
 
-def nest(content, inner=HALF // 2, cell=2 * CELL) -> Scene:
-    scene = laid(content, half=inner)
+def nest(content, inner=HALF // 2, cell=2 * CELL, middle=(0, 0)) -> Scene:
+    scene = laid(content, half=inner, middle=middle)
     scene.wider = laid(content, cell=cell)
     return scene
 
@@ -309,12 +315,25 @@ def test_reference_says_that_it_sees_the_innermost_alone() -> None:
         solved(nest(clear_sky, inner=4), Solver("reference", paths=2))
 
 
-def test_a_nest_as_wide_as_the_domain_around_it_ends_as_that_does() -> None:
-    """A deck that its sides cut is lit there by clear sky, and not by what is seen at the wider grid's last nodes."""
+@pytest.fixture(scope="module")
+def under_a_deck() -> Lighting:
+    """What falls on the ground under a deck that the sides of a grid cut."""
+    return solved(laid(thick_deck)).lit[0].lighting
 
-    def deck(x, y, z):
-        return 0.01 * ((z > 1500) & (z < 3000))
 
-    alone, two = (solved(scene).lit[0].lighting for scene in (laid(deck), nest(deck, HALF)))
+def test_a_nest_as_wide_as_the_domain_around_it_ends_as_that_does(under_a_deck) -> None:
+    """It is lit at its sides by clear sky, and not by what is seen at the wider grid's last nodes."""
+    alone, two = under_a_deck, solved(nest(thick_deck, HALF)).lit[0].lighting
     np.testing.assert_allclose(two.up_top[0], alone.up_top[0], rtol=1e-3)
     np.testing.assert_allclose(two.diffuse[0], alone.diffuse[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("side", [(-1, 0), (1, 0), (0, -1), (0, 1)])
+def test_a_nest_ends_at_the_one_side_where_the_domain_around_it_does(under_a_deck, side) -> None:
+    """There it is as dark as the whole domain in its cells, and light goes on through the others; corners left out."""
+    half = HALF // 2
+    got = solved(nest(thick_deck, half, middle=tuple(half * at for at in side))).lit[0].lighting.diffuse[0]
+    x, y = (slice(half * (1 + at), half * (3 + at) + 1) for at in side)
+    away = np.s_[half // 2 : -(half // 2)]
+    inner = np.s_[:, away] if side[1] else np.s_[away, :]
+    np.testing.assert_allclose(got[inner], under_a_deck.diffuse[0][y, x][inner], rtol=0.05)

@@ -107,10 +107,9 @@ def light_of_grid(
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
         volume = volume._replace(single=np.stack([c.scattering for c in coefficients], axis=-1))
-    ends = not matter.cut and not medium.periodic
-    if wider is not None and ends:
-        # at all sides a wider grid ends, too
-        ends = wider.ends and wider.medium is not None and bool(open_sides(medium, wider.medium).all())
+    ends = np.full((2, 2), not matter.cut and not medium.periodic)
+    if wider is not None:  # where that ends, too
+        ends &= open_sides(medium, wider.medium) & wider.ends
     sweeps: list[list[int]] = []
     if fast and drawn.layered:
         light = _with_layers(light, lighting)
@@ -206,8 +205,8 @@ def clear_inflow(
 
 
 def _with_moments(
-    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, wl: F64, ends: bool,
-    wider: SweptAround | None, eclipse: Eclipse | None, start: Start | None,
+    options: Options, decide: Decisions, light: GridLight, lighting: Lighting, shells: Shells, wl: F64,
+    ends: NDArray[np.bool_], wider: SweptAround | None, eclipse: Eclipse | None, start: Start | None,
 ) -> tuple[GridLight, list[list[int]]]:
     """Coarse-to-fine sweeps of every wavelength; with their counts, from the coarsest grid on. ``ends``:
     `OpticalGrid`."""
@@ -242,7 +241,7 @@ def _with_moments(
             enters = np.ascontiguousarray(inflow[..., w])
             ground = GroundLight(lighting.albedo_for_sweeps(w), lighting.flux_for_sweeps(w))
             sides = None
-            if not ends and not medium.periodic:
+            if not ends.all() and not medium.periodic:
                 on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
                 clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(

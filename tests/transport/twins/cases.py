@@ -135,8 +135,8 @@ def _sweep_pairs(ordinates: Ordinates) -> Pairs:
     beam = _uniform(rng, 0.1, 0.9, *SHAPE)
     sunward = twin_sweep.harmonics(SUN[None], DEGREE)[0].astype(FLOAT)
     grid = optical_grid(
-        extinction, np.tile(sunward[:, None], (NY, 1, NX)), LEVELS_M, CELL_M, False, False, np.zeros((NY, NX), int),
-        c, beam,
+        extinction, np.tile(sunward[:, None], (NY, 1, NX)), LEVELS_M, CELL_M, False, np.full((2, 2), False),
+        np.zeros((NY, NX), int), c, beam,
     )  # fmt: skip
     inflow = _uniform(rng, 0.1, 0.3, len(ordinates.weight), NZ)
     albedo, direct = _uniform(rng, 0.1, 0.9, NY, NX), _uniform(rng, 0.1, 0.5, NY, NX)

@@ -84,8 +84,8 @@ def amend_plane(plane, after, buried, step, grid, buffers):
     stride = buffers.extinction.shape[2]
     k, before, begin, end, sx, sy = plane.k, plane.before, plane.begin, plane.end, plane.sx, plane.sy
     now_e, last_e = (plane.level_e * (ny + 2) + begin) * stride, (plane.before_e * (ny + 2) + begin) * stride
-    entry = (nx - 1 if sx > 0 else 0) if grid.ends and plane.to_x != 0.0 and nx > 1 else -1
-    skipped = 1 if grid.ends and plane.side and plane.to_y != 0.0 else 0
+    entry = (nx - 1 if sx > 0 else 0) if grid.ends[0, int(sx > 0)] and plane.to_x != 0.0 and nx > 1 else -1
+    skipped = 1 if grid.ends[1, int(sy > 0)] and plane.side and plane.to_y != 0.0 else 0
     own_share, up_share = FLOAT(0.5), FLOAT(0.5)
     if plane.axis == ALONG_Z:
         if plane.top:

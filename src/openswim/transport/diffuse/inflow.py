@@ -140,7 +140,8 @@ def _moments_of_columns(
     strip = grid._replace(
         extinction=whole_blocks(extinction), beam=whole_blocks(row(grid.beam[:, j, i], clear.beam)),
         sun_harmonics=whole_blocks(np.moveaxis(row(harmonics[:, j, i], harmonics[:, ny // 2, nx // 2]), 1, 0)),
-        cell_m=np.full(2, width_m), ends=False, ground_node=row(grid.ground_node[j, i], grid.ground_node.min()),
+        cell_m=np.full(2, width_m), ends=np.zeros_like(grid.ends),
+        ground_node=row(grid.ground_node[j, i], grid.ground_node.min()),
         cloudy=near_blocks(np.asarray((extinction > 0).any(axis=0)), False),
     ).decided(decide)  # fmt: skip
     sweeper = Sweeper.of(

@@ -37,7 +37,7 @@ class OpticalGrid(NamedTuple):
     levels_m: np.ndarray
     cell_m: np.ndarray
     periodic: bool
-    ends: bool  # there is no cloud beyond its sides, which may cut through some; else it goes on there a little
+    ends: np.ndarray  # (2, 2) of x and y, below and above: whether there is no cloud beyond a side, which may cut some
     ground_node: np.ndarray  # (ny, nx) lowest level not under the ground
     cloudy: np.ndarray  # (nz, ny, nb) blocks with cloud in or next to them
 
@@ -49,8 +49,8 @@ class OpticalGrid(NamedTuple):
 
 
 def optical_grid(
-    extinction: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64, periodic: bool, ends: bool,
-    ground_node: NDArray[np.int64], coefficients: Coefficients, beam: F32,
+    extinction: F32, sun_harmonics: F32, levels_m: F64, cell_m: F64, periodic: bool,
+    ends: NDArray[np.bool_], ground_node: NDArray[np.int64], coefficients: Coefficients, beam: F32,
 ) -> OpticalGrid:  # fmt: skip
     """`OpticalGrid` of arrays as wide as the grid."""
     c = coefficients

@@ -133,8 +133,8 @@ def _sweep_plane(plane, step, grid, room):
     k, begin, end, now, sx, sy, inflow = plane.k, plane.begin, plane.end, plane.now, plane.sx, plane.sy, plane.inflow
     now_e, last_e = (plane.level_e * (ny + 2) + begin) * stride, (plane.before_e * (ny + 2) + begin) * stride
     from_above = plane.axis == ALONG_Z and plane.top
-    across_x = grid.ends and plane.to_x != 0.0 and nx > 1
-    across_y = grid.ends and plane.side and plane.to_y != 0.0
+    across_x = grid.ends[0, int(sx > 0)] and plane.to_x != 0.0 and nx > 1
+    across_y = grid.ends[1, int(sy > 0)] and plane.side and plane.to_y != 0.0
     entry = (nx - 1 if sx > 0 else 0) if across_x else -1
     for m in range(end - begin):
         j = end - begin - m if sy > 0 else 1 + m

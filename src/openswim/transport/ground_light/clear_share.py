@@ -18,12 +18,12 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 
-def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32, ends: bool) -> F32:
+def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32, ends: NDArray[np.bool_]) -> F32:
     """Shares (nw, ny, nx) of the clear ``radiance`` (ordinates, nw) at the ground; ``scaled`` (ns,): delta-scaled
     extinction of the species.
 
-    Lines are straight and go by whole columns, from the mean height of the ground. ``ends``: beyond the sides there is
-    nothing, else what is at them.
+    Lines are straight and go by whole columns, from the mean height of the ground. Beyond the sides is what is at
+    them, and nothing where they are ``ends`` (2, 2) of the grid.
     """
     _, ny, nx = medium.shape
     height, depth = _layers(medium, scaled)
@@ -31,7 +31,11 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
     way, weight = ordinates.direction[down], ordinates.weight[down, None] * radiance[down]
     weight = weight * way[:, 2:]
     weight = (weight / np.maximum(weight.sum(axis=0), 1e-30)).astype(FLOAT)
-    depth = np.pad(depth, ((0, 0), (1, 1), (1, 1)), "constant" if ends else "edge")
+    depth = np.pad(depth, ((0, 0), (1, 1), (1, 1)), "edge")
+    for axis, of_axis in ((2, ends[0]), (1, ends[1])):
+        for end, beyond in zip(of_axis, (0, -1), strict=True):
+            if end:
+                np.moveaxis(depth, axis, 0)[beyond] = 0
     out = np.zeros((len(down), ny, nx), FLOAT)
 
     def share(t: int, threads: int) -> None:

@@ -162,7 +162,8 @@ class Lighting:
         self.clear_sky = clear_sky_table(shells, sun)
 
     def correct_quadrature(
-        self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64, medium: Medium, scaled: F32, ends: bool
+        self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64, medium: Medium, scaled: F32,
+        ends: NDArray[np.bool_],
     ) -> None:  # fmt: skip
         """Add what the ordinates miss of the clear sky's diffuse flux, which is known better, where the sky is seen.
 

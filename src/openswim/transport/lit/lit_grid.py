@@ -118,7 +118,7 @@ class LitGrid:
     landscape: Landscape | None = None
     wider: LitGrid | None = None
     core: Core | None = None
-    ends: bool = False  # whether there is no cloud beyond its sides
+    ends: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 2), bool))  # see `OpticalGrid`
     sweeps: list[list[int]] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     eclipse: Eclipse | None = None  # where the moon's shadow is on it

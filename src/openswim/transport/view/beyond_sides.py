@@ -68,7 +68,7 @@ class Beyond:
 
     light: GridLight
     shells: Shells
-    ends: bool  # see `OpticalGrid`
+    ends: NDArray[np.bool_]  # see `OpticalGrid`
 
     def flux(self, ix: F64, iy: F64, clear: F64, inside: F32) -> F64:
         """Diffuse flux (n, PACK) at fractional indices (n,) outside the grid, where the clear sky's is ``clear``.
@@ -262,7 +262,7 @@ def _ordinates() -> F64:
     return np.stack([np.cos(a) * np.cos(p), np.cos(a) * np.sin(p), np.sin(a)], axis=-1)
 
 
-def _on_columns(light: GridLight, w: int, levels: int, ends: bool) -> tuple[OpticalGrid, F32]:
+def _on_columns(light: GridLight, w: int, levels: int, ends: NDArray[np.bool_]) -> tuple[OpticalGrid, F32]:
     """The medium, and the diffuse light around the nodes of all its blocks, on the columns of the coarser grid that
     tells all that scatters, or on the grid's own."""
     assert light.moments is not None
