@@ -33,6 +33,7 @@ F64 = NDArray[np.float64]
 _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 _LANE = np.arange(LANES, dtype=FLOAT)
 BEYOND = LANES  # nodes beyond a row's ends, where packs of rays that leave it or wrap around may read
+_BLOCK = 8  # nodes along a side of a part of a level of which is known whether anything is there
 _FAR_M = 1e30
 _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
@@ -53,6 +54,7 @@ class SunGrid(NamedTuple):
     followed: np.ndarray  # (nz,) to which level those of a level go
     passed: np.ndarray  # (nz,) to which level the others go
     filled: np.ndarray  # (nz,) levels with any extinction
+    cloudy: np.ndarray  # (nz, blocks, blocks) parts of levels with any that packs beginning there may read
     sun: np.ndarray  # (ny, nx, 3)
     levels_m: np.ndarray
     level_origin_m: float
@@ -115,7 +117,7 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
     cells per metre along x and y, and the cosine of the zenith angle, of the node ``middle``; ``turn``: by how much
     they change from one node to the next, of which only the first order counts.
     """
-    extinction, depth, levels_m = grid.extinction, grid.depth, grid.levels_m
+    extinction, depth, levels_m, cloudy = grid.extinction, grid.depth, grid.levels_m, grid.cloudy
     fields, nz, ny, width = extinction.shape
     nx, periodic = grid.exact.shape[2], grid.periodic
     vx, vy, mu = ray[0], ray[1], ray[2]
@@ -132,7 +134,7 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
     for n in range(fields):
         write(below, n * LANES, read_quadruple(extinction, ((n * nz + k) * ny + j) * width + BEYOND + i))
         write(total, n * LANES, spread_quadruple(_ZERO))
-    s, at = 0.0, k
+    s, at, dark = 0.0, k, True  # of the sample before
     for level in range(k + 1, last + 1):
         if not (grid.filled[level] or grid.filled[level - 1]) and (mu > 0.0 or level > k + 1):
             continue
@@ -147,14 +149,9 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
             count = min(count, _MOST_STEPS)
         ds = (end - s) / count
         for piece in range(1, count + 1):
-            left, step = leave - FLOAT(s) * stretch, FLOAT(ds) * stretch
-            left = choose_above(left, step, step, left)
-            half = _HALF * choose_above(left, _ZERO, left, _ZERO)
-            s += ds
+            before, s = s, s + ds
             x = _within(i + vx * s, -BEYOND, nx, nx, periodic)
             y = _within(j + vy * s, 0.0, ny - 1.0, ny, periodic)
-            aside_x = FLOAT(s * (turn[0] + vx * longer)) * off
-            aside_y = FLOAT(s * (turn[1] + vy * longer)) * off
             m, g = level, _ZERO
             if piece < count or end >= gone:
                 fk = table_index(
@@ -162,6 +159,16 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
                 )
                 m = min(int(fk), nz - 2)
                 g = FLOAT(fk - m)
+            row, column = min(int(y), ny - 1) // _BLOCK, (min(math.floor(x), nx) + BEYOND) // _BLOCK
+            was_dark = dark
+            dark = cloudy[m, row, column] or (g > _ZERO and cloudy[m + 1, row, column])
+            if not (was_dark or dark):
+                continue
+            left, step = leave - FLOAT(before) * stretch, FLOAT(ds) * stretch
+            left = choose_above(left, step, step, left)
+            half = _HALF * choose_above(left, _ZERO, left, _ZERO)
+            aside_x = FLOAT(s * (turn[0] + vx * longer)) * off
+            aside_y = FLOAT(s * (turn[1] + vy * longer)) * off
             for n in range(fields):
                 here = _nodes_at(extinction, n, m, x, y, aside_x, aside_y, ny, nx, periodic)
                 if g > _ZERO:
@@ -286,6 +293,21 @@ def _share_level(t, threads, k, grid, scratch):
         _row_to_sun(k, j, grid, scratch[t], ray, turn)
 
 
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+def _look_for_cloud(t, threads, extinction, periodic, cloudy):
+    """Thread t's levels of `SunGrid.cloudy`: a block's nodes, the next row's, and those that LANES more reach."""
+    fields, nz, ny, width = extinction.shape
+    for k in range(t, nz, threads):
+        for n in range(fields):
+            for j in range(ny):
+                for i in range(width):
+                    if extinction[n, k, j, i] == _ZERO:
+                        continue
+                    row, row_before = j // _BLOCK, (j - 1 if j > 0 else (ny - 1 if periodic else 0)) // _BLOCK
+                    for column in range(max(i - LANES, 0) // _BLOCK, i // _BLOCK + 1):
+                        cloudy[k, row, column] = cloudy[k, row_before, column] = True
+
+
 def sun_sweep(
     extinction: F32, exact: NDArray[np.bool_], sun: F64, levels_m: F64, lookup: tuple[float, float, F64], cell_m: F64,
     radius_m: float, periodic: bool,
@@ -299,14 +321,17 @@ def sun_sweep(
     than a cell. Handles any sun, also one below the horizon of a node on the curved Earth: the way up then starts
     downward. Depths are 0 where the Earth hides the sun.
     """
-    filled = np.array([bool(extinction[:, k].any()) for k in range(len(levels_m))])
+    cloudy = np.zeros((len(levels_m), *(-(-n // _BLOCK) for n in extinction.shape[2:])), np.bool_)
+    in_threads(_look_for_cloud, extinction, periodic, cloudy)
+    filled = cloudy.any(axis=(1, 2))
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
     exact[gates] = True
     depth = np.zeros(extinction.shape, FLOAT)  # which touches no memory yet
     grid = SunGrid(
-        extinction, depth, exact, followed, passed, filled, sun, levels_m, *lookup, cell_m, radius_m, periodic
-    )
+        extinction, depth, exact, followed, passed, filled, cloudy, sun, levels_m, *lookup, cell_m, radius_m,
+        periodic,
+    )  # fmt: skip
     scratch = np.zeros((get_num_threads(), 2, len(extinction), LANES), FLOAT)
     for k in range(len(levels_m) - 2, -1, -1):
         in_threads(_share_level, k, grid, scratch)
