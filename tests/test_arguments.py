@@ -35,7 +35,7 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: open_scene(__file__, around="here"), "around"),
         (lambda: render(CLEAR, "cam"), "camera is 'cam'"),
         (lambda: render(None, CAMERA), "scene is None"),
-        (lambda: render(CLEAR, CAMERA, solver=None), "unknown solver None"),
+        (lambda: render(CLEAR, CAMERA, solver=None), "solver is None: give text or a Solver"),
         (lambda: Camera.allsky(x_m="a", y_m=0), "x_m"),
         (lambda: Camera.allsky(np.array([1, 2]), 0), "lat"),
         (lambda: Camera.allsky(1, 1, None), "height_m"),
@@ -74,6 +74,52 @@ def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
     with pytest.raises(UserError, match=named) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: render(CLEAR, CAMERA, layers=FIELD), "layers is .*array.*give True or False"),
+        (lambda: to_rgb(IMAGE, gamma=AXIS), "gamma is array"),
+        (lambda: to_rgb(IMAGE, dither=AXIS), "dither is array"),
+        (lambda: openswim.film(CLEAR, CAMERA, None), "output is None: give a file's name"),
+        (lambda: openswim.film(CLEAR, CAMERA, "a.mp4", path=3), "path is 3: give CameraPath or a file's name"),
+        (lambda: openswim.film(CLEAR, CAMERA, "a.mp4", keogram=True), "keogram is True: give a file's name"),
+        (lambda: openswim.film(CLEAR, CAMERA, "a.mp4", wavelengths_nm=["a"]), "wavelengths_nm = .'a'.: give a list"),
+        (lambda: openswim.open_light("there", 3), "scene is 3: give a Scene: open_scene"),
+        (lambda: openswim.compare(None, 3, CAMERA), "frames is 3"),
+        (lambda: openswim.correct_clouds(CLEAR, None, [CAMERA]), "frames is None: give a list"),
+        (lambda: openswim.correct_clouds(CLEAR, ["a"], [CAMERA], passes="two"), "passes is 'two': give a whole number"),
+        (lambda: openswim.irradiance(CLEAR, 46, 8, "2024-06-01", planes=None), "planes is None: give a list"),
+        (lambda: openswim.observe(arrays(), [CAMERA], core=3), "core is 3: give Core"),
+        (lambda: openswim.analyse(3, xr.Dataset()), "op is 3: give an operator"),
+        (lambda: openswim.write_observations("a.nc", None, xr.Dataset()), "op is None: give an operator"),
+        (lambda: openswim.batch("a.toml", jobs="two"), "jobs is 'two': give a whole number"),
+        (lambda: openswim.colour.save(IMAGE, None), "output is None: give a file's name"),
+        (lambda: openswim.colour.save(IMAGE, "a.png", caption=AXIS), "caption array"),
+        (lambda: arrays(phase=AXIS), "phase is array.*give PhaseFunction or a dict"),
+        (lambda: arrays(atmosphere=AXIS), "atmosphere is array"),
+        (lambda: arrays(crs=AXIS), "crs = array.* is no projection"),
+        (lambda: Scene.clear(10**400, 8), "lat is int 1"),
+        (lambda: Scene(None, CLEAR.data, notes=[3]), "a note is 3"),
+        (lambda: Scene(None, CLEAR.data, wider=3), "wider is 3"),
+        (lambda: Camera.allsky(46, 8, size=np.array(3.5)), "size"),
+        (lambda: Camera.panorama(46, 8, size=10**400), "size is int 1"),
+        (lambda: Camera.satellite(46, 8, earth_radius_m=1e300), "no radius of an Earth"),
+        (lambda: Camera.fisheye(46, 8, fov_deg=None), "fov_deg is None: give a number"),
+        (lambda: Camera.fisheye(46, 8, centre=3), r"centre 3: give \(row, column\)"),
+        (lambda: Camera.pinhole(46, 8, focal_px=9, affine=3), "affine .3.0,. must be three numbers"),
+        (lambda: Camera(AXIS, (3, 3), 1, 1), "camera view array.* is unknown"),
+        (lambda: Camera("allsky", (3, 3), 1, 1, above=AXIS), "above array.* is unknown"),
+    ],
+)  # fmt: skip
+def test_kinds_are_those_that_annotations_name(call: Callable[[], Any], named: str):
+    test_wrong_arguments_are_named(call, named)
+
+
+def test_arguments_that_are_missing_are_named_by_python():
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'camera'"):
+        render(CLEAR)  # type: ignore[call-arg]
 
 
 def test_messages_hold_nothing_that_a_terminal_obeys():

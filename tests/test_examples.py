@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_wrf(tmp_path / "wrfout_d01_...", WRFSpec(times=("2005-08-28_18:00:00",), attributes=around, change=thin))
     monkeypatch.chdir(tmp_path)
     for name in ("panorama", "allsky"):
-        made = getattr(openswim.Camera, name).__func__
+        made = inspect.unwrap(getattr(openswim.Camera, name).__func__)
         monkeypatch.setattr(made, "__defaults__", tuple(SMALL.get(value, value) for value in made.__defaults__))
     return tmp_path
 

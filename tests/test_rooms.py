@@ -14,6 +14,7 @@ SOURCE = Path(__file__).parents[1] / "src"
 # A file may import from rooms to the left of its own.
 ORDER = (
     "errors",
+    "switches",
     "progress",
     "arguments",
     "system",

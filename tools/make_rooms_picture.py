@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs/images"
 # which any room may use; their arrows are not drawn
-FOUNDATION = ("errors", "progress", "system", "arguments", "tables", "srgb")
+FOUNDATION = ("errors", "switches", "progress", "system", "arguments", "tables", "srgb")
 CONDUCTORS = "solve · solve_grid · plan · field · tiled"  # the files of transport beside its rooms
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind
+from openswim.arguments import takes
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import settled
@@ -78,7 +78,7 @@ def _checked_sun(sun: Any) -> tuple[float, float]:
     return azimuth, altitude
 
 
-def _checked_wavelengths(wavelengths_nm: Any) -> F64:
+def checked_wavelengths(wavelengths_nm: Any) -> F64:
     """(n,), each once: data are told apart by them."""
     try:
         wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
@@ -93,6 +93,7 @@ def solver_of(solver: str | Solver) -> Solver:
     return solver if isinstance(solver, Solver) else Solver(solver)
 
 
+@takes
 def light(
     scene: Scene,
     solver: str | Solver = "fast",
@@ -108,8 +109,7 @@ def light(
     begins from what the one before has left there. It takes up to a quarter less time where clouds change little
     between them, and light is the same within the solver's tolerance, not bit for bit.
     """
-    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
-    wavelengths = _checked_wavelengths(wavelengths_nm)
+    wavelengths = checked_wavelengths(wavelengths_nm)
     scene = settled(scene)
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)
@@ -121,7 +121,7 @@ def light(
         field = chosen.solve(scene, day.direction, wavelengths, shadow=shadow, earlier=earlier)
         alone = None if lamps is None else lamps.sun_alone()
         for line in [] if alone is None else alone.stated():
-            warnings.warn(f"solver {chosen.name}: {line}: take fast", stacklevel=2)
+            warnings.warn(f"solver {chosen.name}: {line}: take fast", stacklevel=3)
         return LitScene(scene, field, day, at, lamps=alone)
     lights = []
     for lamp in lamps.every:
@@ -145,7 +145,7 @@ def lights_of(
     if sun is not None or when is None or solver == "reference":
         return 1
     scene = settled(scene)
-    lamps = _lamps(scene, when, daylight(scene, time), _checked_wavelengths(wavelengths_nm))
+    lamps = _lamps(scene, when, daylight(scene, time), checked_wavelengths(wavelengths_nm))
     return 1 if _is_day(lamps) else len(lamps.every)
 
 
@@ -182,6 +182,7 @@ def _is_day(lamps: Lamps) -> bool:
     return sun_alone and lamps.shadow is None
 
 
+@takes
 def open_light(path: str | os.PathLike[str], scene: Scene | None = None) -> LitScene:
     """Light that `LitScene.save` has kept: pictures from it are those of the light that was saved, bit for bit.
 

@@ -8,13 +8,14 @@ methods of `Meter` can take its place. It is drawn with carriage returns alone, 
 both understand.
 """
 
-import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol, TextIO, TypeVar
+
+from openswim.switches import switched
 
 Item = TypeVar("Item")
 
@@ -152,9 +153,9 @@ def tell(line: str) -> None:
 
 def _someone_watches() -> bool:
     """A terminal, a notebook, or OPENSWIM_PROGRESS=1 (0: never)."""
-    forced = os.environ.get("OPENSWIM_PROGRESS", "")
-    if forced in ("0", "1"):
-        return forced == "1"
+    forced = switched("OPENSWIM_PROGRESS")
+    if forced is not None:
+        return forced
     if sys.stderr is None:  # closed
         return False
     return sys.stderr.isatty() or "ipykernel" in sys.modules

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_kind
+from openswim.arguments import takes
 from openswim.cameras import Camera
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of, sun_over_camera
 from openswim.pictures.images import check_fits, check_layers
@@ -18,6 +18,7 @@ from openswim.scene import Scene
 from openswim.solver import Solver
 
 
+@takes
 def render(
     scene: Scene | LitScene,
     camera: Camera,
@@ -39,10 +40,8 @@ def render(
     adds ``radiance_standard_error``, the paths per pixel and the mean error. layers=True adds what is seen in each
     pixel (``seen``), its ``distance`` and ``height`` (m), and the ``optical_depth`` of each species on (species, y, x).
     """
-    check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     if isinstance(scene, LitScene):
         return scene.viewpoint(camera).view(layers)
-    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     check_fits(camera.shape, np.size(wavelengths_nm))
     chosen = solver_of(solver)
     part = _needed(scene, camera, chosen.name)

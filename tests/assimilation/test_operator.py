@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -172,15 +174,16 @@ def test_wrong_requests_are_one_line() -> None:
         ({"wavelengths_nm": ["red"]}, "must be numbers"),
         ({"heights_m": 500.0}, "lowest, highest"),
         ({"heights_m": ("a", "b")}, "must be numbers"),
-        ({"controls": 3}, "in a list"),
-        ({"quantity": 3}, "name one"),
+        ({"controls": 3}, "controls is 3: give a list"),
+        ({"quantity": 3}, "quantity is 3: give text or a list"),
         ({"quantity": ["radiance"]}, "1 quantities"),
-        ({"tolerance": "small"}, "must be a number"),
+        ({"tolerance": "small"}, "tolerance is 'small': give a number"),
         ({"tolerance": 0.0}, "small positive"),
+        ({"irradiance": [(1e6, 0.0)]}, "pyranometer at 1e.06, 0 is outside the domain: choose x in"),
     ):
-        given = {"sun": SUN, "controls": ("extinction_cloud",), **words}
+        given = {"sun": SUN, "controls": ("extinction_cloud",), "irradiance": POINTS, **words}
         with pytest.raises(UserError, match=match):
-            observe(scene, CAMERAS, POINTS, core=core, **given)
+            observe(scene, CAMERAS, core=core, **given)
     op = operator()
     with pytest.raises(UserError, match="is missing"):
         op(xr.Dataset())
@@ -291,3 +294,14 @@ def test_all_controls_and_kinds_of_observations_together() -> None:
         seen = lin.jvp(change).values
         assert np.abs(seen).max() > 0, name
         assert float(seen @ row) == pytest.approx(right, abs=1e-13 * float(np.abs(seen) @ np.abs(row))), name
+
+
+def test_a_picture_of_another_time_is_refused() -> None:
+    """Where it says when it was lit, and the camera has a time and no sun of its own."""
+    noon, op = np.datetime64("2024-06-21T12:00", "ms"), operator()
+    images = [image.to_dataset(name="radiance") for image in op.pictures(op(op.first()))]
+    images[1].attrs["light_time"] = "2024-06-21T12:06:00Z"
+    op.observations(images, [1.0, 2.0])
+    replace(op, time=noon + np.timedelta64(2, "m"), sun=None).observations(images, [1.0, 2.0])
+    with pytest.raises(UserError, match=r"image 1 was lit at 2024-06-21T12:06:00.000, its camera here at 2024"):
+        replace(op, time=noon, sun=None).observations(images, [1.0, 2.0])

@@ -168,28 +168,46 @@ def test_pages_escape_what_others_wrote(tmp_path: Path) -> None:
 
 
 def test_only_what_was_made_is_removed(plan: Path) -> None:
-    """Neither what others' records name, nor links, nor what has changed since, nor what lies in a store."""
-    folder, store = plan.parent / "web", plan.parent / "web/sky.zarr"
+    """Neither what no batch calls like that, nor links, nor what has changed since, nor what lies in a store."""
+    folder, store = plan.parent / "web", plan.parent / "web/a_x.zarr"
     for made in (folder / ".batch", store):
         made.mkdir(parents=True)
-    for file in ("ours", "changed", "sky.zarr/zarr.json", "sky.zarr/notes.txt"):
+    others = ("thesis.txt", "a.png", "a_y.png", "b_x.png", "a_x.txt")
+    for file in (*others, "a_x.png", "a_x_mean.png", "a_x.nc", "a_x.zarr/zarr.json", "a_x.zarr/notes.txt"):
         (folder / file).write_text("x")
-    (folder / "link").symlink_to(plan)
+    (folder / "a_x.tif").symlink_to(plan)
     files = {"../plan.toml": plan.stat().st_size, "a/../../plan.toml": plan.stat().st_size, str(plan): 1,
-             "link": plan.stat().st_size, "ours": 1, "changed": 2, "sky.zarr": -1}  # fmt: skip
+             "a_x.tif": plan.stat().st_size, "a_x.nc": 2, "a_x.zarr": -1}  # fmt: skip
+    files |= dict.fromkeys((*others, "a_x.png", "a_x_mean.png"), 1)
     (folder / ".batch/x.json").write_text(
-        json.dumps({"task": "x", "weather": "", "time": "None", "cameras": {"a": {"files": files}}})
+        json.dumps({"task": "y", "weather": "", "time": "None", "cameras": {"a": {"files": files}}})
     )
     records = Records(folder)
     (record,) = records.standing()
-    assert set(record.files["a"]) == {"link", "ours", "changed", "sky.zarr"}
+    assert set(record.files["a"]) == {"a_x.tif", "a_x.png", "a_x_mean.png", "a_x.nc", "a_x.zarr"}
     records.remove(record)
     assert plan.exists()
-    assert {path.name for path in folder.iterdir()} == {".batch", "link", "changed", "sky.zarr"}
+    assert {path.name for path in folder.iterdir()} == {".batch", "a_x.tif", "a_x.nc", "a_x.zarr", *others}
     assert records.standing() == []
     (store / "notes.txt").unlink()
     records.remove(record)
     assert not store.exists()
+
+
+def test_nothing_is_removed_where_a_link_leads_out_of_the_folder(plan: Path) -> None:
+    folder, elsewhere = plan.parent / "web", plan.parent / "elsewhere"
+    (folder / ".batch/run").mkdir(parents=True)
+    elsewhere.mkdir()
+    (folder / "run").symlink_to(elsewhere)
+    (elsewhere / "a_x.png").write_text("x")
+    (folder / ".batch/run/x.json").write_text(json.dumps(
+        {"task": "run/x", "weather": "run", "time": "None", "cameras": {"a": {"files": {"run/a_x.png": 1}}}}
+    ))  # fmt: skip
+    records = Records(folder)
+    (record,) = records.standing()
+    assert set(record.files["a"]) == {"run/a_x.png"}
+    records.remove(record)
+    assert (elsewhere / "a_x.png").exists()
 
 
 def test_pictures_that_lie_in_the_watched_folder_are_no_weather(plan: Path) -> None:
@@ -225,7 +243,7 @@ def test_what_cannot_be_watched_is_said(plan: Path, capsys: pytest.CaptureFixtur
     (plan.parent / "web/index.html").write_text("<html>my own page")
     for line, says in (
         (["--watch", str(plan.parent / "none")], "no such folder"),
-        (["--watch", str(plan.parent / "in")], "no page of ours"),
+        (["--watch", str(plan.parent / "in")], "not of OpenSWIm"),
         (["--watch", str(plan.parent / "in"), "--part", "1/2"], "neither"),
         (["--keep", "3"], "belongs to --watch"),
         (["--watch", str(plan.parent / "in")], "of one run"),

@@ -139,8 +139,8 @@ def test_a_mask_is_a_picture(tmp_path):
 
 @pytest.mark.parametrize(
     ("camera", "path", "says"),
-    [(CAMERAS[0], 5, "camera file is 5: give a file's name"),
-     (None, "q.toml", "camera is None: give an openswim.Camera")],
+    [(CAMERAS[0], 5, "path is 5: give a file's name"),
+     (None, "q.toml", "camera is None: give a Camera, such as")],
 )  # fmt: skip
 def test_only_cameras_are_written_and_into_files(camera, path, says, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -147,6 +147,7 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         ([*CLEAR, "-o", "a.png"], "use .nc or .csv"),
         ([*CLEAR, "--end", "2016-06-22", "-o", "a.csv"], "end after the start"),
         ([*CLEAR, "--every", "0", "-o", "a.csv"], "such as 5min"),
+        ([*CLEAR, "--end", "2016-06-24", "--every", "0.001s", "-o", "a.csv"], "44400001 times from"),
         ([*CLEAR, "--every", "7", "-o", "a.csv"], "such as 5min"),
         ([*CLEAR, "--plane", "30", "-o", "a.csv"], "2 numbers"),
         ([*CLEAR, "--fit", "beam", "-o", "a.csv"], "need a --station"),

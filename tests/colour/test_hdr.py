@@ -9,7 +9,7 @@ import xarray as xr
 
 import openswim
 from openswim import Camera, Scene, Solver, UserError
-from openswim.colour import save
+from openswim.colour import check_writable, save
 from openswim.colour.hdr import LUMENS_PER_WATT, radiance_rgb, rgbe, without_sun
 from openswim.colour.photometry import luminance_cd_m2
 
@@ -133,3 +133,17 @@ def test_other_views_are_one_file_and_no_renderer_is_needed(tmp_path: Path) -> N
     assert [each.name for each in tmp_path.iterdir()] == ["sky.hdr"]
     with pytest.raises(UserError, match=r"\.hdr, \.exr"):
         save(image, tmp_path / "sky.bmp")
+
+
+def test_files_beside_replace_none_but_our_own(sphere: xr.Dataset, tmp_path: Path) -> None:
+    sky = tmp_path / "sky.hdr"
+    save(sphere, sky)
+    save(sphere, sky)
+    for suffix in (".cal", ".rad"):
+        sky.with_suffix(suffix).write_text("void plastic wall 0 0 5 .7 .7 .7 0 0")
+        with pytest.raises(UserError, match=rf"sky\{suffix}: would be replaced"):
+            save(sphere, sky)
+        with pytest.raises(UserError, match=rf"sky\{suffix}: would replace .*which is needed"):
+            check_writable(sky, [sky.with_suffix(suffix)], "sphere")
+        check_writable(sky, (), "allsky")  # which has none
+        sky.with_suffix(suffix).unlink()

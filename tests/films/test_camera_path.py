@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from openswim import Camera, Scene, UserError
+from openswim.cli.main import run
 from openswim.films import CameraPath, film
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
@@ -109,6 +110,15 @@ def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:
     path = CameraPath(times, np.array([[47.0, 11.0, 900.0]] * 2), np.full((2, 4), np.nan))
     with pytest.raises(UserError, match="times of its own"):
         film(CLEAR, CAMERA, tmp_path / "film", path=path, every_s=60.0)
+
+
+def test_a_path_says_where_the_camera_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("time,lat,lon,height_m\n2024-01-01T12:00,47,11,900\n2024-01-01T12:01,47,11.1,900\n")
+    for option in ("--lat", "--x", "--y"):
+        line = ["film", "none.nc", "--path", str(file), option, "10", "-o", str(tmp_path / "film")]
+        assert run(line) == 2
+        assert f"--path says where the camera is: leave out {option}" in capsys.readouterr().err
 
 
 def test_a_log_with_more_columns_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, takes
 from openswim.assimilation.background import Background, Space
 from openswim.assimilation.checkpoint import Checkpoint
 from openswim.assimilation.cost import Cost
@@ -36,6 +36,7 @@ class Analysis(Found):
         write_report(self, path)
 
 
+@takes
 def analyse(
     op: Operator,
     observed: xr.Dataset,
@@ -63,7 +64,6 @@ def analyse(
     signal : by so many probes, each as dear as two dozen iterations, it is found out how many numbers the observations
         tell of each control, and of its columns and heights: `Analysis.told`.
     """
-    check_kind("operator", op, Operator, "give one: openswim.observe(scene, cameras, ...)")
     settings = Settings(transform, outer, iterations, method, departures, signal)
     cost, kept = prepared(op, observed, first, background, settings, checkpoint)
     solver, loops = settings.solver, settings.loops

@@ -10,9 +10,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from openswim.batches.plan import Plan
-from openswim.batches.records import Record, first_bytes
-from openswim.errors import UserError
-from openswim.scene.files import written_whole
+from openswim.batches.records import Record
+from openswim.scene.files import check_ours, written_whole
 
 PAGE, STYLE = "index.html", "style.css"
 MOST_SHOWN = 60  # pictures of the latest times
@@ -27,9 +26,7 @@ _BROWSERS = (".png", ".jpg", ".jpeg")  # what they show
 def check_index(folder: Path) -> None:
     """Raise UserError where the page or its style would replace somebody else's."""
     for name, mark in ((PAGE, _MARK), (STYLE, _STYLE_MARK)):
-        path = folder / name
-        if path.exists() and mark not in first_bytes(path):
-            raise UserError(f"{path}: is no page of ours: choose another folder with -o")
+        check_ours(folder / name, mark, "choose another folder with -o")
 
 
 def write_index(plan: Plan, standing: Sequence[Record], failures: Mapping[str, str]) -> None:

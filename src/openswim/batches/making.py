@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from openswim.arguments import takes
 from openswim.batches import ensembles
 from openswim.batches.plan import Plan, read_plan
 from openswim.batches.records import Records
@@ -76,6 +77,7 @@ class Work:
         )  # fmt: skip
 
 
+@takes
 def batch(
     plan: Plan | str | os.PathLike[str], *, jobs: int | None = None, threads: int = 1, scheduler: str | None = None,
     part: tuple[int, int] | None = None, tell: Callable[[Outcome], None] = lambda outcome: None,

@@ -13,16 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import openswim
-from openswim.batches.plan_cameras import PlannedCamera
-from openswim.batches.tasks import Task
+from openswim.batches.plan_cameras import SUFFIXES, PlannedCamera
+from openswim.batches.tasks import NO_STAMP, Task
+from openswim.batches.values import check_name
+from openswim.colour.beside import BESIDE
 from openswim.errors import UserError
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_ours, check_target, written_whole
+from openswim.system.inputs import check_within
 from openswim.system.workshops import sweep
 
 FOLDER = ".batch"
 MANIFEST = "manifest.jsonl"
 _KIND = '"kind": "openswim batch"'  # in the first line of ours
-_OURS = re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,63}/)?[A-Za-z0-9][A-Za-z0-9_.-]{0,120}")  # names that we give
+_ENDINGS = "|".join(map(re.escape, (*SUFFIXES, *BESIDE)))  # of the files that we make
 _LONGEST = 1 << 24  # bytes of a record, of a thousand cameras
 
 
@@ -53,9 +56,7 @@ class Records:
             except OSError as error:
                 raise UserError(f"{made}: cannot be made ({error.strerror}): choose another folder") from None
             sweep(made)
-        manifest = self.folder / MANIFEST
-        if manifest.exists() and _KIND not in first_bytes(manifest):
-            raise UserError(f"{manifest}: is no list of ours: choose another folder with -o")
+        check_ours(self.folder / MANIFEST, _KIND, "choose another folder with -o")
 
     def missing(self, task: Task, cameras: Iterable[PlannedCamera]) -> list[PlannedCamera]:
         """The cameras whose pictures are to be made."""
@@ -72,16 +73,18 @@ class Records:
             partial.write_text(json.dumps(about | {"cameras": kept}, sort_keys=True))
 
     def standing(self) -> list[Record]:
-        """All that was ever recorded and not removed, by time and name; what is damaged is left out."""
-        found = []
-        for path in (self.folder / FOLDER).glob("**/*.json"):
-            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        """All that was ever recorded and not removed, by time and name; what is damaged is left out, and so are files
+        that no batch calls like that."""
+        found, kept_in = [], self.folder / FOLDER
+        for path in kept_in.glob("**/*.json"):
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
                 if path.stat().st_size > _LONGEST:
                     continue
-                kept = json.loads(path.read_text("utf-8"))
-                files = {str(camera): {name: size for name, size in each["files"].items() if _is_ours(name)}
+                kept, task = json.loads(path.read_text("utf-8")), path.relative_to(kept_in).with_suffix("").as_posix()
+                files = {camera: {name: size for name, size in each["files"].items()
+                                  if _made_of(task, camera).fullmatch(name)}
                          for camera, each in kept["cameras"].items()}  # fmt: skip
-                found.append(Record(path, str(kept["task"]), str(kept["weather"]), str(kept["time"]), files))
+                found.append(Record(path, task, str(kept["weather"]), str(kept["time"]), files))
         return sorted(found, key=lambda record: (record.time, record.task))
 
     def remove(self, record: Record) -> None:
@@ -89,6 +92,7 @@ class Records:
         for name, size in (each for files in record.files.values() for each in files.items()):
             path = self.folder / name
             with suppress(OSError, UserError):
+                check_within(path, self.folder, name, "the batch's folder")  # by a link
                 if path.is_symlink() or _size(path) != size:
                     continue
                 if path.is_dir():
@@ -135,8 +139,12 @@ class Records:
         return {}
 
 
-def _is_ours(name: object) -> bool:
-    return isinstance(name, str) and bool(_OURS.fullmatch(name)) and name != MANIFEST
+def _made_of(task: str, camera: str) -> re.Pattern[str]:
+    """What the files of a camera can be called, in any plan, as `Task.targets` has it."""
+    folder, slash, stamp = task.rpartition("/")
+    check_name("a record's camera", camera)
+    stem = camera if stamp == NO_STAMP else f"{camera}_{stamp}"
+    return re.compile(f"{re.escape(folder + slash + stem)}(_mean|_cloud)?({_ENDINGS})")
 
 
 def _size(path: Path) -> int | None:
@@ -145,10 +153,3 @@ def _size(path: Path) -> int | None:
         return -1 if path.is_dir() else os.stat(path).st_size
     except OSError:
         return None
-
-
-def first_bytes(path: Path) -> str:
-    """Of a file that may be somebody else's, as text; nothing of what is no file."""
-    with suppress(OSError), path.open("rb") as file:
-        return file.read(2000).decode("utf-8", "replace")
-    return ""

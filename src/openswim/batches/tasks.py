@@ -21,6 +21,7 @@ from openswim.readers.common.base import iso, times_text
 from openswim.system.inputs import size_and_change
 
 MOST_PICTURES = 1_000_000  # of all cameras
+NO_STAMP = "one"  # the name of a task without a time and a member
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Task:
     @property
     def name(self) -> str:
         """Of the task, unique in its plan."""
-        return "/".join(part for part in (self.weather, self.stamp or "one") if part)
+        return "/".join(part for part in (self.weather, self.stamp or NO_STAMP) if part)
 
     def targets(self, camera: PlannedCamera) -> list[str]:
         """The files of a camera that are asked for, from the plan's folder."""

@@ -153,12 +153,11 @@ def _image(plan: Plan, camera: PlannedCamera, lit: LitScene) -> xr.Dataset:
 def _written(plan: Plan, task: Task, camera: PlannedCamera, image: xr.Dataset) -> list[str]:
     """Write a camera's files; returns their names, also of those that come along with others."""
     from openswim.colour import save
+    from openswim.colour.beside import beside
 
     names = []
     for name in task.targets(camera):
         path = plan.folder / name
         save(image, path, **dict(plan.look))
-        names.append(name)
-        if path.suffix == ".hdr" and str(image.attrs.get("view")) in ("panorama", "sphere"):
-            names += [str(Path(name).with_suffix(suffix)) for suffix in (".cal", ".rad")]
+        names += [name, *map(str, beside(Path(name), image.attrs.get("view")))]
     return names

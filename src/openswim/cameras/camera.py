@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import check_kind, number, numbers, shown, takes
 from openswim.cameras import panorama
 from openswim.cameras.checks import (
     check_altitude_range,
@@ -92,6 +92,7 @@ class Camera(RealCameras):
         object.__setattr__(self, "horizon_deg", checked_horizon(self.horizon_deg))
 
     @classmethod
+    @takes
     def allsky(
         cls,
         lat: float | None = None,
@@ -118,6 +119,7 @@ class Camera(RealCameras):
         return cls("allsky", shape, lat, lon, x_m, y_m, height_m, altitude_deg=altitude, fov_deg=fov_deg)
 
     @classmethod
+    @takes
     def panorama(
         cls,
         lat: float | None = None,
@@ -148,6 +150,7 @@ class Camera(RealCameras):
         )
 
     @classmethod
+    @takes
     def sphere(
         cls,
         lat: float | None = None,
@@ -163,6 +166,7 @@ class Camera(RealCameras):
         return cls.panorama(lat, lon, height_m, size, (-90.0, 90.0), azimuth_deg, x_m=x_m, y_m=y_m)
 
     @classmethod
+    @takes
     def perspective(
         cls,
         lat: float | None = None,
@@ -198,6 +202,7 @@ class Camera(RealCameras):
         )
 
     @classmethod
+    @takes
     def satellite(
         cls,
         lat: float,
@@ -217,6 +222,7 @@ class Camera(RealCameras):
         return cls("perspective", shape, lat, lon, None, None, height_m, "sea level", 0.0, -90.0, fov_deg)
 
     @classmethod
+    @takes
     def geostationary(
         cls, lon: float, fov_deg: float | None = None, size: Size = 800, lat: float = 0.0
     ) -> "Camera":

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import numbers, shown
+from openswim.arguments import check_choice, numbers, shown
 from openswim.errors import UserError
 
 MAX_HEIGHT_M = 2.0e9
@@ -37,7 +37,7 @@ def check_place(lat: float | None, lon: float | None, x_m: float | None, y_m: fl
 
 def check_height(height_m: float, above: Any) -> None:
     """The camera's height, and what it counts from."""
-    require(above in ABOVE, f"camera height above {shown(above)}: give one of {', '.join(ABOVE)}")
+    check_choice("camera height above", above, ABOVE)
     lowest = LOWEST_ABOVE_SEA_M if above == "sea level" else 0.0
     require(
         lowest <= height_m <= MAX_HEIGHT_M,
@@ -56,8 +56,7 @@ def check_shape(shape: tuple[Any, ...]) -> None:
 
 def check_view(view: Any, fov_deg: float, lens: bool = False, listed: bool = False) -> None:
     """The projection, whether it has a lens or a list of directions, and its field of view."""
-    views = ", ".join(WIDEST_FOV_DEG)
-    require(view in tuple(WIDEST_FOV_DEG), f"camera view {shown(view)} is unknown: choose one of {views}")
+    check_choice("camera view", view, tuple(WIDEST_FOV_DEG))
     require((view in ("fisheye", "pinhole")) == lens, f"view {view}: use Camera.fisheye or Camera.pinhole")
     require((view in ("map", "rays")) == listed, f"view {view}: use Camera.from_map or Camera.from_rays")
     widest = WIDEST_FOV_DEG[view]

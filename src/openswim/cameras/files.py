@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_keys, check_kind, number, numbers, shown
+from openswim.arguments import check_keys, check_kind, number, numbers, shown, takes
 from openswim.cameras.camera import Camera
 from openswim.cameras.checks import check_shape
 from openswim.cameras.given import from_map
@@ -100,6 +100,7 @@ def read_camera(path: str | os.PathLike[str], within: Path | None = None, **plac
         raise UserError(text if str(path) in text else f"{path}: {text}") from None
 
 
+@takes
 def load_camera(path: str | os.PathLike[str], within: Path | None = None, **place: Any) -> Camera:
     """The camera that a TOML file describes (docs/cameras.md); lat, lon, height_m ... here go before the file's.
 
@@ -108,9 +109,9 @@ def load_camera(path: str | os.PathLike[str], within: Path | None = None, **plac
     return read_camera(path, within, **place).camera
 
 
+@takes
 def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     """Write the TOML file that `load_camera` reads."""
-    check_kind("camera", camera, Camera, "give an openswim.Camera")
     write_camera(CameraFile(camera), path)
 
 

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from openswim.arguments import numbers, shown, takes
 from openswim.cameras import given
 from openswim.cameras.checks import require
 from openswim.cameras.lenses import Lens
@@ -17,6 +18,7 @@ class RealCameras:
     """What `Camera` has these constructors from; each returns a `Camera`."""
 
     @classmethod
+    @takes
     def fisheye(
         cls: Any,
         lat: float | None = None,
@@ -44,7 +46,7 @@ class RealCameras:
         axis, which may lie outside of the frame (default the middle).  `fov_deg`: what is farther than half of it
         from the axis is outside.
         """
-        shape = shape_of(size)
+        shape, coefficients = shape_of(size), _row("coefficients", coefficients)
         if isinstance(lens, str):
             if focal_px is None:
                 require(0 < fov_deg <= 360, f"field of view {fov_deg:g} degrees is not above 0 and up to 360")
@@ -52,14 +54,15 @@ class RealCameras:
                 require(not coefficients, f"lens {lens}: coefficients need its focal_px too")
                 require(bool(np.isfinite(unit)), f"lens {lens}: does not see {fov_deg:g} degrees")
                 focal_px = float(min(shape) / 2 / unit)
-            lens = Lens(lens, focal_px, tuple(coefficients))
-        middle = ((shape[0] - 1) / 2, (shape[1] - 1) / 2) if centre is None else centre
+            lens = Lens(lens, focal_px, coefficients)
+        axis, chip = _axis(centre, shape), _row("affine", affine)
         optics = Optics(
-            lens, *middle, rotation_deg, tilt_deg, tilt_azimuth_deg, mirrored, tuple(affine), fov_deg,  # type: ignore[arg-type]
+            lens, *axis, rotation_deg, tilt_deg, tilt_azimuth_deg, mirrored, chip, fov_deg,  # type: ignore[arg-type]
         )  # fmt: skip
         return cls("fisheye", shape, lat, lon, x_m, y_m, height_m, fov_deg=fov_deg, lens_optics=optics)
 
     @classmethod
+    @takes
     def pinhole(
         cls: Any,
         lat: float | None = None,
@@ -83,14 +86,15 @@ class RealCameras:
         `perspective` is the ideal one.
         """
         shape = shape_of(size, lambda columns: max(1, round(columns / 1.5)))
-        middle = ((shape[0] - 1) / 2, (shape[1] - 1) / 2) if centre is None else centre
+        lens = Lens("pinhole", focal_px, _row("coefficients", coefficients))
         optics = Optics.pointing(
-            Lens("pinhole", focal_px, tuple(coefficients)), middle, azimuth_deg, altitude_deg, roll_deg,
-            mirrored=mirrored, affine=tuple(affine),
+            lens, _axis(centre, shape), azimuth_deg, altitude_deg, roll_deg,
+            mirrored=mirrored, affine=_row("affine", affine),
         )  # fmt: skip
         return cls("pinhole", shape, lat, lon, x_m, y_m, height_m, lens_optics=optics)
 
     @classmethod
+    @takes
     def from_map(
         cls: Any,
         azimuth_deg: ArrayLike,
@@ -108,6 +112,7 @@ class RealCameras:
         return cls("map", shape, lat, lon, x_m, y_m, height_m, given=pixels)
 
     @classmethod
+    @takes
     def from_rays(
         cls: Any,
         direction: ArrayLike | None = None,
@@ -135,3 +140,17 @@ class RealCameras:
             pixels = given.from_places(towards, place, height_m, x_m is None, width_deg)
         shape = shape_of(pixels.pixels.inside.shape)
         return cls("rays", shape, lat, lon, x_m, y_m, height_m, above, given=pixels)
+
+
+def _axis(centre: Any, shape: tuple[int, int]) -> tuple[float, float]:
+    """Row and column of a lens's axis, which is in the middle unless something else is given."""
+    if centre is None:
+        return (shape[0] - 1) / 2, (shape[1] - 1) / 2
+    found = _row("centre", centre)
+    require(len(found) == 2, f"camera: centre {shown(centre)}: give (row, column)")
+    return found[0], found[1]
+
+
+def _row(what: str, values: Any) -> tuple[float, ...]:
+    """Numbers, as a tuple."""
+    return tuple(map(float, numbers(f"camera: {what}", values).ravel()))

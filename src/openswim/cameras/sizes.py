@@ -15,13 +15,17 @@ WIDEST_SATELLITE_FOV_DEG = 140.0  # below about 300 km the whole Earth no longer
 
 def shape_of(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
     """(rows, columns) of a size; `rows` of so many columns where these alone are given."""
-    if isinstance(size, str):
-        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[xX]\s*(\d{1,6}))?\s*", size)
-        require(match is not None, f"image size {size!r}: write COLUMNS or COLUMNSxROWS, such as 1440x720")
+    given: Any = size
+    if isinstance(given, str):
+        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[xX]\s*(\d{1,6}))?\s*", given)
+        require(match is not None, f"image size {given!r}: write COLUMNS or COLUMNSxROWS, such as 1440x720")
         assert match is not None
-        size = int(match[1]) if match[2] is None else (int(match[2]), int(match[1]))
-    alone = isinstance(size, (int, np.integer))
-    shape: Any = tuple(size) if isinstance(size, Iterable) else (rows(int(size)) if alone else size, size)
+        given = int(match[1]) if match[2] is None else (int(match[2]), int(match[1]))
+    given = given.tolist() if isinstance(given, np.ndarray) else given
+    alone = isinstance(given, (int, np.integer))
+    if alone:
+        check_shape((given, given))
+    shape: Any = tuple(given) if isinstance(given, Iterable) else (rows(int(given)) if alone else given, given)
     check_shape(shape)
     return int(shape[0]), int(shape[1])
 
@@ -35,6 +39,7 @@ def whole_disc_fov_deg(height_m: float, earth_radius_m: float, shape: tuple[int,
     """Width in degrees of a pinhole view in which the Earth's disc fills 97 % of the shorter side."""
     height_m, earth_radius_m = number("satellite height", height_m), number("earth_radius_m", earth_radius_m)
     require(0 < height_m <= MAX_HEIGHT_M, f"satellite height {height_m:g} m is not above 0 up to {MAX_HEIGHT_M:g} m")
+    require(1 <= earth_radius_m <= MAX_HEIGHT_M, f"earth_radius_m {earth_radius_m:g} is no radius of an Earth")
     tangent = earth_radius_m / np.sqrt((earth_radius_m + height_m) ** 2 - earth_radius_m**2)
     widest = np.tan(np.radians(WIDEST_SATELLITE_FOV_DEG) / 2)
     return float(2 * np.degrees(np.arctan(min(tangent / 0.97 * shape[1] / min(shape), widest))))

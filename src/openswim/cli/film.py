@@ -118,7 +118,8 @@ def _run(request: FilmRequest) -> None:
 
 
 def _at_start(picture: RenderRequest, path: "CameraPath") -> RenderRequest:
-    if picture.lat is not None or picture.lon is not None:
-        raise UserError("--path says where the camera is: leave out --lat and --lon")
+    for option, given in (("lat", picture.lat), ("lon", picture.lon), ("x", picture.x_m), ("y", picture.y_m)):
+        if given is not None:
+            raise UserError(f"--path says where the camera is: leave out --{option}")
     lat, lon, _ = path.place[0]
     return replace(picture, lat=float(lat), lon=float(lon))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from openswim.stations.aeronet import Sunphotometer
 
 _LOWEST_SUN_DEG = 15.0
+_MOST_TIMES = 600_000  # a year of minutes, which is a quarter of an hour of work
 
 
 @dataclass(frozen=True)
@@ -165,9 +166,12 @@ def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
     assert start is not None
     assert end is not None
     step = np.timedelta64(round(1e3 * interval_s("--every", request.every or "1min")), "ms")
-    count = int((end - start) / step) + 1 if end >= start else 0
-    if not 0 < count <= 1_000_000:
-        raise UserError(f"--start {request.start} --end {request.end}: {count} times; give an end after the start")
+    if end < start:
+        raise UserError(f"--start {request.start} --end {request.end}: give an end after the start")
+    count = int((end - start) / step) + 1
+    if count > _MOST_TIMES:
+        told = f"{count} times from {start} to {end}"
+        raise UserError(f"--every {request.every or '1min'}: {told}; {_MOST_TIMES} are the most: choose longer steps")
     return start + step * np.arange(count)
 
 

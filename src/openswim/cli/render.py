@@ -90,14 +90,14 @@ def run(request: RenderRequest) -> None:
     if request.checkpoint is not None:
         check_target(request.checkpoint, inputs, "--checkpoint")
         inputs.append(request.checkpoint)
+    camera = camera_of(request)
     for output in request.outputs:
-        check_writable(output, inputs)
+        check_writable(output, inputs, camera.name)
         check_bits(output, int(request.bits))
     if request.layers and not any(output.suffix.lower() in LAYERED for output in request.outputs):
         raise UserError(f"--layers are written to {', '.join(LAYERED)}: give such a file with -o as well")
     check_layers(request.layers, request.solver)
     look = look_of(request)
-    camera = camera_of(request)
     sun = sun_of(request.sun)
     preload()
 

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.colour.beside import BESIDE, beside
 from openswim.colour.cie import solar_illuminance_lx
 from openswim.colour.glare import sun_seen
 from openswim.colour.rgb import to_linear_rgb
@@ -37,14 +38,14 @@ def save_light_picture(image: xr.Dataset, path: Path) -> None:
         with written_whole(path) as partial:
             _write_exr(image, partial)
         return
-    round_about = str(image.attrs.get("view")) in ("panorama", "sphere")
+    round_about = bool(beside(path, image.attrs.get("view")))
     sun = None
     if round_about:
         image, sun = without_sun(image)
     with written_whole(path) as partial:
         partial.write_bytes(rgbe(radiance_rgb(image), _about(image)))
     if round_about:
-        for suffix, text in ((".cal", sky_coordinates(image)), (".rad", radiance_scene(image, sun, path))):
+        for suffix, text in zip(BESIDE, (sky_coordinates(image), radiance_scene(image, sun, path)), strict=True):
             with written_whole(path.with_suffix(suffix)) as partial:
                 partial.write_text(text)
 

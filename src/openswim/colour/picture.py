@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import shown
+from openswim.arguments import check_choice
+from openswim.colour.beside import BESIDE, beside
 from openswim.errors import UserError
-from openswim.scene.files import check_target, written_whole
+from openswim.scene.files import check_ours, check_target, written_whole
+from openswim.system.inputs import check_name
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 LIGHTS = (".hdr", ".exr")  # linear light, to light other scenes by
@@ -19,11 +21,15 @@ DATA = (".nc", ".zarr")
 CAPTIONS = ("inside", "below", "none")
 
 
-def check_writable(path: str | Path, inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+def check_writable(
+    path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = (), view: object = None
+) -> None:
     """Raise UserError unless `save` could write `path`: a known suffix, in a folder that takes files, none of `inputs`.
 
-    Meant to be called before a long computation.
+    Of a picture of this view the files that come along with it are looked at, too, and replace none but our own. Meant
+    to be called before a long computation.
     """
+    check_name(path, "output")
     path = Path(path)
     suffix = path.suffix.lower()
     known = PICTURES + LIGHTS + DATA
@@ -36,6 +42,9 @@ def check_writable(path: str | Path, inputs: Iterable[str | os.PathLike[str]] = 
     check_target(path, inputs)
     if path.exists() and path.is_dir() != (suffix == ".zarr"):
         raise UserError(f"output {path} is a {'folder' if path.is_dir() else 'file'}; choose another name")
+    for other in beside(path, view):
+        check_target(other, inputs)
+        check_ours(other, BESIDE[other.suffix], f"move it away, or give {path.name} another name")
 
 
 def save(
@@ -54,8 +63,8 @@ def save(
     """
     from openswim.colour.exposure import check_exposure
 
+    check_writable(path, view=getattr(image, "attrs", {}).get("view"))
     path = Path(path)
-    check_writable(path)
     check_exposure(exposure)
     caption = check_caption(caption)
     suffix = path.suffix.lower()
@@ -73,8 +82,7 @@ def save(
 def check_caption(caption: Any) -> str:
     """ "inside", "below" or "none"; True and False are "below" and "none"."""
     caption = {True: "below", False: "none"}.get(caption, caption) if isinstance(caption, bool) else caption
-    if caption not in CAPTIONS:
-        raise UserError(f"caption {shown(caption)} is unknown: choose one of {', '.join(CAPTIONS)}")
+    check_choice("caption", caption, CAPTIONS)
     return str(caption)
 
 

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_kind, shown
+from openswim.arguments import check_kind, shown, takes
 from openswim.colour.cie import solar_illuminance_lx, xyz_weights
 from openswim.colour.dark_eye import mesopic
 from openswim.colour.exposure import auto_of, check_exposure, check_gamma, exposure_of
@@ -109,6 +109,7 @@ def exposure_for(image: xr.Dataset | xr.DataArray, exposure: float | str) -> flo
     return auto_exposure(image) if factor is None else factor
 
 
+@takes
 def to_rgb(
     image: xr.Dataset | xr.DataArray,
     exposure: float | str = "auto",

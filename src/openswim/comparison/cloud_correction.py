@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import takes
 from openswim.comparison.cloud_edit import THINNEST_PER_M, Layer, edited, extinction, typical_layer
 from openswim.comparison.cloud_rays import Crossings, crossings
 from openswim.comparison.cloud_rules import DEPARTURE, departure
@@ -58,6 +59,7 @@ class _Eye:
     rays: Crossings
 
 
+@takes
 def correct_clouds(
     model: Model,
     frames: Sequence[Any],
@@ -83,6 +85,7 @@ def correct_clouds(
     settings : as of `openswim.compare`.
     """
     chosen = settings_of(settings)
+    frames, cameras, clear_frames = list(frames), list(cameras), list(clear_frames)
     if not 1 <= passes <= len(_CLEAR_SHARES):
         raise UserError(f"correct_clouds: passes {passes} is not within 1 to {len(_CLEAR_SHARES)}")
     if len(frames) != len(cameras) or not frames:

@@ -6,6 +6,7 @@ from typing import Any
 
 import xarray as xr
 
+from openswim.arguments import takes
 from openswim.cameras import Camera
 from openswim.cameras.files import CameraFile
 from openswim.comparison.one_frame import compare_frame
@@ -18,6 +19,7 @@ from openswim.solver import Solver
 Frames = SkyFrame | str | os.PathLike[str] | Sequence[SkyFrame | str | os.PathLike[str]]
 
 
+@takes
 def compare(
     model: Model,
     frames: Frames,

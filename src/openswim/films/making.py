@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind, number
+from openswim.arguments import number, takes
 from openswim.cameras import Camera
 from openswim.colour.exposure import check_exposure
 from openswim.errors import UserError
@@ -27,7 +27,7 @@ from openswim.films.outputs import check_curves, check_output, check_outputs, wr
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
 from openswim.films.whereabouts import told_of_places, told_of_times
-from openswim.lighting import WAVELENGTHS_NM, light, solver_of
+from openswim.lighting import WAVELENGTHS_NM, checked_wavelengths, light, solver_of
 from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
 from openswim.pictures.viewpoint import LitScene, Viewpoint
@@ -53,6 +53,7 @@ class Shot:
     camera: Camera
 
 
+@takes
 def film(
     weather: Weather | Sequence[Scene] | Scene | str | os.PathLike[str],
     camera: Camera,
@@ -88,7 +89,6 @@ def film(
 
     Frames that are done are kept in a hidden folder beside the output: a film that was stopped goes on where it was.
     """
-    check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
     target = Path(output)
     kind = check_output(target)
     for name, picture in (("keogram", keogram), ("star trails", star_trails)):
@@ -102,6 +102,7 @@ def film(
     if not 0 < fps <= 240:
         raise UserError(f"film: {fps:g} frames per second; give more than 0, at most 240")
     check_exposure(exposure)
+    wavelengths = checked_wavelengths(wavelengths_nm)
     sky = _weather(weather)
     way = path if isinstance(path, CameraPath) or path is None else CameraPath.read(path)
     beside = [("keogram", keogram), ("star trails", star_trails), ("irradiance", irradiance)]
@@ -114,16 +115,16 @@ def film(
     if star_trails is not None:
         _check_night(shots)
     with_irradiance = kind == "radiance" or irradiance is not None
-    plan = _plan(sky, shots, chosen, wavelengths_nm, kind, exposure, with_irradiance)
+    plan = _plan(sky, shots, chosen, wavelengths, kind, exposure, with_irradiance)
     with KeptFrames(target, plan).held() as kept:
-        lights = _Lights(sky, chosen, wavelengths_nm, shots, every_s if way is None else LIGHT_EVERY_S)
+        lights = _Lights(sky, chosen, wavelengths, shots, every_s if way is None else LIGHT_EVERY_S)
         _make(kept, lights, shots, kind == "radiance", exposure, with_irradiance)
         sky.check_unchanged()
         curve = _exposures(kept, len(shots), exposure, fps)
         lines: list[NDArray[np.uint8]] = []
         trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
         pictures = _pictures(kept, curve, title, lines, trails)
-        write_film(target, kept, len(shots), pictures, fps, kept.facts(0), wavelengths_nm)
+        write_film(target, kept, len(shots), pictures, fps, kept.facts(0), wavelengths.tolist())
         if kind == "radiance" and (keogram is not None or trails is not None):  # such a film makes no pictures
             deque(pictures, maxlen=0)
         if keogram is not None:
@@ -204,14 +205,14 @@ def _check_night(shots: Sequence[Shot]) -> None:
 
 
 def _plan(
-    sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths_nm: Any, kind: str, exposure: float | str,
-    irradiance: bool,
+    sky: Weather, shots: Sequence[Shot], solver: Solver, wavelengths: NDArray[np.float64], kind: str,
+    exposure: float | str, irradiance: bool,
 ) -> dict[str, Any]:  # fmt: skip
     import openswim
 
     return {
         "openswim": openswim.__version__, "times": sky.times.astype(str).tolist(), "solver": repr(solver),
-        "wavelengths": list(map(float, wavelengths_nm)), "kind": kind,
+        "wavelengths": wavelengths.tolist(), "kind": kind,
         "exposure": exposure if isinstance(exposure, str) else "auto",
         "shots": [(str(shot.time), repr(shot.camera)) for shot in shots],
         "looking": hashlib.sha256(shots[0].camera.pixels().direction.tobytes()).hexdigest(),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from openswim import arguments
-from openswim.arguments import check_kind, number, numbers, shown, whole
+from openswim.arguments import number, numbers, shown, takes, whole
 from openswim.errors import UserError
 from openswim.readers.common.asked import winds_asked
 from openswim.readers.common.base import SceneInfo, Time
@@ -29,6 +29,7 @@ from openswim.scene import Grid, Ground, Scene
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
+@takes
 def open_scene(
     path: Paths,
     time: Time = None,
@@ -57,7 +58,6 @@ def open_scene(
     if ground is not None:
         from openswim.ground.maps import maps_of
 
-        check_kind("ground", ground, Ground, "give openswim.Ground(albedo=..., height=...)")
         maps_of(ground)  # all files now, so that what is wrong with them is known before any work is done
     paths = files_of(path)
     place = _neighbourhood(around, radius_km)

@@ -11,10 +11,11 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from openswim.errors import UserError
-from openswim.system.inputs import check_name
+from openswim.system.inputs import check_name, check_ordinary
 from openswim.system.workshops import replace_folder, workshop
 
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+_MARKED = 2000  # bytes of a file's beginning that have our mark
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store
 
@@ -57,6 +58,19 @@ def check_kept(name: str, target: Path, inputs: Iterable[str | os.PathLike[str]]
     for each in map(Path, inputs):
         if any(_same(target, held) for held in (each, *each.absolute().parents)):
             raise UserError(f"{name} {target}: would replace {each}, which is needed; choose another name")
+
+
+def check_ours(path: Path, mark: str, remedy: str) -> None:
+    """Raise UserError where a file without our mark in its first bytes has a name that we write to unasked."""
+    if not os.path.lexists(path):
+        return
+    start = ""
+    with suppress(OSError):
+        check_ordinary(path)
+        with path.open("rb") as file:
+            start = file.read(_MARKED).decode("utf-8", "replace")
+    if mark not in start:
+        raise UserError(f"{path}: would be replaced, and is not of OpenSWIm: {remedy}")
 
 
 def check_apart(name: str, target: Path, other: Path) -> None:

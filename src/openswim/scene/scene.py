@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind, number, numbers
+from openswim.arguments import check_kind, number, numbers, shown, takes
 from openswim.errors import UserError
 from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.atmosphere import Atmosphere
@@ -71,9 +71,12 @@ class Scene:
             "optics": (Mapping, "give {name of a species: Optics(...)}"),
             "source": (str, "give text"),
             "notes": ((list, tuple), "give a list of lines"),
+            "wider": ((Scene, type(None)), "give a Scene on a wider grid, or None"),
         }
         for name, (kind, remedy) in kinds.items():
             check_kind(f"scene: {name}", getattr(self, name), kind, remedy)
+        for note in self.notes:
+            check_kind("scene: a note", note, str, "give text")
         if self.wider is not None:
             _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
@@ -142,6 +145,7 @@ class Scene:
         return EARTH_RADIUS_M if self.grid is None else self.grid.earth_radius_m
 
     @classmethod
+    @takes
     def from_arrays(
         cls,
         extinction_per_m: ArrayLike | Mapping[str, ArrayLike] | None,
@@ -215,6 +219,7 @@ class Scene:
         return cls(grid, data, atmosphere, optics, time, source, notes)
 
     @classmethod
+    @takes
     def clear(
         cls,
         lat: float,
@@ -301,17 +306,17 @@ def _projection(crs: CRS | str | None) -> CRS | None:
 
     try:
         return None if crs is None else Projection.from_user_input(crs)
-    except CRSError as error:
-        raise UserError(f"crs = {crs!r} is no projection: give a pyproj.CRS, or text such as EPSG:4326") from error
+    except (CRSError, TypeError, ValueError) as error:  # of what is neither text nor a number
+        raise UserError(f"crs = {shown(crs)} is no projection: give a pyproj.CRS, or text such as EPSG:4326") from error
 
 
 def _checked_place(place: tuple[float, float]) -> tuple[float, float]:
     try:
         lat, lon = (float(angle) for angle in place)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         lat = lon = np.nan
     if not (-90.0 <= lat <= 90.0 and -360.0 <= lon <= 360.0):
-        raise UserError(f"scene: {place!r} is no place on Earth: give latitude and longitude in degrees")
+        raise UserError(f"scene: {shown(place)} is no place on Earth: give latitude and longitude in degrees")
     return lat, lon
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import number, numbers
+from openswim.arguments import number, numbers, takes
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.fluxes import broadband
@@ -35,6 +35,7 @@ _NAMES = {  # of variables: CF standard name, description
 }
 
 
+@takes
 def irradiance(
     scene: Scene | Sequence[Scene] | Series,
     lat: ArrayLike,

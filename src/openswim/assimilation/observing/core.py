@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ class Drawn(Protocol):
         ...
 
 
+@runtime_checkable
 class Core(Protocol):
     """Linear light of one scene; all but extinction and albedo is held fixed.
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import takes
 from openswim.assimilation.observing.instruments import sun_at
 from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
@@ -43,6 +44,7 @@ class _Places:
     time: np.datetime64
 
 
+@takes
 def write_observations(
     path: str | os.PathLike[str], op: Operator, observed: xr.Dataset, seen: xr.DataArray | None = None
 ) -> list[Path]:

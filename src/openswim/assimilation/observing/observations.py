@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.arguments import check_kind, number, numbers
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
+from openswim.scene.times import parse_time
 
 F64 = NDArray[np.float64]
 
 _LEAST_W_M2 = -20.0  # that pyranometers show by night, as they cool
 _MOST_W_M2 = 2500.0  # more than clouds' edges ever add to the sun
+_LATEST = np.timedelta64(5, "m")  # by which a picture's time may differ: the sun moves a degree
 NOISE, NOISE_OF_IRRADIANCE = 0.02, 0.03
 
 
@@ -41,6 +43,8 @@ def observations(
     """
     if len(images) != len(rows.instruments):
         raise UserError(f"observations: {len(images)} images for {len(rows.instruments)} cameras")
+    for n, (image, time) in enumerate(zip(images, _times(rows), strict=True)):
+        _check_time(image, time, n)
     each_share = numbers("observations: representation", representation)
     shares = np.broadcast_to(each_share, len(images)) if each_share.ndim == 0 else each_share
     of_noise, saturates = _share("noise", noise), None if saturated is None else number("saturated", saturated)
@@ -110,6 +114,22 @@ def _add_irradiance(
     mean = measured[known].mean() if known.any() else 1.0
     error[here] = np.maximum(share * np.sqrt(0.5 * (value[here] ** 2 + mean**2)), 1e-6)
     use[here] = known
+
+
+def _times(rows: Rows) -> list[np.datetime64 | None]:
+    """Of each camera, when it sees; None where nothing tells, or the sun stands where it was put."""
+    return [one.time if one.sun is None else None for one in rows.of_times for _ in one.instruments]
+
+
+def _check_time(image: Any, time: np.datetime64 | None, n: int) -> None:
+    """Raise UserError where a picture says of itself that it was lit at another time."""
+    told = image.attrs.get("light_time") if isinstance(image, xr.Dataset) else None
+    seen = None if told is None else parse_time(str(told))
+    if seen is not None and time is not None and abs(seen - time) > _LATEST:
+        raise UserError(
+            f"observations: image {n} was lit at {seen}, its camera here at {time}: give that time to observe, or to "
+            "the file or its [[camera]]"
+        )
 
 
 def _share(what: str, value: Any) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind, number, numbers, shown
+from openswim.arguments import number, numbers, shown, takes
 from openswim.assimilation.observing.controls import FLOOR_PER_M, Controls
 from openswim.assimilation.observing.core import Core
 from openswim.assimilation.observing.instruments import (
@@ -31,7 +31,7 @@ from openswim.lighting import daylight
 from openswim.lights.spectrum import solar_irradiance
 from openswim.optics.limits import check_wavelengths
 from openswim.optics.species import scene_optics
-from openswim.pictures.observer import SPACE_M, check_above_ground, check_observer, grid_place, place_of
+from openswim.pictures.observer import SPACE_M, check_above_ground, check_observer, extent_of, grid_place, place_of
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.times import parse_time
@@ -47,6 +47,7 @@ _SINGLE = 1e-4  # tolerance from which on single precision is enough
 _LEVELS_BESIDE = 2  # of cloud, at which cloud may come to be
 
 
+@takes
 def observe(
     scene: Scene,
     cameras: Sequence[Camera] | Camera = (),
@@ -82,7 +83,6 @@ def observe(
     lean : 26 ordinates and 16 moments of light, in place of the 50 and 25 of `fast`, at half the cost; pictures from
         above are then some 7 % too bright (docs/linear.md).
     """
-    check_kind("scene", scene, Scene, "give one: open_scene(path) first")
     wavelengths = np.atleast_1d(numbers("observe: wavelengths_nm", wavelengths_nm)).astype(float)
     check_wavelengths(wavelengths)
     scene = settled(scene)
@@ -92,10 +92,9 @@ def observe(
     listed, points = checked_cameras(cameras, frame), checked_points(irradiance)
     if not listed and not len(points):
         raise UserError("observe: there are neither cameras nor pyranometers")
+    _check_inside(scene, points)
     if day.direction[2] <= 0:
         raise UserError("observe: the sun is down; the linear core knows the light of day alone")
-    check_kind("observe: lean", lean, (bool, np.bool_), "write true or false")
-    check_kind("quantity", quantity, (str, list, tuple), "name one, or a list of them, such as radiance")
     names = [quantity] * len(listed) if isinstance(quantity, str) else list(quantity)
     if len(names) != len(listed):
         raise UserError(f"observe: {len(names)} quantities are given for {len(listed)} cameras")
@@ -121,6 +120,16 @@ def observe(
         watts += watts_of(scene, wavelengths, day)[:, None]
     relative = {one.name: one.relative_extinction for one in scene_optics(scene, wavelengths)}
     return Operator(scene, made, held, tuple(instruments), points, relative, watts, day, when, sun)
+
+
+def _check_inside(scene: Scene, points: F64) -> None:
+    """Raise UserError where a pyranometer stands beside the scene."""
+    assert scene.grid is not None
+    for north, east in points if not scene.grid.periodic else ():
+        if grid_place([scene], east, north) is None:
+            raise UserError(
+                f"observe: the pyranometer at {north:g}, {east:g} is outside the domain: {extent_of(scene.grid)}"
+            )
 
 
 def _core(
