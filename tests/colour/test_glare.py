@@ -79,10 +79,12 @@ def test_a_hidden_sun_has_none_to_speak_of() -> None:
 def test_land_and_clouds_below_the_horizon_get_the_glare_of_the_sky_beside_them() -> None:
     """Seen from above, land knows its place and dense cloud over it does not: no edge of glare is between them."""
     low = 200.0, 2.0
-    image = image_of(Camera.perspective(**HERE, azimuth_deg=200.0, altitude_deg=0.0, fov_deg=50.0, size=(300, 400)), low)
+    level = Camera.perspective(**HERE, azimuth_deg=200.0, altitude_deg=0.0, fov_deg=50.0, size=(300, 400))
+    image = image_of(level, low)
     below = image["altitude"].values < -1.0
     found = glare_of_sun(image)
-    assert found is not None and np.isfinite(found[0]).all()
+    assert found is not None
+    assert np.isfinite(found[0]).all()
     land = below & (image["azimuth"].values > 205.0)  # the rest below is cloud
     image.coords["latitude"] = (("y", "x"), np.where(land, 47.0, np.nan))
     mixed = glare_of_sun(image)
