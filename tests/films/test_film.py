@@ -87,6 +87,13 @@ def test_exposure_follows_a_twilight() -> None:
     assert 25.0 * np.abs(np.diff(curve[altitude > 25])).max() < 0.1 + 1e-9  # by day as slowly as ever
 
 
+def test_exposure_follows_a_dusk_that_fills_a_short_film() -> None:
+    """15 stops in a second: each frame within the one that it may be off."""
+    wanted = np.linspace(1.0, 16.0, 24)
+    curve = np.log2(exposure_curve(2.0**wanted, 25.0))
+    assert np.abs(curve - wanted).max() < 1.05
+
+
 @pytest.mark.parametrize("roughness", [0.1, 0.5, 3.0])
 def test_exposure_changes_no_more_than_it_must(roughness: float) -> None:
     """A taut string has the least variation and steepness, a slow curve the least error: by linear programmes."""

@@ -35,14 +35,15 @@ class SunSeen(NamedTuple):
 def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataArray] | None:
     """What an irradiance of one from the sun's place adds to each pixel (y, x), 1/sr, and the irradiance (wavelength,),
     L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
+
+    A lens scatters over the whole picture, land and clouds below the horizon too.
     """
     found = sun_seen(image)
     if found is None:
         return None
     assert isinstance(image, xr.Dataset)
     irradiance = xr.DataArray(found.irradiance, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    share = np.where(_ground(image), 0.0, spread(found.angle_deg))
-    return np.nan_to_num(share).astype(np.float32), irradiance
+    return np.nan_to_num(spread(found.angle_deg)).astype(np.float32), irradiance
 
 
 def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
@@ -85,8 +86,8 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
 
 
 def _ground(image: xr.Dataset) -> np.ndarray:
-    """Whether a pixel (y, x) shows ground, on which no glare is drawn: where it knows its place, or looks below the
-    horizon."""
+    """Whether a pixel (y, x) shows ground, behind which the sun is hidden: where it knows its place, or looks below
+    the horizon."""
     if "latitude" in image.coords and image["latitude"].dims == image["azimuth"].dims:
         return np.isfinite(image["latitude"].values)
     return np.asarray(image["altitude"].values < 0)

@@ -86,9 +86,17 @@ def slow(curve: F64, steepest: F64) -> F64:
 
 
 def _smooth(curve: F64, sigma: float) -> F64:
-    """A Gaussian mean of so many frames; at the ends the film is taken to go on as its mirror image does."""
+    """A Gaussian mean of so many frames; near the ends, where it has one side only, along the line through what there
+    is, so that dusk goes on there as it does."""
     if len(curve) < 2:
         return curve
     reach = min(int(np.ceil(3 * sigma)), len(curve) - 1)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return np.convolve(np.pad(curve, reach, mode="reflect"), weights / weights.sum(), mode="valid")
+    ahead = np.arange(-reach, reach + 1.0)
+    weights = np.exp(-0.5 * (ahead / sigma) ** 2)
+
+    def summed(values: F64, power: int) -> F64:
+        return np.convolve(np.pad(values, reach), (weights * ahead**power)[::-1], mode="valid")
+
+    once = np.ones_like(curve)
+    zeroth, first, second = (summed(once, power) for power in range(3))
+    return np.asarray((second * summed(curve, 0) - first * summed(curve, 1)) / (second * zeroth - first**2))

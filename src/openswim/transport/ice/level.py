@@ -26,15 +26,17 @@ TILT_DEG = 1.0  # standard deviation of each of two tilts: pillars are some degr
 ALTITUDES, AZIMUTHS = 900, 900  # of a map, in steps of .2 degrees
 _SOLAR_RADIUS = math.radians(0.2665)
 _RAYS = 1_500_000
-_FEW_RAYS, _FEW_BINS = 20.0, 5  # in a bin; over how many bins each way a mean is taken
+_FEW_BINS = 5  # over how many each way a mean is taken where bins differ by chance only
 
 
 @njit(cache=True, error_model="numpy")
 def scattered(index, half_length, lean, sun_altitude, tilt, rays, altitudes, azimuths):
     """Shares (altitudes, azimuths) of the light on prisms whose axes lean from upright by an angle, to any side, by
     where it is seen: the altitude from straight down to straight up, and the azimuth from the sun's to the opposite,
-    both sides together, in even bins. What goes straight on is left out. The sun is a disc."""
-    out, ways, hits = np.zeros((altitudes, azimuths)), np.zeros((MOST_WAYS + 1, 4)), 0
+    both sides together, in even bins; and the variances that they have by chance. What goes straight on is left out.
+    The sun is a disc."""
+    out, chance = np.zeros((altitudes, azimuths)), np.zeros((altitudes, azimuths))
+    ways, hits = np.zeros((MOST_WAYS + 1, 4)), 0
     radius = math.sqrt(1.0 + half_length * half_length)
     for ray in range(rays):
         # where in the disc the light comes from: the way that it goes
@@ -71,24 +73,35 @@ def scattered(index, half_length, lean, sun_altitude, tilt, rays, altitudes, azi
             x, y, z = p * ax + q * bx + w * cx, p * ay + q * by + w * cy, p * az + q * bz + w * cz
             i = int((math.asin(min(max(-z, -1.0), 1.0)) / math.pi + 0.5) * altitudes)
             j = int(math.atan2(abs(y), -x) / math.pi * azimuths)
-            out[min(i, altitudes - 1), min(j, azimuths - 1)] += ways[n, 3]
-    return out / max(hits, 1)
+            i, j = min(i, altitudes - 1), min(j, azimuths - 1)
+            out[i, j] += ways[n, 3]
+            chance[i, j] += ways[n, 3] ** 2
+    hits = max(hits, 1)
+    return out / hits, chance / (1.0 * hits * hits)
 
 
 def phase_map(
     wavelength_nm: float, sun_altitude_deg: float, rays: int = _RAYS, shape: str = "plate", tilt_deg: float = TILT_DEG
 ) -> F64:
     """P (ALTITUDES, AZIMUTHS) of level crystals of a shape ("plate", "column") at the middles of a map's bins, but for
-    diffraction and what goes straight on; over a degree where few rays arrive."""
-    shares = scattered(
+    diffraction and what goes straight on; means over a degree where bins differ no more than by chance."""
+    shares, chance = scattered(
         refractive_index(wavelength_nm), LENGTH_OVER_WIDTH[shape], math.radians(LEAN_DEG[shape]),
         math.radians(sun_altitude_deg), math.radians(tilt_deg), rays, ALTITUDES, AZIMUTHS,
     )  # fmt: skip
     altitude = np.linspace(-np.pi / 2, np.pi / 2, ALTITUDES + 1)
     sphere = 0.5 * np.diff(np.sin(altitude)) / AZIMUTHS  # share of it in a bin and its mirror image
+    return np.asarray(0.5 * _less_chance(shares, chance) / sphere[:, None])
+
+
+def _less_chance(shares: F64, chance: F64) -> F64:
+    """Values moved toward the means of those around them, by how much of the variance there is chance (the local
+    linear filter of least error; Lee 1980)."""
     around = uniform_filter(shares, _FEW_BINS, mode="reflect")
-    many = around * rays / (around * rays + _FEW_RAYS)
-    return np.asarray(0.5 * (around + many * (shares - around)) / sphere[:, None])
+    variance = uniform_filter((shares - around) ** 2, _FEW_BINS, mode="reflect")
+    by_chance = np.maximum(uniform_filter(chance, _FEW_BINS, mode="reflect"), 1e-30)  # running sums have rounding
+    real = 1 - by_chance / np.maximum(variance, by_chance)
+    return np.asarray(around + real * (shares - around))
 
 
 def beyond_means(wavelengths_nm: F64, sun_altitude_deg: float, shapes: Shares) -> F64:
