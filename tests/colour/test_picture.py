@@ -73,7 +73,7 @@ def test_a_caption_inside_leaves_the_size_alone(image, tmp_path):
     assert np.median(inside[300:]) < 0.5 * np.median(bare[300:])
     save(image, tmp_path / "low.png")
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "low.png")), bare[:40])
-    with pytest.raises(UserError, match="inside, below, none"):
+    with pytest.raises(UserError, match="choose inside, below or none"):
         save(image, tmp_path / "wrong.png", caption="above")
 
 

@@ -13,9 +13,10 @@ import xarray as xr
 from PIL import Image
 from tests.comparison.skies import clear_radiance, small_camera, write_frame
 
-from openswim.comparison.into_folder import compare_into
+from openswim.comparison.into_folder import compare_into, fingerprint
 from openswim.comparison.settings import Settings, known_camera, skies_of
 from openswim.errors import UserError
+from openswim.lighting import light
 from openswim.scene.procedural import demo_scene
 
 CAMERA = small_camera(64)
@@ -161,3 +162,18 @@ def test_interpolated_clear_skies_are_those_that_are_solved():
         ratio = skies.clear(camera, np.datetime64(time))[there] / solved[there]
         assert abs(ratio - 1).max() < 0.02, (time, abs(ratio - 1).max())
         assert abs(ratio - 1).mean() < 0.0027, (time, abs(ratio - 1).mean())
+
+
+def test_what_was_compared_with_other_clouds_or_light_is_not_taken_for_done():
+    """A scene and its light in one line do not tell these."""
+    scene, settings = demo_scene(16, 16, 16), Settings(size=64)
+    water = scene.data["liquid_content"]
+    other = replace(scene, data=scene.data.assign(liquid_content=water.copy(data=1.1 * water.values)))
+    lit = [light(one, "swim", sun=(120.0, altitude)) for one, altitude in ((scene, 40.0), (scene, 50.0), (other, 40.0))]
+    marks = []
+    for model in (scene, other, *lit):
+        skies = skies_of(model, "swim", None, None)
+        marks.append(fingerprint(skies, CAMERA, settings, known_camera(CAMERA, settings, None, "swim", skies)))
+    assert repr(scene) == repr(other)
+    assert len(set(marks)) == len(marks)
+    assert all(len(repr(each)) < 500 for each in lit)

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from openswim.scene.frame import azimuth_altitude, horizon_vector
+from openswim.scene.grid import EARTH_RADIUS_M
 
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
@@ -35,15 +36,14 @@ class SunSeen(NamedTuple):
 def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataArray] | None:
     """What an irradiance of one from the sun's place adds to each pixel (y, x), 1/sr, and the irradiance (wavelength,),
     L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
-
-    A lens scatters over the whole picture, land and clouds below the horizon too.
     """
     found = sun_seen(image)
     if found is None:
         return None
     assert isinstance(image, xr.Dataset)
     irradiance = xr.DataArray(found.irradiance, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    return np.nan_to_num(spread(found.angle_deg)).astype(np.float32), irradiance
+    share = np.where(_ground(image), 0.0, spread(found.angle_deg))
+    return np.nan_to_num(share).astype(np.float32), irradiance
 
 
 def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
@@ -86,11 +86,14 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
 
 
 def _ground(image: xr.Dataset) -> np.ndarray:
-    """Whether a pixel (y, x) shows ground, behind which the sun is hidden: where it knows its place, or looks below
-    the horizon."""
+    """Whether a pixel (y, x) shows the Earth, on which no glare is drawn: where it knows its place, or looks below the
+    horizon, be it at a cloud."""
+    height_m = 0.0 if "x_m" in image.attrs else max(float(image.attrs.get("height_m", 0.0)), 0.0)
+    dip_deg = math.degrees(math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + height_m)))
+    ground = image["altitude"].values < -dip_deg
     if "latitude" in image.coords and image["latitude"].dims == image["azimuth"].dims:
-        return np.isfinite(image["latitude"].values)
-    return np.asarray(image["altitude"].values < 0)
+        ground = ground | np.isfinite(image["latitude"].values)
+    return np.asarray(ground)
 
 
 def _between(azimuth: np.ndarray, altitude: np.ndarray, other_azimuth: float, other_altitude: float) -> np.ndarray:

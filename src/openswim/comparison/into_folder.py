@@ -21,8 +21,11 @@ from openswim.comparison.series import joined, of_series
 from openswim.comparison.settings import KnownCamera, Settings, frame_of
 from openswim.comparison.skies import Skies, light_number
 from openswim.errors import UserError
+from openswim.kept_light import fingerprint as fingerprint_of
 from openswim.observations.frame_times import frame_time
+from openswim.pictures.viewpoint import LitScene
 from openswim.readers import files_of
+from openswim.scene import Scene
 from openswim.scene.cf import save_netcdf
 from openswim.system import side_by_side
 from openswim.system.inputs import check_name, size_and_change
@@ -191,11 +194,23 @@ def fingerprint(skies: Skies, content: CameraFile, settings: Settings, known: Kn
 def _model_mark(skies: Skies) -> Any:
     """The model's files, their sizes and times of change."""
     if not skies.of_files:
-        return "clear" if skies.model is None else str(skies.model)
+        return _mark_of_scene(skies.model) if isinstance(skies.model, Scene | LitScene) else "clear"
     try:
         return [(str(path), *size_and_change(path)) for path in files_of(skies.model)]  # type: ignore[arg-type]
     except OSError:  # it will be told when it is opened
         return str(skies.model)
+
+
+def _mark_of_scene(model: Scene | LitScene) -> list[str]:
+    """A scene by all that is in it, and the light that it has been given."""
+    if isinstance(model, Scene):
+        return [fingerprint_of(model), str(model.time)]
+    lights = [(each.name, np.asarray(each.strength).tolist()) for each in model.lights]
+    field = model.field
+    return [
+        *_mark_of_scene(model.scene),
+        str((field.solver, np.asarray(field.wavelengths_nm).tolist(), lights, model.daylight, model.time)),
+    ]
 
 
 def _check_targets(folder: Path, frames: Sequence[Path], skies: Skies) -> None:

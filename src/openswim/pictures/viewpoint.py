@@ -73,6 +73,12 @@ class LitScene:
     lamps: Lamps | None = None  # which lights there are; None where no time is known
     lights: tuple[LitBy, ...] = ()  # each solved, `field` the first's; none where it is the whole sun's alone
 
+    def __repr__(self) -> str:
+        """One line: which lights, how they were solved, of what scene."""
+        names = ", ".join(each.name for each in self.lights) or "sun"
+        wavelengths = ", ".join(f"{each:g}" for each in self.field.wavelengths_nm)
+        return f"<LitScene: {names}; solver {self.field.solver.name}; {wavelengths} nm; {self.scene!r}>"
+
     def viewpoint(self, camera: Camera) -> Viewpoint:
         """A camera in this light: aimed once, it hands out pictures, tiles and rays, from any thread."""
         check_kind("camera", camera, Camera, "give one, such as Camera.allsky(lat, lon)")
@@ -108,6 +114,10 @@ class Viewpoint:
     pixels: Pixels
     rays: Rays
     once: Once = dataclasses.field(default_factory=Once, repr=False)
+
+    def __repr__(self) -> str:
+        """One line: the camera and the light."""
+        return f"<Viewpoint: {self.camera!r} in {self.lit!r}>"
 
     def view(self, layers: bool = False, irradiance: bool = True, sparse: float = 0.0) -> xr.Dataset:
         """The whole image: see `openswim.render`. ``irradiance``: with that at the observer among its attributes, which

@@ -19,6 +19,7 @@ import numpy as np
 from numba import config
 
 from openswim.errors import UserError
+from openswim.switches import switched
 
 _ELEMENTS = {"float32": np.float32, "float64": np.float64}
 _NAME = os.environ.get("OPENSWIM_ELEMENT", "float32")
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     FLOAT = np.float32
 else:
     FLOAT = _ELEMENTS[_NAME]
-CHECKED = os.environ.get("OPENSWIM_CHECKED", "") not in ("", "0")
+CHECKED = bool(switched("OPENSWIM_CHECKED"))
 BYTES = np.dtype(FLOAT).itemsize
 BUILD = _NAME + "-checked" * CHECKED
 
