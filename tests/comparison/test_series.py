@@ -147,6 +147,7 @@ def test_a_grey_and_a_damaged_frame_end_no_series(frames, tmp_path):
     curves = known_camera(CAMERA, settings, frames[0], "fast", skies)
     with pytest.raises(UserError, match="is grey, the clear frame is not"):
         compare_into(skies, listed[1:2], CAMERA, settings, curves, tmp_path / "none")
+    assert not (tmp_path / "none").exists()
 
 
 def test_interpolated_clear_skies_are_those_that_are_solved():

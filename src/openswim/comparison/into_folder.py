@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -79,10 +79,6 @@ def compare_into(
     the processes that work side by side. Returns the page to look at.
     """
     check_name(folder, "output")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"{folder}: cannot be made ({error.strerror}); choose another folder with -o") from None
     names = [path.stem for path in frames]
     doubled = {name for name in names if names.count(name) > 1}
     if doubled:
@@ -94,21 +90,38 @@ def compare_into(
     waiting = [path for path in frames if path not in parts]
     begin(len(waiting), len(parts))
     failures = []
-    for done in _compared(comparing, waiting, jobs):
-        if done.scores is None or done.part is None:
-            failures.append(done.failure)
-            if len(failures) == len(frames):
-                raise UserError(failures[0])
-            tell_failed(done.path, done.failure)
-            continue
-        parts[done.path] = done.part
-        tell(done.scores)
+    with _made(folder):
+        for done in _compared(comparing, waiting, jobs):
+            if done.scores is None or done.part is None:
+                failures.append(done.failure)
+                if len(failures) == len(frames):
+                    raise UserError(failures[0])
+                tell_failed(done.path, done.failure)
+                continue
+            parts[done.path] = done.part
+            tell(done.scores)
     if len(frames) == 1:
         return folder / f"{names[0]}.html"
     series = joined(list(parts.values()))
     save_netcdf(series, folder / "scores.nc")
     write_series_page(series, folder / "index.html")
     return folder / "index.html"
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """A folder to write into; one that was not there does not stay empty."""
+    fresh = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be made ({error.strerror}); choose another folder with -o") from None
+    try:
+        yield
+    finally:
+        if fresh:
+            with suppress(OSError):  # it has something
+                folder.rmdir()
 
 
 def _compared(comparing: Comparing, frames: Sequence[Path], jobs: int) -> Iterator[Compared]:
