@@ -117,13 +117,18 @@ def beam_pairs() -> Pairs:
 
 
 def sweep_pairs() -> Pairs:
-    """Along ordinates of which none is level, and of which some are."""
-    none, some = _sweep_pairs(double_gauss(4, 9)), _sweep_pairs(lebedev(14))
-    return none | {f"{name}, level": pair for name, pair in some.items()}
+    """Along ordinates of which none is level, and of which some are, in grids that cloud goes on beyond, or not at two
+    of the four sides."""
+    out: Pairs = {}
+    for of_sides, ends in (("", np.full((2, 2), False)), (", open", np.array([[True, False], [False, True]]))):
+        for of_level, ordinates in (("", double_gauss(4, 9)), (", level", lebedev(14))):
+            found = _sweep_pairs(ordinates, ends)
+            out |= {f"{name}{of_sides}{of_level}": pair for name, pair in found.items()}
+    return out
 
 
-def _sweep_pairs(ordinates: Ordinates) -> Pairs:
-    """Cloud of two species over clear air and bright ground, in a grid beyond which it goes on."""
+def _sweep_pairs(ordinates: Ordinates, ends: np.ndarray) -> Pairs:
+    """Cloud of two species over clear air and bright ground."""
     rng = np.random.default_rng(3)
     extinction = _uniform(rng, 1e-3, 2e-2, 2, *SHAPE)
     extinction[:, :2] = 0  # where cloud is on the ground, its nodes stand for half a layer
@@ -135,7 +140,7 @@ def _sweep_pairs(ordinates: Ordinates) -> Pairs:
     beam = _uniform(rng, 0.1, 0.9, *SHAPE)
     sunward = twin_sweep.harmonics(SUN[None], DEGREE)[0].astype(FLOAT)
     grid = optical_grid(
-        extinction, np.tile(sunward[:, None], (NY, 1, NX)), LEVELS_M, CELL_M, False, np.full((2, 2), False),
+        extinction, np.tile(sunward[:, None], (NY, 1, NX)), LEVELS_M, CELL_M, False, ends,
         np.zeros((NY, NX), int), c, beam,
     )  # fmt: skip
     inflow = _uniform(rng, 0.1, 0.3, len(ordinates.weight), NZ)
@@ -150,7 +155,7 @@ def _sweep_pairs(ordinates: Ordinates) -> Pairs:
     scattering += c.air_scattering.T[:, :, None, None]
     new, down, up = twin_sweep.sweep(
         before.astype(float), np.tensordot(c.scaled.astype(float), extinction, 1) + c.air_extinction[:, None, None],
-        scattering, beam, SUN, ordinates, inflow, albedo, direct, LEVELS_M, CELL_M,
+        scattering, beam, SUN, ordinates, inflow, albedo, direct, LEVELS_M, CELL_M, ends,
     )  # fmt: skip
     fluxes = sweeper.fluxes()
     return {

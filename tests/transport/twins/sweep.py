@@ -33,11 +33,20 @@ def source(moments, scattering, beam, direction, sun):
     return np.einsum("c,cz...,cz...->z...", toward, scattering[order], lit)
 
 
-def carry(direction, extinction, emitted, inflow, first, levels_m, cell_m):
+def enter(light, extinction, length, inflow):
+    """Light at the first of two nodes, on an open side, that makes their mean that of the cell between them where it
+    emits evenly: of light that comes in and light in balance with the cell's, e^-t at a depth t."""
+    tau = length * (extinction[0] + extinction[1]) / 2
+    share = 2 * (1 / -np.expm1(-tau) - 1 / tau) - 1 if tau > 0.1 else tau / 6
+    return inflow + share * (light[1] - inflow)
+
+
+def carry(direction, extinction, emitted, inflow, first, levels_m, cell_m, ends):
     """Radiance along one ordinate at the nodes: short characteristics from the upstream face of each node's cell.
 
     Nodes beyond the sides are as those at them, and have the ``inflow`` (nz,) of their level; ``first`` (ny, nx): what
-    rises from the ground, on the first plane, or None where the sky's inflow enters there.
+    rises from the ground, on the first plane, or None where the sky's inflow enters there. ``ends`` (2, 2): sides of x
+    and y, below and above, at which light enters as there is nothing beyond.
     """
     nz, ny, nx = extinction.shape
     light = np.empty((nz, ny + 2, nx + 2))
@@ -58,8 +67,16 @@ def carry(direction, extinction, emitted, inflow, first, levels_m, cell_m):
             if first is not None:
                 light[k, 1:-1, 1:-1] = first
             continue
+        open_x, open_y = (ends[axis, int(direction[axis] > 0)] and direction[axis] != 0 for axis in (0, 1))
+        side_x, side_y = (n if direction[axis] > 0 else 1 for axis, n in ((0, nx), (1, ny)))
         for j in reversed(rows) if direction[1] > 0 else rows:
+            if open_y and j == side_y:
+                light[k, j] = inflow[k]
+                continue
             for i in reversed(columns) if direction[0] > 0 else columns:
+                if open_x and i == side_x:
+                    light[k, j, i] = inflow[k]
+                    continue
                 # the upstream point lies between this plane and the one before
                 corners = [
                     np.array([[f[n, m, i], f[n, m, i + toward[0]]] for n in (k, before) for m in (j, j + toward[1])])
@@ -70,12 +87,19 @@ def carry(direction, extinction, emitted, inflow, first, levels_m, cell_m):
                 tau = length * (beta[k, j, i] + beta_up) / 2
                 own = emission(tau, length, source[k, j, i], source_up, beta[k, j, i], beta_up, 0.1, 4)
                 light[k, j, i] = transmission(tau) * up + own
+            if open_x:
+                two = [side_x, side_x - toward[0]]
+                light[k, j, side_x] = enter(light[k, j, two], beta[k, j, two], lengths[0], inflow[k])
+        if open_y:
+            two = [side_y, side_y - toward[1]]
+            for i in columns:
+                light[k, side_y, i] = enter(light[k, two, i], beta[k, two, i], lengths[1], inflow[k])
     return light[:, 1:-1, 1:-1]
 
 
-def sweep(moments, extinction, scattering, beam, sun, ordinates, inflow, albedo, direct, levels_m, cell_m):
+def sweep(moments, extinction, scattering, beam, sun, ordinates, inflow, albedo, direct, levels_m, cell_m, ends):
     """All ordinates once: new moments (M*M, nz, ny, nx); fluxes (ny, nx) down to the level ground and up through the
-    top, on the scale of E_TOA = 1. inflow (ordinates, nz)."""
+    top, on the scale of E_TOA = 1. inflow (ordinates, nz), ends: see `carry`."""
     directions, weights = ordinates
     flux_of = weights * np.abs(directions[:, 2]) / (4 * np.pi)
     every = harmonics(directions, len(scattering))
@@ -84,7 +108,7 @@ def sweep(moments, extinction, scattering, beam, sun, ordinates, inflow, albedo,
     for n in np.argsort(rises, kind="stable"):
         emitted = source(moments, scattering, beam, directions[n], sun)
         first = albedo * (direct + down) / flux_of[rises].sum() if rises[n] else None
-        light = carry(directions[n], extinction, emitted, inflow[n], first, levels_m, cell_m)
+        light = carry(directions[n], extinction, emitted, inflow[n], first, levels_m, cell_m, ends)
         new += weights[n] * every[n][:, None, None, None] * light
         if rises[n]:
             up = up + flux_of[n] * light[-1]
