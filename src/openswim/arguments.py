@@ -49,9 +49,9 @@ def takes(function: Callable[P, R]) -> Callable[P, R]:
             given = signature.bind(*args, **options).arguments
         except TypeError:
             return function(*args, **options)  # and Python says what is missing, or too much
-        for name in given.keys() & named & hints().keys():
-            if not _fits(given[name], hints()[name]):
-                raise UserError(f"{name} is {shown(given[name])}: give {_told(hints()[name])}")
+        for name, value in given.items():
+            if name in named and name in hints() and not _fits(value, hints()[name]):
+                raise UserError(f"{name} is {shown(value)}: give {_told(hints()[name])}")
         return function(*args, **options)
 
     return call
