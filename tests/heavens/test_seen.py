@@ -7,11 +7,11 @@ import openswim
 from openswim.cameras import Camera
 from openswim.colour.cie import solar_illuminance_lx
 from openswim.colour.photometry import luminance_cd_m2
+from openswim.heavens.bent_rays import LongerWay, Refraction
 from openswim.heavens.moon_disc import disc_light, even_places, on_the_moon
 from openswim.heavens.points import Points, drawn_points
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.units import V0_W_M2_NM, magnitude_of_luminance
-from openswim.optics.bent_rays import LongerWay, Refraction
 from openswim.scene.atmosphere import Atmosphere
 
 PLACE = (40.0, 10.0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from openswim.heavens.bent_rays import Refraction, bent_rays
 from openswim.lights.airglow import airglow_radiance, airglow_zenith, solar_flux_sfu
 from openswim.lights.eclipses import light_left, lunar_eclipse, moonlight_left, obscuration, solar_eclipse
 from openswim.lights.eclipses.lunar import shadow, shadow_light
@@ -20,7 +21,6 @@ from openswim.lights.units import (
     radiance_of_rayleighs,
 )
 from openswim.lights.zodiacal import zodiacal_radiance, zodiacal_s10
-from openswim.optics.bent_rays import Refraction, bent_rays
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import EARTH_RADIUS_M
 

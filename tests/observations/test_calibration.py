@@ -12,12 +12,12 @@ from openswim.cameras import Lens
 from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
 from openswim.cli.main import run
 from openswim.errors import UserError
+from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Points, drawn_points, points_over
 from openswim.observations.calibration import calibrate, check
 from openswim.observations.frames import read_frame
 from openswim.observations.peaks import find_peaks
 from openswim.observations.report import write_report
-from openswim.optics.bent_rays import Refraction
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import horizon_vector
 

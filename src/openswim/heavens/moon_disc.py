@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
+from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Drawn, gathered
 from openswim.heavens.sun_disc import Disc, Through, pixels_of
 from openswim.lights import moon_irradiance
@@ -17,7 +18,6 @@ from openswim.lights.eclipses.lunar import shadow, shadow_light
 from openswim.lights.moon import Moon
 from openswim.lights.moonlight import MEAN_DISTANCE_KM, MEAN_SOLID_ANGLE_SR, disc_reflectance, earthshine
 from openswim.lights.spectrum import solar_irradiance
-from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
 from openswim.srgb import from_srgb

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
+from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.sun_disc import Through
 from openswim.lights import PLANETS, planet_position, star_positions
 from openswim.lights.units import V0_W_M2_NM
-from openswim.optics.bent_rays import Refraction
 from openswim.scene.frame import horizon_vector
 from openswim.scene.times import Time
 

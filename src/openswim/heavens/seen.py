@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.behind import sky_behind
+from openswim.heavens.bent_rays import LongerWay, Refraction
 from openswim.heavens.corona import MOST_SUN, drawn_corona, flattening, pole_direction
 from openswim.heavens.lamps import Lamps
 from openswim.heavens.moon_disc import drawn_moon
@@ -21,7 +22,6 @@ from openswim.heavens.sun_disc import Bite, Disc, Through
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.eclipses import moonlight_left
 from openswim.lights.moon import Moon
-from openswim.optics.bent_rays import LongerWay, Refraction
 from openswim.scene.atmosphere import Atmosphere
 from openswim.transport.lit.lit_grid import Once
 

@@ -17,7 +17,7 @@ from openswim.readers.domain.mesh import mesh_of
 from openswim.readers.domain.selection import Selection, onto
 from openswim.scene import Grid, Scene
 from openswim.scene.checks import WAVELENGTH_DIM
-from openswim.scene.levels import on_levels
+from openswim.scene.interpolation import on_levels
 from openswim.scene.rims import BEYOND_CELLS, rim_m
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.scene import Optics
 from openswim.scene.aerosol import DEFAULT_AEROSOL, AerosolProfile
-from openswim.scene.levels import on_levels
+from openswim.scene.interpolation import on_levels
 from openswim.scene.variables import DIRECT_PREFIX
 
 F32 = NDArray[np.float32]

@@ -12,7 +12,7 @@ from openswim.optics.matter import Air, Matter
 from openswim.optics.species import Background, OpticalSpecies
 from openswim.scene.frame import Frame
 from openswim.scene.grid import Grid
-from openswim.scene.levels import on_levels
+from openswim.scene.interpolation import on_levels
 from openswim.transport.air.shells import shell_levels
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE

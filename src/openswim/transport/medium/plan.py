@@ -14,7 +14,7 @@ from openswim.errors import UserError
 from openswim.optics.matter import Matter
 from openswim.optics.species import OpticalSpecies
 from openswim.scene.grid import Grid
-from openswim.scene.levels import on_levels
+from openswim.scene.interpolation import on_levels
 from openswim.transport.engine.pack import LANES
 from openswim.transport.medium.chart import check_span
 from openswim.transport.medium.levels import (

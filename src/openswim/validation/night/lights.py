@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.colour.cie import standard_observer
+from openswim.heavens.bent_rays import bent_rays
 from openswim.lights.airglow import LAYER_M, RED_LAYER_M, airglow_radiance, airglow_zenith
 from openswim.lights.milky_way import starlight_s10
 from openswim.lights.moonlight import MEAN_SOLID_ANGLE_SR, disc_reflectance
 from openswim.lights.spectrum import solar_irradiance
 from openswim.lights.zodiacal import zodiacal_s10
-from openswim.optics.bent_rays import bent_rays
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.grid import EARTH_RADIUS_M
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, groups
