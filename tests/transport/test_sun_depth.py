@@ -47,6 +47,18 @@ def test_depth_under_a_slab_is_exact(azimuth: float, altitude: float, exact: boo
     np.testing.assert_allclose(depth, np.broadcast_to(expected[:, None, None], depth.shape), rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (90, 30), (200, 10), (301, 4), (135, 1), (20, 15)])
+def test_scattered_clouds_are_as_deep_alone_as_in_haze(azimuth: float, altitude: float, periodic: bool) -> None:
+    """Depths add up, though in haze no part of a level is empty, and between clouds many are passed by."""
+    shape, cell = (14, 43, 71), (90.0, 70.0, 100.0)
+    clouds = np.where(np.random.default_rng(4).random(shape) < 0.002, 0.01, 0.0)
+    haze, sun = np.full(shape, 2e-5), toward(azimuth, altitude)
+    alone, both, without = (depth_to_sun(each, sun, cell, periodic, True) for each in (clouds, clouds + haze, haze))
+    assert (alone > 0.1).mean() > 0.002
+    np.testing.assert_allclose(alone, both - without, rtol=0, atol=6e-6 * both.max())
+
+
 @pytest.mark.parametrize(("azimuth", "altitude"), [(0, 90), (90, 60), (200, 30), (45, 45), (301, 10), (180, 3)])
 def test_cloud_ends_at_the_sides_of_an_open_grid(azimuth: float, altitude: float) -> None:
     """A homogeneous block as wide as its grid: beta times the way through it, to the top or to a side."""
