@@ -217,7 +217,7 @@ def _model_mark(skies: Skies) -> Any:
 def _mark_of_scene(model: Scene | LitScene) -> list[str]:
     """A scene by all that is in it, and the light that it has been given."""
     if isinstance(model, Scene):
-        return [fingerprint_of(model), str(model.time)]
+        return [fingerprint_of(model)]
     lights = [(each.name, np.asarray(each.strength).tolist()) for each in model.lights]
     field = model.field
     return [

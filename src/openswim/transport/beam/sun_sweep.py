@@ -134,7 +134,7 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
     for n in range(fields):
         write(below, n * LANES, read_quadruple(extinction, ((n * nz + k) * ny + j) * width + BEYOND + i))
         write(total, n * LANES, spread_quadruple(_ZERO))
-    s, at, dark = 0.0, k, True  # of the sample before
+    s, at, clouded = 0.0, k, True  # the sample before may have cloud
     for level in range(k + 1, last + 1):
         if not (grid.filled[level] or grid.filled[level - 1]) and (mu > 0.0 or level > k + 1):
             continue
@@ -160,9 +160,9 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
                 m = min(int(fk), nz - 2)
                 g = FLOAT(fk - m)
             row, column = min(int(y), ny - 1) // _BLOCK, (min(math.floor(x), nx) + BEYOND) // _BLOCK
-            was_dark = dark
-            dark = cloudy[m, row, column] or (g > _ZERO and cloudy[m + 1, row, column])
-            if not (was_dark or dark):
+            was_clouded = clouded
+            clouded = cloudy[m, row, column] or (g > _ZERO and cloudy[m + 1, row, column])
+            if not (was_clouded or clouded):
                 continue
             left, step = leave - FLOAT(before) * stretch, FLOAT(ds) * stretch
             left = choose_above(left, step, step, left)
@@ -294,18 +294,30 @@ def _share_level(t, threads, k, grid, scratch):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
-def _look_for_cloud(t, threads, extinction, periodic, cloudy):
-    """Thread t's levels of `SunGrid.cloudy`: a block's nodes, the next row's, and those that LANES more reach."""
+def _look_for_cloud(t, threads, extinction, there):
+    """Thread t's levels of where any of _BLOCK nodes of a row has any extinction: ``there`` (nz, ny, blocks)."""
     fields, nz, ny, width = extinction.shape
     for k in range(t, nz, threads):
         for n in range(fields):
             for j in range(ny):
-                for i in range(width):
-                    if extinction[n, k, j, i] == _ZERO:
-                        continue
-                    row, row_before = j // _BLOCK, (j - 1 if j > 0 else (ny - 1 if periodic else 0)) // _BLOCK
-                    for column in range(max(i - LANES, 0) // _BLOCK, i // _BLOCK + 1):
-                        cloudy[k, row, column] = cloudy[k, row_before, column] = True
+                row = extinction[n, k, j]
+                for block in range(there.shape[2]):
+                    i, end = block * _BLOCK, min((block + 1) * _BLOCK, width)
+                    while i < end and not there[k, j, block]:
+                        there[k, j, block] = row[i] > _ZERO
+                        i += 1
+
+
+def _cloudy_parts(extinction: F32, periodic: bool) -> NDArray[np.bool_]:
+    """`SunGrid.cloudy`: of each block its own rows and the next one, and as many nodes more as a pack reaches."""
+    _, nz, ny, width = extinction.shape
+    there = np.zeros((nz, ny, -(-width // _BLOCK)), np.bool_)
+    in_threads(_look_for_cloud, extinction, there)
+    found = there | (np.roll(there, -1, axis=1) if periodic else there[:, [*range(1, ny), ny - 1]])
+    ahead = found.copy()
+    for n in range(1, (LANES + _BLOCK - 1) // _BLOCK + 1):
+        ahead[..., :-n] |= found[..., n:]
+    return np.logical_or.reduceat(ahead, np.arange(0, ny, _BLOCK), axis=1)
 
 
 def sun_sweep(
@@ -321,8 +333,7 @@ def sun_sweep(
     than a cell. Handles any sun, also one below the horizon of a node on the curved Earth: the way up then starts
     downward. Depths are 0 where the Earth hides the sun.
     """
-    cloudy = np.zeros((len(levels_m), *(-(-n // _BLOCK) for n in extinction.shape[2:])), np.bool_)
-    in_threads(_look_for_cloud, extinction, periodic, cloudy)
+    cloudy = _cloudy_parts(extinction, periodic)
     filled = cloudy.any(axis=(1, 2))
     followed, passed, gates = _stops(filled)
     exact = exact.copy()
