@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from openswim.scene.frame import azimuth_altitude, horizon_vector
-from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.frame import azimuth_altitude, horizon_dip_deg, horizon_vector
 
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
@@ -88,9 +87,8 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
 def _ground(image: xr.Dataset) -> np.ndarray:
     """Whether a pixel (y, x) shows the Earth, on which no glare is drawn: where it knows its place, or looks below the
     horizon, be it at a cloud."""
-    height_m = 0.0 if "x_m" in image.attrs else max(float(image.attrs.get("height_m", 0.0)), 0.0)
-    dip_deg = math.degrees(math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + height_m)))
-    ground = image["altitude"].values < -dip_deg
+    height_m = 0.0 if "x_m" in image.attrs else float(image.attrs.get("height_m", 0.0))
+    ground = image["altitude"].values < -horizon_dip_deg(height_m)
     if "latitude" in image.coords and image["latitude"].dims == image["azimuth"].dims:
         ground = ground | np.isfinite(image["latitude"].values)
     return np.asarray(ground)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.optics.rayleigh import BOLTZMANN_J_PER_K, STANDARD_NUMBER_PER_M3, refractivity
 from openswim.optics.species import background
 from openswim.scene.atmosphere import TOP_M, Atmosphere
+from openswim.scene.frame import horizon_dip_deg
 from openswim.scene.grid import EARTH_RADIUS_M
 
 F64 = NDArray[np.float64]
@@ -125,7 +126,7 @@ class Refraction:
     @classmethod
     def at(cls, air: Atmosphere, height_m: float = 0.0, wavelength_nm: float = 550.0) -> "Refraction":
         """From a height above sea level."""
-        dip = -float(np.degrees(np.arccos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(height_m, 0.0)))))
+        dip = -horizon_dip_deg(height_m)
         above = np.concatenate([np.linspace(0, 3, 61), np.linspace(3.25, 10, 28), np.linspace(11, 90, 80)])
         apparent = np.unique(np.concatenate([np.linspace(dip, 0.0, 41)[:-1], above])) if dip < -1e-3 else above
         rays = bent_rays(air, apparent, height_m, wavelength_nm)

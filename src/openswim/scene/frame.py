@@ -13,12 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.scene.grid import EARTH_RADIUS_M
+
 if TYPE_CHECKING:
     from openswim.scene.scene import Scene
 
 FLAT_RADIUS_M = 1.0e12
 
 Array = NDArray[np.float64]
+
+
+def horizon_dip_deg(height_m: float) -> float:
+    """How far below level the edge of a bare Earth lies for an eye so high above it (0 where it is lower)."""
+    return float(np.degrees(np.arccos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(height_m, 0.0)))))
 
 
 def horizon_vector(azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from openswim.errors import UserError
+from openswim.scene.frame import horizon_dip_deg
 from openswim.scene.grid import EARTH_RADIUS_M
 
 GROUND_RADIUS_M = 200_000.0  # clouds farther away stand less than 3 degrees high
@@ -75,11 +76,11 @@ class Neighbourhood:
 
 def reach_m(height_m: float) -> float:
     """How far the clouds may be that an eye `height_m` up still shows well [m]."""
-    horizon = EARTH_RADIUS_M * math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(height_m, 0.0)))
+    horizon = EARTH_RADIUS_M * math.radians(horizon_dip_deg(height_m))
     return min(GROUND_RADIUS_M + horizon, MOST_RADIUS_M)
 
 
 def far_m(height_m: float) -> float:
     """How far the highest clouds may be that stand above the horizon of an eye `height_m` up [m]."""
-    dip = sum(math.acos(EARTH_RADIUS_M / (EARTH_RADIUS_M + max(h, 0.0))) for h in (height_m, _HIGHEST_CLOUD_M))
-    return min(EARTH_RADIUS_M * dip, MOST_RADIUS_M)
+    both_deg = horizon_dip_deg(height_m) + horizon_dip_deg(_HIGHEST_CLOUD_M)
+    return min(EARTH_RADIUS_M * math.radians(both_deg), MOST_RADIUS_M)
