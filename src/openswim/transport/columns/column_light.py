@@ -210,7 +210,7 @@ def _fill_places(nodes, levels_m, parts, places):
     """`Places` of every cell in its parts. With depths to the sun t_1 >= t_2 at a part's ends the mean beam in it is
     e^-t_2 (1 - e^-(t_1 - t_2))/(t_1 - t_2). Returns the number of places."""
     nz = levels_m.shape[0]
-    s = 0
+    s = np.int64(0)
     for k in range(nz - 1):
         for p in range(parts[k]):
             share = FLOAT(p) / FLOAT(parts[k])
@@ -355,7 +355,7 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                 if w == 0:
                     _count_parts(nodes, levels_m, parts)
                 last = _fill_places(nodes, levels_m, parts, places)
-                first = 0
+                first = np.int64(0)  # a literal is a type of its own, for which Numba compiles once more
                 for k in range(min(least, nz - 1)):
                     first += parts[k]
                 for n in range(LANES):

@@ -80,7 +80,7 @@ class Relief:
     def meet(self, origin: F64, direction: F64) -> F64:
         """Distance (n,) [m] along rays (n, 3) to the ground, FAR_M where they miss it."""
         shape = (max(len(origin), len(direction)), 3)
-        o, d = (np.ascontiguousarray(np.broadcast_to(np.asarray(v, float), shape)) for v in (origin, direction))
+        o, d = (np.array(np.broadcast_to(v, shape), float, order="C") for v in (origin, direction))
         distance = np.empty(len(o))
         in_threads(_meet_share, o, d, self.axes, self.radius_m, self.ground_m, self._highest_m, self._packed, distance)
         return distance

@@ -17,6 +17,9 @@ FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "
 PART: dict[str, Any] = {**FLAGS, "_nrt": False, "forceinline": True}  # of a kernel: nothing counts its arrays
 ROW: dict[str, Any] = {**FLAGS, "_nrt": False}
 
+# What calls hand to these as np.int64(0) or np.bool_(True): a literal is a type of its own, for which Numba would
+# compile them, and all that they call, once more.
+
 
 class Grid(NamedTuple):
     """What ordinates go through."""

@@ -91,7 +91,7 @@ def _way(k, j, i, grid, place):
 @njit(**_FLAGS)
 def _lengths(k, j, i, grid, place, node, length):
     """Nodes, each once or several times, and the length of the way to the sun that each stands for; their number."""
-    count, found = _way(k, j, i, grid, place), 0
+    count, found = _way(k, j, i, grid, place), np.int64(0)
     for m in range(count):
         found = _around(
             int(place[m, 0]), place[m, 1], place[m, 2], place[m, 3], place[m, 4], grid.shape, found, node, length

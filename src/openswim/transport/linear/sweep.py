@@ -152,7 +152,7 @@ def _tell_upstream(q, i, count, pair, told_row, amended):
 def _tell_corners(p, i, count, step, told_row, amended):
     share, to, _ = step
     for c in range(4):
-        _tell_upstream(p + to[c], i, count, (share[c], 0.0, 0), told_row, amended)
+        _tell_upstream(p + to[c], i, count, (share[c], 0.0, np.int64(0)), told_row, amended)
 
 
 @njit(**ROW)
@@ -182,10 +182,10 @@ def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, ame
     if one[2] == 0:
         _tell_corners(p, first, count, step, told_row, amended)
     else:
-        nx, to = told_row.shape[0] - 2 * LANES, step[1]
-        _tell_upstream(line + to[0], 0, nx, one, told_row, amended)
+        nx, to, begin = told_row.shape[0] - 2 * LANES, step[1], np.int64(0)
+        _tell_upstream(line + to[0], begin, nx, one, told_row, amended)
         if two[0] + two[1] > 0.0:
-            _tell_upstream(line + to[2], 0, nx, two, told_row, amended)
+            _tell_upstream(line + to[2], begin, nx, two, told_row, amended)
 
 
 @njit(**FLAGS)
@@ -201,7 +201,7 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, more, about)
     way, entry = course.way, course.entry
     emission, inflow, ground = sources
     kept, scratch, highest = steps.shape[0] > 0, np.zeros((4, shape[2]), ext.dtype), highest_of(ground_node)
-    told_row = np.zeros(shape[2] + 2 * LANES, ext.dtype)
+    told_row, single = np.zeros(shape[2] + 2 * LANES, ext.dtype), np.int64(1)
     for n in range(t, directions.shape[0], threads):
         q, e, out, amended = directions[n], emission[n], light[n], more[n]
         own = steps[n] if kept else scratch
@@ -226,9 +226,9 @@ def carry(t, threads, grid, directions, ext, steps, sources, light, more, about)
                         elif row or i == entry[2]:
                             out[line + i] = inflow[n, k]
                         else:
-                            _pass_some(line + i, at + i, 1, ext, e, step, step, own, out, of)
-                            _tell_some(line + i, at + i, i, 1, ext, e, step, own, out, amended, told_row, of)
-                            _tell_corners(line + i, i, 1, step, told_row, amended)
+                            _pass_some(line + i, at + i, single, ext, e, step, step, own, out, of)
+                            _tell_some(line + i, at + i, i, single, ext, e, step, own, out, amended, told_row, of)
+                            _tell_corners(line + i, i, single, step, told_row, amended)
                 elif row:
                     out[line : line + nx] = inflow[n, k]
                 else:

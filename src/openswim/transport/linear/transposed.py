@@ -123,7 +123,7 @@ def _give_corners(p, i, count, beside, ext, step, bars, rows, of):
     share, to, _ = step
     for c in range(4):
         if share[c] > 0.0:
-            _give(p + to[c], i, count, ext, (share[c], 0.0, 0), not beside or c > 0, bars, rows, of)
+            _give(p + to[c], i, count, ext, (share[c], 0.0, np.int64(0)), not beside or c > 0, bars, rows, of)
 
 
 @njit(**ROW)
@@ -155,10 +155,10 @@ def _back_row(line, at, first, count, turn, beside, ext, step, own, bars, rows, 
     if one[2] == 0:
         _give_corners(p, first, count, beside, ext, step, bars, rows, of)
     else:
-        nx, to = rows[0].shape[0] - 2 * LANES, step[1]
-        _give(line + to[0], 0, nx, ext, one, True, bars, rows, of)
+        nx, to, begin, with_light = rows[0].shape[0] - 2 * LANES, step[1], np.int64(0), np.bool_(True)
+        _give(line + to[0], begin, nx, ext, one, with_light, bars, rows, of)
         if two[0] + two[1] > 0.0:
-            _give(line + to[2], 0, nx, ext, two, True, bars, rows, of)
+            _give(line + to[2], begin, nx, ext, two, with_light, bars, rows, of)
 
 
 @njit(**FLAGS)
@@ -169,7 +169,7 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars, lit):
     way, entry = course.way, course.entry
     light_bar, more_bar, emission_bar, ground_bar = bars
     scratch_rows = np.zeros((4, shape[2] + 2 * LANES), ext.dtype)
-    rows = (scratch_rows[0], scratch_rows[1], scratch_rows[2], scratch_rows[3])
+    rows, single = (scratch_rows[0], scratch_rows[1], scratch_rows[2], scratch_rows[3]), np.int64(1)
     kept, scratch, highest = steps.shape[0] > 0, np.zeros((4, shape[2]), ext.dtype), highest_of(ground_node)
     for n in range(t, directions.shape[0], threads):
         q, lb, mb, eb = directions[n], light_bar[n], more_bar[n], emission_bar[n]
@@ -196,8 +196,8 @@ def carry_transposed(t, threads, grid, directions, ext, steps, bars, lit):
                         if k <= ground_node[j, i]:
                             ground_bar[n, j * nx + i] += lb[line + i]
                         elif not (row or i == entry[2]):
-                            _ask_some(line + i, at + i, i, 1, ext, step, own, mb, rows)
-                            _back_some(line + i, at + i, i, 1, ext, step, own, own_bars, rows, of)
-                            _give_corners(line + i, i, 1, False, ext, step, own_bars, rows, of)
+                            _ask_some(line + i, at + i, i, single, ext, step, own, mb, rows)
+                            _back_some(line + i, at + i, i, single, ext, step, own, own_bars, rows, of)
+                            _give_corners(line + i, i, single, np.bool_(False), ext, step, own_bars, rows, of)
                 elif not row:
                     _back_row(line, at + first, first, count, turn, beside, ext, step, own, own_bars, rows, of)

@@ -153,12 +153,13 @@ def scout_kernel(t, threads, origin, direction, world, depth, species_depth, gro
     n, layers = direction.shape[0], world.layer_majorant.shape[0]
     nodes, beam = np.zeros(world.extinction.shape[3]), np.zeros(depth.shape[1])
     wanted, boost = np.zeros(layers), np.zeros(layers)
+    no_cloud = np.int64(-1)  # for a literal Numba would compile `scout` once more
     for tile in range(t, (n + _RAYS - 1) // _RAYS, threads):
         for ray in range(tile * _RAYS, min(n, (tile + 1) * _RAYS)):
             o, d = origin[ray], direction[ray]
             _, ground_m[ray] = scout(
-                o[0], o[1], o[2], d[0], d[1], d[2], -1, world, depth[ray], species_depth[ray], beam, nodes, wanted,
-                boost,
+                o[0], o[1], o[2], d[0], d[1], d[2], no_cloud, world, depth[ray], species_depth[ray], beam, nodes,
+                wanted, boost,
             )  # fmt: skip
 
 
@@ -210,7 +211,7 @@ def path_kernel(
                     species_depth, work.scratch[1], work.nodes, wanted, boost,
                 )  # fmt: skip
                 if not world.airy:  # straight to the first cloud
-                    if cloud_m < 0.0 and (ground_m < 0.0 or black(0.0, 0.0, True, ray, seen, world, out)):
+                    if cloud_m < 0.0 and (ground_m < 0.0 or black(0.0, 0.0, np.bool_(True), ray, seen, world, out)):
                         continue
                     begin = max(max(cloud_m, ground_m) - ahead_m - 1.0, 0.0)
             for path in range(first, first + count):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from openswim.transport.engine.scalar import flat, shadow_fraction
@@ -206,7 +207,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
     nw = weight.shape[0]
     ns = world.extinction.shape[3]
     square, rise, per_x, per_y, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
-    hilly = world.low_m < world.high_m
+    hilly, no_margin = world.low_m < world.high_m, np.int64(0)  # for a literal Numba would compile `block_step` again
     depth = exponential(rng)
     while True:
         h, here, b = on_ray(s, square, rise, world)
@@ -215,7 +216,8 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
         step, cloud, air, ix, iy = FAR, 0.0, 0.0, -1e9, -1e9
         if world.gridded:
             step, cloud, ix, iy = block_step(
-                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, 0, world
+                ox + s * dx, oy + s * dy, oz + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, no_margin,
+                world,
             )  # fmt: skip
         if world.airy:
             edge, layer = layer_step(h, here, b, per_rise, world)
@@ -343,7 +345,7 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
         return True
     dx, dy, dz = world.sun[0], world.sun[1], world.sun[2]
     square, rise, per_x, per_y, per_rise = ray_constants(x, y, z, dx, dy, dz, world)
-    hilly = world.low_m < world.high_m
+    hilly, no_margin = world.low_m < world.high_m, np.int64(0)
     top = world.cloud_high_m
     s = 0.0
     left = 1.0  # of the beam, by cloud
@@ -353,7 +355,7 @@ def sunlight(x, y, z, h, world, beam, nodes, rng):
         if (b >= 0.0 and h >= top - 1e-6) or s > FARTHEST_M:
             return True
         step, majorant, ix, iy = block_step(
-            x + s * dx, y + s * dy, z + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, 0, world
+            x + s * dx, y + s * dy, z + s * dz, dx, dy, dz, h, here, b, per_x, per_y, per_rise, no_margin, world
         )  # fmt: skip
         if hilly and h < world.high_m and s > 0.0 and h < ground_height_m(ix, iy, world) - 0.05:
             return False
