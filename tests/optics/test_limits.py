@@ -35,5 +35,5 @@ def test_a_picture_states_the_vapour_that_it_is_solved_with() -> None:
     from openswim import Camera, Scene, Solver
 
     scene = Scene.clear(47.0, 11.0, time=np.datetime64("2024-06-01T10:00"), water_vapour_cm=4.0)
-    image = openswim.render(scene, Camera.allsky(47.0, 11.0, size=4), Solver("swim"), wavelengths_nm=[940.0])
+    image = openswim.render(scene, Camera.allsky(47.0, 11.0, size=4), Solver("swim"), wavelengths_nm=[900.0])
     assert "4.00 cm" in image.attrs["assumptions"]
