@@ -171,7 +171,7 @@ def drawn(camera: Camera, pixels: Pixels, disc: Disc, through: Through) -> tuple
     place, share = disc_points(int(np.clip(_PER_PIXEL * count, _FEWEST, _MOST)), disc.wavelengths_nm)
     row, column = pixels_of(camera, pixels, disc.directions(place))
     known = row >= 0
-    light = share[known] * lit[_nearest(ray, place[known])] * disc.free(place[known])[:, None]
+    light = share[known] * lit[nearest(ray, place[known])] * disc.free(place[known])[:, None]
     pixel, number = np.unique(row[known] * nx + column[known], return_inverse=True)
     total = np.stack([np.bincount(number, each, len(pixel)) for each in light.T], axis=-1)
     return pixel // nx, pixel % nx, 4 * np.pi * total / pixels.solid_angle_sr.ravel()[pixel][:, None]
@@ -203,7 +203,8 @@ def pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[n
     return np.where(within, row, -1), np.where(within, column, -1)
 
 
-def _nearest(places: F64, wanted: F64) -> NDArray[np.int64]:
+def nearest(places: F64, wanted: F64) -> NDArray[np.int64]:
+    """Which of places (n, 2) lies next to each of those wanted."""
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(places).query(wanted)[1])
@@ -224,7 +225,7 @@ def _in_small_pixels(
         off = horizon_vector(*at) @ across(disc.azimuth_deg, disc.altitude_deg) / np.radians(disc.radius_deg)
         radius = np.nan_to_num(np.hypot(*off.T), nan=2.0)
         near = np.flatnonzero((radius <= 1) & disc.free(off))
-        radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[_nearest(ray, off[near])] / 16
+        radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[nearest(ray, off[near])] / 16
     radiance *= 4 / np.radians(disc.radius_deg) ** 2
     there = pixels.inside[row, column] & radiance.any(axis=1)
     return row[there], column[there], radiance[there]
