@@ -12,6 +12,7 @@ from tests.assimilation.toy import cloud, flat_scene
 from openswim import Background, Camera, Scene, Solver, UserError, analyse, observe, open_scene, save_camera
 from openswim.assimilation import Operator, representation_error
 from openswim.assimilation.config import read_config
+from openswim.assimilation.configured import operator_of
 from openswim.assimilation.departures import seen_by
 from openswim.assimilation.observing.watts import watts_of
 from openswim.cli.main import run
@@ -166,6 +167,7 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
         (head.replace("length_m = 70", ""), "length_m is missing"),
         (head + "[[pyranometer]]\nlat = 1\n", "lon is missing"),
         (head + "[[pyranometer]]\nlat = 'a'\nlon = 1\n", "must be a number"),
+        (head + "[[pyranometer]]\nlat = 4\nlon = 1\ny_m = 3\nx_m = 2\n", "either lat and lon, or x_m and y_m"),
         (head + "[[camera]]\nfile = 3\n", "name a file"),
         (head + '[[camera]]\nfile = "roof.toml"\nimage = "model.nc"\n', r"mask '../black.png' leads out of"),
         (head + "[camera]\n", "for each camera"),
@@ -175,6 +177,16 @@ def test_configurations_that_are_refused(tmp_path: Path) -> None:
         with pytest.raises(UserError, match=match) as error:
             read_config(tmp_path / "a.toml")
         assert "a.toml" in str(error.value)
+
+
+def test_degrees_are_not_taken_for_metres(tmp_path: Path) -> None:
+    scene(thicker(1)).to_netcdf(tmp_path / "model.nc")
+    (tmp_path / "a.toml").write_text(
+        'openswim_analysis = 1\nmodel = "model.nc"\n[background]\nlength_m = 70\n'
+        "[[pyranometer]]\nlat = 47.0\nlon = 8.0\nw_m2 = 500.0\n"
+    )
+    with pytest.raises(UserError, match=r"a\.toml: .*the model is flat: give x_m and y_m"):
+        operator_of(read_config(tmp_path / "a.toml"))
 
 
 def test_threads_may_share_an_operator() -> None:

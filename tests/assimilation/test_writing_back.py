@@ -15,6 +15,7 @@ from tests.readers.conftest import WRFSpec, write_wrf
 from openswim import Scene, UserError, open_scene
 from openswim.assimilation import Analysis, write_back
 from openswim.assimilation.observing.controls import Controls
+from openswim.assimilation.writing_back import check_write_back
 from openswim.cli.main import run
 from openswim.readers.fields.increments import vapour_beside_cloud
 from openswim.readers.wrf.increments import put_increments
@@ -119,6 +120,24 @@ def test_an_added_blob_keeps_its_mass_in_saturated_air(tmp_path: Path) -> None:
     column = (again.data.liquid_content - scene.data.liquid_content).values.sum(axis=0)
     want = blob().sum(axis=0)
     np.testing.assert_allclose(column[want > 0], want[want > 0], rtol=0.02)
+
+
+def test_doubles_keep_their_bits_and_packed_water_is_refused(tmp_path: Path) -> None:
+    model, out = wrf(tmp_path), tmp_path / "out.nc"
+    with netCDF4.Dataset(model, "r+") as file:
+        for name in ("QCLOUD", "QVAPOR"):
+            file.renameVariable(name, f"single_{name}")
+            double = file.createVariable(name, "f8", ("Time", *LEVELS))
+            double.units = "kg kg-1"
+            double[:] = np.asarray(file[f"single_{name}"][:], float) * (1 + 1e-9)
+    found = analysis_of(open_scene(model, time=SECOND), {"liquid_content": lambda q: np.maximum(q, blob())})
+    changed = write_back(found, model, out)
+    before, after = fields(model), fields(out)
+    assert {name: np.count_nonzero(before[name] != after[name]) for name in changed} == changed
+    with netCDF4.Dataset(model, "r+") as file:
+        file["QCLOUD"].scale_factor = 2.0
+    with pytest.raises(UserError, match=r"QCLOUD is packed.*ncpdq"):
+        check_write_back([model], tmp_path / "other.nc", "cloud_liquid")
 
 
 def test_removed_cloud_leaves_air_below_saturation(tmp_path: Path) -> None:

@@ -7,12 +7,14 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
 from tests.assimilation.test_writing_back import analysis_of
 from tests.readers.model_files import NX, NY, NZ, laps
 
 from openswim import UserError, open_scene
 from openswim.assimilation import write_back
 from openswim.assimilation.config import read_config
+from openswim.readers.models.laps_increments import check_files
 
 FLOOR = 2e-6  # kg m-3: liquid, and a fifth of it as ice, that an analysis does not take for clear air
 
@@ -122,6 +124,32 @@ def test_one_file_may_hold_all(tmp_path: Path) -> None:
     assert np.array_equal(np.delete(after, NZ - 5, 0), np.delete(before, NZ - 5, 0))
     assert write_back(analysis_of(scene, {}), whole, out) == {}
     assert out.read_bytes() == whole.read_bytes()
+
+
+def test_other_precisions_signs_and_containers(tmp_path: Path) -> None:
+    """Doubles keep their bits, a file's own sign for nothing is heeded; what no copy can be put into is refused."""
+    paths = products(tmp_path / "in")
+    with netCDF4.Dataset(paths[0], "r+") as file:
+        file.renameVariable("lwc", "single")
+        double = file.createVariable("lwc", "f8", ("record", "z", "y", "x"), fill_value=-99.0)
+        double.units = "kg/m3"
+        single = np.asarray(file["single"][:].filled(np.nan), float)
+        double[:] = np.where(np.isfinite(single), single * (1 + 1e-9), -99.0)
+    out = tmp_path / "out"
+    out.mkdir()
+    everywhere = analysis_of(open_scene(paths), {"liquid_content": lambda q: q + 1e-5 * (np.indices(q.shape)[2] == 5)})
+    write_back(everywhere, paths, out)
+    before, after = (fields(folder / paths[0].name)["lwc"][0] for folder in (tmp_path / "in", out))
+    assert after[0, 0, 5] == -99
+    assert np.count_nonzero(before != after) == NZ * NY - 1
+    with xr.open_dataset(paths[2], decode_times=False) as data:
+        data[["sh", "level"]].to_zarr(tmp_path / "lq3.zarr", zarr_format=2)
+    with pytest.raises(UserError, match=r"lq3\.zarr: only netCDF"):
+        check_files([*paths[:2], tmp_path / "lq3.zarr"])
+    with netCDF4.Dataset(paths[2], "r+") as file:
+        file["sh"].add_offset = 1.0
+    with pytest.raises(UserError, match="sh is packed"):
+        check_files(paths)
 
 
 def test_what_cannot_be_put_into_laps_is_told_in_a_line(tmp_path: Path) -> None:

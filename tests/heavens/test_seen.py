@@ -8,7 +8,7 @@ from openswim.cameras import Camera
 from openswim.colour.cie import solar_illuminance_lx
 from openswim.colour.photometry import luminance_cd_m2
 from openswim.heavens.bent_rays import LongerWay, Refraction
-from openswim.heavens.moon_disc import disc_light, even_places, on_the_moon
+from openswim.heavens.moon_disc import disc_light, drawn_moon, even_places, on_the_moon
 from openswim.heavens.points import Points, drawn_points
 from openswim.lights import moon_irradiance, moon_position
 from openswim.lights.units import V0_W_M2_NM, magnitude_of_luminance
@@ -36,6 +36,26 @@ def test_the_moons_disc_holds_its_light_and_faces_the_sun():
     assert np.degrees(np.arcsin(middle[2])) == pytest.approx(lat, abs=1e-6)
     assert np.degrees(np.arctan2(middle[1], middle[0])) == pytest.approx(lon, abs=1e-6)
     assert np.degrees(np.arcsin(pole[2])) == pytest.approx(90 - abs(lat), abs=1e-6)
+
+
+@pytest.mark.parametrize("fov_deg", [0.1, 0.03, 0.002])
+@pytest.mark.parametrize("size", [(1, 1), (30, 50)])
+def test_within_the_moon_a_narrow_view_is_full_of_it(fov_deg, size):
+    """As bright as the whole disc is where it looks, but for the seas."""
+    moon = moon_position("2024-06-21T22:00", *PLACE)
+    wavelengths = np.array([450.0, 550.0])
+
+    def mean(fov_deg, size):
+        camera = Camera.perspective(
+            *PLACE, azimuth_deg=moon.azimuth_deg, altitude_deg=moon.altitude_deg, fov_deg=fov_deg, size=size
+        )
+        given = camera, camera.pixels(), wavelengths, np.ones(2), open_to, None
+        return drawn_moon(moon, "2024-06-21T22:00", *given).radiance
+
+    found = mean(fov_deg, size)
+    assert len(found) == size[0] * size[1]
+    np.testing.assert_allclose(found.mean(axis=0), mean(0.15, (1, 1))[0], rtol=0.2)
+    assert found.min() > 0.5 * found.mean()
 
 
 def test_seas_are_dark_where_they_are():

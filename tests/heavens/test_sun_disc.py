@@ -102,3 +102,17 @@ def test_small_pixels_see_the_disc_itself() -> None:
     away = pixels.angle_to_deg(130.0, 40.0)[row, column] / RADIUS_DEG
     expected = 2 / np.radians(RADIUS_DEG) ** 2 * disc_profile(away, WAVELENGTHS)
     np.testing.assert_allclose(radiance[away < 0.95], expected[away < 0.95], rtol=2e-3)
+
+
+@pytest.mark.parametrize("fov_deg", [0.1, 0.05, 0.01, 0.001])
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (40, 60)])
+@pytest.mark.parametrize("aside", [0.0, 0.7])
+def test_within_the_disc_a_narrow_view_is_full_of_sun(fov_deg: float, size: tuple[int, int], aside: float) -> None:
+    camera = Camera.perspective(
+        **HERE, azimuth_deg=130.0, altitude_deg=40.0 + aside * RADIUS_DEG, fov_deg=fov_deg, size=size
+    )
+    row, _, radiance = drawn(camera, camera.pixels(), Disc(130.0, 40.0, RADIUS_DEG, WAVELENGTHS), open_sky)
+    assert len(row) == size[0] * size[1]
+    expected = 2 / np.radians(RADIUS_DEG) ** 2 * disc_profile(aside, WAVELENGTHS)
+    np.testing.assert_allclose(radiance.mean(axis=0), expected, rtol=0.07)
+    np.testing.assert_allclose(radiance, radiance.mean(axis=0) + 0 * radiance, rtol=0.4)

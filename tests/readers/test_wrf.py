@@ -12,17 +12,13 @@ from openswim.readers import describe, grids_of, open_scene
 PROJECTIONS = {
     "lambert": dict(map_proj=1),
     "lambert, one parallel": dict(map_proj=1, attributes=dict(TRUELAT1=45.0, TRUELAT2=45.0)),
-    "lambert, southern": dict(
-        map_proj=1, attributes=dict(TRUELAT1=-30.0, TRUELAT2=-60.0, MOAD_CEN_LAT=-46.0)
-    ),
+    "lambert, southern": dict(map_proj=1, attributes=dict(TRUELAT1=-30.0, TRUELAT2=-60.0, MOAD_CEN_LAT=-46.0)),
     "polar stereographic": dict(map_proj=2),
     "polar stereographic, southern": dict(map_proj=2, attributes=dict(TRUELAT1=-71.0, TRUELAT2=-71.0)),
     "mercator over the date line": dict(map_proj=3),
     "latitude-longitude over the date line": dict(map_proj=6),
     "global latitude-longitude": dict(map_proj=6, nx=72, degrees=5.0),
-    "rotated latitude-longitude": dict(
-        map_proj=6, attributes=dict(POLE_LAT=35.0, POLE_LON=180.0, STAND_LON=20.0)
-    ),
+    "rotated latitude-longitude": dict(map_proj=6, attributes=dict(POLE_LAT=35.0, POLE_LON=180.0, STAND_LON=20.0)),
 }
 
 
@@ -83,8 +79,7 @@ def test_thinned_file_is_still_placed(wrf_file, wrf_lonlat):
             thin.createDimension(name, (len(dimension) + 1) // 2 if across else len(dimension))
         for name, variable in whole.variables.items():
             step = [
-                slice(None, None, 2 if dim in ("west_east", "south_north") else None)
-                for dim in variable.dimensions
+                slice(None, None, 2 if dim in ("west_east", "south_north") else None) for dim in variable.dimensions
             ]
             thin.createVariable(name, variable.dtype, variable.dimensions)[:] = variable[tuple(step)]
     scene = open_scene(path.with_suffix(".thin"))
@@ -154,9 +149,7 @@ def test_files_without_dates_are_of_the_time_asked_for(wrf_file):
 def test_static_coordinates_and_moving_nests(wrf_file):
     """XLAT may lack the time axis, and may move with the nest."""
     path = wrf_file(change={"XLAT": lambda lat: lat + np.array([0.0, 0.5])[:, None, None]}, map_proj=6)
-    assert open_scene(path, "2005-08-28T15:00").place[0] - open_scene(path).place[0] == pytest.approx(
-        0.5, abs=1e-5
-    )
+    assert open_scene(path, "2005-08-28T15:00").place[0] - open_scene(path).place[0] == pytest.approx(0.5, abs=1e-5)
     (name, first), (_, second) = (grids_of(path, time)[0] for time in (None, "2005-08-28T15:00"))
     assert name == path.name
     assert second.lonlat(0, 0)[1] - first.lonlat(0, 0)[1] == pytest.approx(0.5, abs=1e-5)
@@ -246,9 +239,7 @@ def test_without_coordinates_an_uncropped_file_is_placed_by_its_centre(wrf_file,
     assert any("CEN_LAT" in note for note in scene.notes)
 
 
-@pytest.mark.parametrize(
-    "layout", ["NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA", "NETCDF4"]
-)
+@pytest.mark.parametrize("layout", ["NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA", "NETCDF4"])
 def test_every_netcdf_format(wrf_file, layout):
     assert open_scene(wrf_file(format=layout)).grid.shape == (5, 6, 7)
 
@@ -273,3 +264,11 @@ def test_description(wrf_file):
         assert said in text
     incomplete = describe(wrf_file(drop=("PH", "PHB")))
     assert {"PH", "PHB"} <= set(incomplete.missing)
+
+
+def test_what_a_file_says_of_itself_is_shown_and_not_obeyed(wrf_file):
+    title = "OUTPUT FROM WRF \x1b]0;you\x07\u202e\nspecies    liquid"
+    path = wrf_file(attributes={"TITLE": title})
+    told = str(describe(path))
+    assert "\nmodel      OUTPUT FROM WRF \\x1b]0;you\\x07\\u202e species    liquid\n" in told
+    assert all(c.isprintable() or c == "\n" for c in told + open_scene(path).source)

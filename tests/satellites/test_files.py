@@ -167,3 +167,22 @@ def test_damaged_pictures_are_refused_with_their_file(picture: xr.Dataset, tmp_p
     spoilt.to_netcdf(tmp_path / "a.nc")
     with pytest.raises(UserError, match=r"a\.nc"):
         read(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("turn", [1.0, 30.0, 180.0])
+def test_a_turned_geotiff_is_refused_and_one_that_stands_on_its_head_is_not(
+    picture: xr.Dataset, tmp_path: Path, turn: float
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    write(picture, tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif") as file:
+        values, profile = file.read(), file.profile | {"driver": "GTiff"}
+    profile["transform"] = profile["transform"] @ rasterio.Affine.rotation(turn)
+    with rasterio.open(tmp_path / "b.tif", "w", **profile) as file:
+        file.write(values)
+        file.descriptions = ["C02"] * file.count
+    if turn == 180.0:
+        assert read(tmp_path / "b.tif", ["C02"]).x[0] > read(tmp_path / "b.tif", ["C02"]).x[-1]
+    else:
+        with pytest.raises(UserError, match=r"b\.tif: its rows are turned.*gdalwarp"):
+            read(tmp_path / "b.tif", ["C02"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,9 +18,7 @@ SHAPE = (2, 3, 4)
 
 def _scene(**fields) -> Scene:
     grid = Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"])
-    return Scene(
-        grid, xr.Dataset({name: (("z", "y", "x")[3 - np.ndim(v) :], v) for name, v in fields.items()})
-    )
+    return Scene(grid, xr.Dataset({name: (("z", "y", "x")[3 - np.ndim(v) :], v) for name, v in fields.items()}))
 
 
 def test_a_notebook_shows_a_line():
@@ -28,7 +28,11 @@ def test_a_notebook_shows_a_line():
     assert len(text) < 200
     for said in ("4 x 3 x 2 nodes", "10 x 10 m", "liquid", "in 1 wider", "no time"):
         assert said in text
-    assert "clear sky" in repr(Scene.clear(46.0, 8.0))
+    clear = Scene.clear(46.0, 8.0)
+    assert "clear sky" in repr(clear)
+    assert repr(scene.grid) == "<Grid: 4 x 3 x 2 nodes; 0 to 10 m; flat>"
+    assert len(repr(clear.atmosphere)) < 120
+    assert "depth 0 at" in repr(replace(clear.atmosphere, aerosol=None))
 
 
 def test_from_arrays_keeps_what_it_is_given():

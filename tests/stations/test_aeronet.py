@@ -125,3 +125,18 @@ def test_damaged_tables_are_refused(direct: Path, old: str, new: str, message: s
     direct.write_text(direct.read_text().replace(old, new))
     with pytest.raises(UserError, match=message):
         read_aeronet(direct, "2013-05-27T11:00")
+
+
+def test_rows_of_several_sites_are_no_aerosol(direct: Path, tmp_path: Path) -> None:
+    """Within a file, as those of all sites of a day are, and in files that are given together."""
+    text = direct.read_text()
+    files = []
+    for name, places in (("one", (47.0, 47.0)), ("other", (-33.0, -33.0)), ("both", (47.0, -33.0))):
+        first, second, third = text.splitlines()[-3:]
+        rows = f"{first},Site_Latitude(Degrees)", f"{second},{places[0]}", f"{third},{places[1]}"
+        files.append(tmp_path / f"{name}.lev15")
+        files[-1].write_text("\n".join([*HEAD, *rows]) + "\n")
+    assert read_aeronet(files[0]).single["latitude"] == 47
+    for several in (files[:2], files[2]):
+        with pytest.raises(UserError, match="rows of several sites, -33 and 47 degrees"):
+            read_aeronet(several)

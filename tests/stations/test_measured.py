@@ -141,6 +141,14 @@ def _day_of(path, more="", place='{"lat": 47.0, "lon": 8.0, "elev_m": 500}'):
     return path
 
 
+def test_rows_count_once_and_an_instrument_that_fails_is_not_averaged(tmp_path):
+    once, twice = (_day_of(tmp_path / f"{n}.csv", more) for n, more in enumerate(("", "2020-06-01T19:00,950\n")))
+    assert read_station(twice).ghi.equals(read_station(once).ghi)
+    text = "utc,ghi_1,ghi_2\n2020-06-01T11:00,1100,-999\n2020-06-01T12:00,1100,1000\n"
+    (tmp_path / "two.csv").write_text(text)
+    np.testing.assert_array_equal(read_station(tmp_path / "two.csv", 47.0, 8.0).ghi, [np.nan, 1050])
+
+
 def test_a_table_and_its_packed_copy_are_the_same(tmp_path):
     plain, packed = _day_of(tmp_path / "x.csv"), tmp_path / "x.csv.gz"
     packed.write_bytes(gzip.compress(plain.read_bytes()))
@@ -166,6 +174,10 @@ def test_a_place_that_waits_for_ever_is_refused(tmp_path):
     ("more", "message"),
     [
         ("noon,3\n", r"x\.csv: time 'noon'"),
+        ("2020-06-01T20:00:00\n", r"x\.csv: 1 columns in the row of '2020-06-01T20:00:00', and 2 names"),
+        ("1600-06-01T12:00,500\n", r"x\.csv: times of the years 1600 to 2020"),
+        ("2500-06-01T12:00,500\n", r"x\.csv: times of the years 2020 to 2500"),
+        ("2020-06-01T19:00:00,3\n", r"x\.csv: ghi is there twice for 2020-06-01T19:00:00Z, .*Give UTC"),
         ("1" * 1_100_000, r"x\.csv: is larger"),
         (",\n" * 1_200_000, r"x\.csv: has more than 1100000 lines"),
     ],

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
+import pickle
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -88,6 +90,11 @@ def test_tiles_are_the_whole_in_any_order(lit: LitScene, camera: Camera, whole: 
         part = slice(*rows[n // 5 : n // 5 + 2]), slice(*columns[n % 5 : n % 5 + 2])
         out[part] = viewpoint.tile(*part)["radiance"].values
     np.testing.assert_array_equal(out, whole)
+
+
+def test_a_copy_shows_the_same_here_and_in_another_process(lit: LitScene, camera: Camera, whole: np.ndarray) -> None:
+    for copied in (copy.deepcopy(lit), pickle.loads(pickle.dumps(lit))):
+        np.testing.assert_array_equal(openswim.render(copied, camera).radiance, whole)
 
 
 def test_threads_see_what_one_sees(lit: LitScene, camera: Camera, whole: np.ndarray) -> None:

@@ -43,7 +43,8 @@ _TOP = ("openswim_analysis", "model", "time", "sun", "cover", *_TABLES)
 class Configuration:
     """All that such a file says. Keys of ``observe``, ``observations`` and ``analyse`` are arguments of functions of
     these names. cover: whether the model's cloud cover counts, which the linear core refuses.
-    Times of cameras and points are their own, or the file's; of a ``window`` there are several."""
+    Points are (lat, lon) where they are ``points_on_earth``, else (y_m, x_m). Times of cameras and points are their
+    own, or the file's; of a ``window`` there are several."""
 
     path: Path
     models: tuple[Path, ...]
@@ -57,6 +58,7 @@ class Configuration:
     w_m2: tuple[float, ...]
     camera_times: tuple[np.datetime64 | None, ...] = ()
     point_times: tuple[np.datetime64 | None, ...] = ()
+    points_on_earth: tuple[bool, ...] = ()
     window: bool = False
     cover: bool = True
     observe: dict[str, Any] = field(default_factory=dict)
@@ -92,9 +94,12 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     parts = {name: _table(tables, name) for name in ("observe", "observations", "background", "analyse")}
     listed = _entries(tables, "camera")
     files, images = (tuple(_file(entry, key, path) for entry in listed) for key in ("file", "image"))
-    points, watts = [], []
+    points, on_earth, watts = [], [], []
     for entry in _entries(tables, "pyranometer"):
-        north, east = (("lat", "lon") if "lat" in entry else ("y_m", "x_m"))
+        on_earth.append(not {"lat", "lon"}.isdisjoint(entry))
+        if on_earth[-1] and not {"x_m", "y_m"}.isdisjoint(entry):
+            raise UserError("[[pyranometer]]: give either lat and lon, or x_m and y_m")
+        north, east = ("lat", "lon") if on_earth[-1] else ("y_m", "x_m")
         points.append((_number(entry, north, "pyranometer"), _number(entry, east, "pyranometer")))
         watts.append(_number(entry, "w_m2", "pyranometer"))
     if "length_m" not in parts["background"]:
@@ -115,7 +120,8 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     return Configuration(
         path, _models(tables, path), None if time is None else str(time), sun, Background(**parts["background"]),
         tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
-        *own, window, tables.get("cover", True), parts["observe"], parts["observations"], parts["analyse"],
+        *own, tuple(on_earth), window, tables.get("cover", True), parts["observe"], parts["observations"],
+        parts["analyse"],
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from openswim.assimilation.config import Configuration
 from openswim.assimilation.observing.observe import observe
 from openswim.assimilation.observing.operator import Operator
 from openswim.assimilation.observing.window import observe_window
+from openswim.errors import UserError
 from openswim.readers import open_scene
 from openswim.scene import Scene
 
@@ -34,6 +35,10 @@ def _opened(config: Configuration, winds: bool = False) -> Scene:
     if not config.cover and COVER in scene.data:
         scene.data = scene.data.drop_vars(COVER)
         scene.notes.append("the model's cloud cover is left out: clouds fill their cells")
+    curved = scene.grid is not None and scene.grid.curved
+    if any(on_earth != curved for on_earth in config.points_on_earth):
+        remedy = "lies on the Earth: give lat and lon" if curved else "is flat: give x_m and y_m"
+        raise UserError(f"{config.path}: [[pyranometer]]: the model {remedy}")
     return scene
 
 

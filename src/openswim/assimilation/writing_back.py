@@ -16,8 +16,10 @@ from openswim.assimilation.result import Found
 from openswim.errors import UserError
 from openswim.readers.common.base import Reader
 from openswim.readers.models.laps import LAPSReader
+from openswim.readers.models.laps_increments import check_files as check_laps
 from openswim.readers.models.laps_increments import put_increments as put_into_laps
 from openswim.readers.registry import by_reader
+from openswim.readers.wrf.increments import check_file as check_wrf
 from openswim.readers.wrf.increments import put_increments as put_into_wrf
 from openswim.readers.wrf.reader import WRFReader
 from openswim.scene.files import check_target
@@ -74,6 +76,10 @@ def check_write_back(
         raise UserError(f"write-back {out}: name a folder that exists, for copies of {len(model_files)} products")
     for target in [out / path.name for path in model_files] if several else [out]:
         check_target(target, [*model_files, *taken], "write-back")
+    if isinstance(readers[0], LAPSReader):
+        check_laps(model_files)
+    else:
+        check_wrf(model_files[0])
     return readers[0]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def run(request: CalibrateRequest) -> None:
         f"{table['held_out_px']:.2f} px ({table['held_out_deg']:.3f} degrees)"
     )
     for line in found.cannot_tell:
-        click.echo(f"cannot tell {line}")
+        click.echo(f"cannot tell {one_line(line)}")
     click.echo(f"{request.output}, {report}")
 
 
@@ -77,4 +77,4 @@ def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:
     for frame in frames:
         count, median = check(replace(content, frames=settings), frame, request.time, request.height_m)
         told = f"median distance {median:.2f} px" if count else "which may be cloud, or another camera, place or time"
-        click.echo(f"{frame}: {count} stars match, {told}")
+        click.echo(f"{one_line(str(frame))}: {count} stars match, {told}")

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from openswim.cli.options import known_to
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,7 +110,7 @@ class Progress:
 
     def tell(self, comparison: "xr.Dataset") -> None:
         """One line about a frame, and how long the others will take."""
-        click.echo(line_of(comparison) + self._left())
+        click.echo(one_line(line_of(comparison)) + self._left())
         if "model_time" in comparison.attrs:
             seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
             tell_when_far(seen, model, "frame")
@@ -119,7 +119,7 @@ class Progress:
         self.failed += 1
         context = click.get_current_context(silent=True)
         failure = known_to(None if context is None else context.command, failure)
-        click.echo(f"left out: {failure}{self._left()}", err=True)
+        click.echo(f"left out: {one_line(failure)}{self._left()}", err=True)
 
     def _left(self) -> str:
         self.done += 1

@@ -12,7 +12,7 @@ from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
 from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Drawn, gathered
-from openswim.heavens.sun_disc import Disc, Through, pixels_of
+from openswim.heavens.sun_disc import Disc, Through, across, nearest, pixels_of
 from openswim.lights import moon_irradiance
 from openswim.lights.eclipses.lunar import shadow, shadow_light
 from openswim.lights.moon import Moon
@@ -26,6 +26,8 @@ F64 = NDArray[np.float64]
 
 _PALER = 0.65  # power of the map's grey, which has more contrast than the moon
 _FEWEST, _MOST, _PER_PIXEL, _RAYS = 4096, 800_000, 48, 160
+_EVEN, _WITHIN = 20_000, 2  # places by which the disc is summed; across a small pixel
+_AT_ONCE = 200_000  # small pixels
 _FULL_DEG = 7.0  # phase angle at which the Earth's light comes back to it, but for the surge
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -67,8 +69,26 @@ def on_the_moon(moon: Moon, place: F64) -> F64:
     return np.asarray(x[:, None] * east + y[:, None] * north + z[:, None] * toward)
 
 
-def disc_light(moon: Moon, place: F64, wavelengths_nm: F64, time: Time | None = None) -> F64:
-    """Irradiance (n, nw), W m-2 nm-1 outside of the air, of each of even places (n, 2) on the moon's disc."""
+def disc_light(
+    moon: Moon, place: F64, wavelengths_nm: F64, time: Time | None = None, even: F64 | None = None
+) -> F64:  # fmt: skip
+    """Irradiance (n, nw), W m-2 nm-1 outside of the air, of each of even places (n, 2) on the moon's disc.
+
+    even : these are even, and a place has the light of such a one where it is."""
+    grey, lit = _shades(moon, place)
+    all_grey, all_lit = (each.sum() for each in (_shades(moon, even) if even is not None else (grey, lit)))
+    of_sun = moon_irradiance(moon, wavelengths_nm)
+    light = lit[:, None] / max(all_lit, 1e-12) * of_sun
+    if time is not None:
+        light = light * _in_shadow(moon, place, wavelengths_nm, time)
+    solid_angle = MEAN_SOLID_ANGLE_SR * (MEAN_DISTANCE_KM / moon.distance_km) ** 2
+    back = disc_reflectance(wavelengths_nm, _FULL_DEG) * solid_angle / np.pi * solar_irradiance(wavelengths_nm)
+    ash = earthshine(moon.phase_angle_deg, moon.distance_km) / moon.sun_distance_au**2
+    return np.asarray(light + (grey / all_grey)[:, None] * (ash * back))
+
+
+def _shades(moon: Moon, place: F64) -> tuple[F64, F64]:
+    """Of places on the disc the relative albedo, and how bright the sun makes them, each (n,)."""
     point = on_the_moon(moon, place)
     lon, lat = np.radians(moon.subsolar_lonlat_deg)
     sun = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
@@ -76,15 +96,7 @@ def disc_light(moon: Moon, place: F64, wavelengths_nm: F64, time: Time | None = 
     upright = np.sqrt(np.maximum(1 - (place**2).sum(axis=1), 0))
     sunlit = np.maximum(point @ sun, 0)
     # Lommel and Seeliger: the full moon is flat
-    lit = grey * sunlit / np.maximum(sunlit + upright, 1e-6)
-    of_sun = moon_irradiance(moon, wavelengths_nm)
-    light = lit[:, None] / max(lit.sum(), 1e-12) * of_sun
-    if time is not None:
-        light = light * _in_shadow(moon, place, wavelengths_nm, time)
-    solid_angle = MEAN_SOLID_ANGLE_SR * (MEAN_DISTANCE_KM / moon.distance_km) ** 2
-    back = disc_reflectance(wavelengths_nm, _FULL_DEG) * solid_angle / np.pi * solar_irradiance(wavelengths_nm)
-    ash = earthshine(moon.phase_angle_deg, moon.distance_km) / moon.sun_distance_au**2
-    return np.asarray(light + (grey / grey.sum())[:, None] * (ash * back))
+    return grey, grey * sunlit / np.maximum(sunlit + upright, 1e-6)
 
 
 def _in_shadow(moon: Moon, place: F64, wavelengths_nm: F64, time: Time) -> F64:
@@ -117,19 +129,47 @@ def drawn_moon(
         row, column = pixels_of(camera, pixels, horizon_vector(*seen(place)))
         return row * nx + column, row >= 0
 
+    area = np.pi * np.radians(radius) ** 2
+    rays = even_places(_RAYS)
+
+    def open_to(width: float) -> F64:
+        light, hidden = through(horizon_vector(*seen(rays)), width)
+        return np.asarray(light, float) * ~hidden[:, None]
+
+    if camera.optics is not None and area > _MOST / _PER_PIXEL * np.nanmedian(pixels.solid_angle_sr):
+        open_here = open_to(float(np.sqrt(np.nanmedian(pixels.solid_angle_sr))))
+        even, per_place = even_places(_EVEN), _EVEN * 4 * np.pi / area / _WITHIN**2
+        parts = []
+        inside = np.flatnonzero(pixels.inside)
+        for some in np.array_split(inside, 1 + inside.size // _AT_ONCE):
+            number, place = _under_pixels(moon, camera, some, nx, refraction)
+            light = disc_light(moon, place, wavelengths_nm, time, even) * open_here[nearest(rays, place)]
+            parts.append(gathered(number, nx, light * per_place / toa))
+        return Drawn(*(np.concatenate([getattr(part, of) for part in parts]) for of in ("row", "column", "radiance")))
     rough, within = fallen(even_places(_FEWEST))
     none = np.zeros(0, np.int64)
     if not within.any():
         return Drawn(none, none, np.zeros((0, len(wavelengths_nm))))
-    area = np.pi * np.radians(radius) ** 2
     smallest = float(np.nanmin(pixels.solid_angle_sr.ravel()[rough[within]]))
     place = even_places(int(np.clip(_PER_PIXEL * area / smallest, _FEWEST, _MOST)))
     number, within = fallen(place)
-    rays = even_places(_RAYS)
-    light, hidden = through(horizon_vector(*seen(rays)), float(np.sqrt(smallest)))
-    open_to = np.asarray(light, float) * ~hidden[:, None]
-    from scipy.spatial import cKDTree
-
-    arrives = disc_light(moon, place, wavelengths_nm, time)[within] * open_to[cKDTree(rays).query(place[within])[1]]
+    arrives = disc_light(moon, place, wavelengths_nm, time)[within]
+    arrives = arrives * open_to(float(np.sqrt(smallest)))[nearest(rays, place[within])]
     per_sr = 4 * np.pi / pixels.solid_angle_sr.ravel()[number[within]]
     return gathered(number[within], nx, arrives * per_sr[:, None] / toa)
+
+
+def _under_pixels(
+    moon: Moon, camera: Camera, number: NDArray[np.int64], nx: int, refraction: Refraction | None
+) -> tuple[NDArray[np.int64], F64]:
+    """Of numbered small pixels some places (n, 2) in each that see the moon's disc, and of which pixel each is."""
+    found = []
+    for down, over in np.ndindex(_WITHIN, _WITHIN):
+        aside = (np.array([down, over]) - 0.5 * (_WITHIN - 1)) / _WITHIN
+        azimuth, altitude = camera.direction_of(number // nx + aside[0], number % nx + aside[1])
+        away = horizon_vector(azimuth, altitude if refraction is None else refraction.true_altitude_deg(altitude))
+        place = away @ across(moon.azimuth_deg, moon.altitude_deg) / np.radians(moon.angular_radius_deg)
+        on = (np.hypot(*place.T) < 1) & (away @ horizon_vector(moon.azimuth_deg, moon.altitude_deg) > 0)
+        found.append((number[on], place[on]))
+    numbers, places = (np.concatenate(each) for each in zip(*found, strict=True))
+    return numbers, places

@@ -154,30 +154,42 @@ def drawn(camera: Camera, pixels: Pixels, disc: Disc, through: Through) -> tuple
     A pixel has the mean over its solid angle. Light falls on pixels place by place of the disc, so that radiance times
     solid angle sums to 4 pi times the beam of what the picture shows, whatever the shape and the size of its pixels.
     """
-    row, column = pixels_of(camera, pixels, disc.directions(disc_points(_FEWEST, disc.wavelengths_nm)[0]))
-    known = row >= 0
-    if not known.any():
-        return row[:0], column[:0], np.zeros((0, len(disc.wavelengths_nm)))
-    nx = pixels.inside.shape[1]
-    count = np.unique(row[known] * nx + column[known]).size
-    if count > _FEWEST // _PER_PIXEL:  # so few may have missed some
-        area = np.pi * np.radians(disc.radius_deg) ** 2
-        count = max(count, int(area / np.median(pixels.solid_angle_sr[row[known], column[known]])))
+    some = _found(camera, pixels, disc)
+    if not some[0].size:
+        return *some, np.zeros((0, len(disc.wavelengths_nm)))
+    nx, around = pixels.inside.shape[1], pixels.solid_angle_sr[some]
+    area = np.pi * np.radians(disc.radius_deg) ** 2
+    count = max(np.unique(some[0] * nx + some[1]).size, int(area / np.median(around)))  # as many were all of it seen
 
     ray = disc_points(int(np.clip(count, RAYS, _MOST_RAYS)), disc.wavelengths_nm)[0]
-    width = float(np.sqrt(np.nanmax(pixels.solid_angle_sr[row[known], column[known]])))
+    width = float(np.sqrt(around.max()))
     transmittance, hit = through(disc.directions(ray), width)
     lit = np.asarray(transmittance, float) * ~hit[:, None]
     if count > _MOST // _PER_PIXEL and camera.optics is not None:
-        return _in_small_pixels(camera, pixels, disc, ray, lit, (row[known], column[known]))
+        return _in_small_pixels(camera, pixels, disc, ray, lit, some)
 
     place, share = disc_points(int(np.clip(_PER_PIXEL * count, _FEWEST, _MOST)), disc.wavelengths_nm)
     row, column = pixels_of(camera, pixels, disc.directions(place))
     known = row >= 0
-    light = share[known] * lit[_nearest(ray, place[known])] * disc.free(place[known])[:, None]
+    light = share[known] * lit[nearest(ray, place[known])] * disc.free(place[known])[:, None]
     pixel, number = np.unique(row[known] * nx + column[known], return_inverse=True)
     total = np.stack([np.bincount(number, each, len(pixel)) for each in light.T], axis=-1)
     return pixel // nx, pixel % nx, 4 * np.pi * total / pixels.solid_angle_sr.ravel()[pixel][:, None]
+
+
+def _found(camera: Camera, pixels: Pixels, disc: Disc) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of pixels with sun in them: by places on the disc, and by the pixels' own middles where these are
+    denser, of which a narrow view may have none of those places."""
+    row, column = pixels_of(camera, pixels, disc.directions(disc_points(_FEWEST, disc.wavelengths_nm)[0]))
+    known = row >= 0
+    row, column = row[known], column[known]
+    within = pixels.solid_angle_sr < np.pi * np.radians(disc.radius_deg) ** 2 / _FEWEST
+    if within.any():
+        toward = horizon_vector(disc.azimuth_deg, disc.altitude_deg)
+        away = np.linalg.norm(pixels.direction[within] - toward, axis=-1)
+        more = (each[away < np.radians(disc.radius_deg)] for each in np.nonzero(within))
+        row, column = (np.append(own, each) for own, each in zip((row, column), more, strict=True))
+    return row, column
 
 
 def pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -191,7 +203,8 @@ def pixels_of(camera: Camera, pixels: Pixels, direction: F64) -> tuple[NDArray[n
     return np.where(within, row, -1), np.where(within, column, -1)
 
 
-def _nearest(places: F64, wanted: F64) -> NDArray[np.int64]:
+def nearest(places: F64, wanted: F64) -> NDArray[np.int64]:
+    """Which of places (n, 2) lies next to each of those wanted."""
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(places).query(wanted)[1])
@@ -212,7 +225,7 @@ def _in_small_pixels(
         off = horizon_vector(*at) @ across(disc.azimuth_deg, disc.altitude_deg) / np.radians(disc.radius_deg)
         radius = np.nan_to_num(np.hypot(*off.T), nan=2.0)
         near = np.flatnonzero((radius <= 1) & disc.free(off))
-        radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[_nearest(ray, off[near])] / 16
+        radiance[near] += disc_profile(radius[near], disc.wavelengths_nm) * lit[nearest(ray, off[near])] / 16
     radiance *= 4 / np.radians(disc.radius_deg) ** 2
     there = pixels.inside[row, column] & radiance.any(axis=1)
     return row[there], column[there], radiance[there]

@@ -26,6 +26,7 @@ F64 = NDArray[np.float64]
 
 _BYTES_PER_PIXEL = 150  # while their places are found
 _MOST_MEMORY = 0.8  # share of what is free
+_LEAN = 0.1  # pixels by which rows may lean over a whole picture
 
 
 def write(picture: xr.Dataset, path: str | Path) -> Path:
@@ -187,6 +188,8 @@ def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
         raw = file.read(at + 1, masked=True)
         values = np.ma.filled(raw.astype(np.float32) * file.scales[at] + file.offsets[at], np.nan)
         height, transform = float(mapping["perspective_point_height"]), file.transform
+        if max(abs(transform.b), abs(transform.d)) * max(file.shape) > _LEAN * min(abs(transform.a), abs(transform.e)):
+            raise UserError(f"{path}: its rows are turned or sheared against the imager's: warp it upright (gdalwarp)")
         x = (transform.c + transform.a * (np.arange(file.width) + 0.5)) / height
         y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
         grid = FixedGrid.of_cf(x, y, mapping)

@@ -23,9 +23,7 @@ _HYDROSTATIC_K_PER_KM = 34.163195  # g0 M0 / R
 
 # The standard's pressure above 86 km (Table I), hPa; log-linear in between within 0.3 %.
 _UPPER_KM = np.array([86.0, 88.0, 90.0, 92.0, 94.0, 96.0, 98.0, 100.0])
-_UPPER_HPA = np.array(
-    [3.7338e-3, 2.6173e-3, 1.8359e-3, 1.2887e-3, 9.0560e-4, 6.3765e-4, 4.5057e-4, 3.2011e-4]
-)
+_UPPER_HPA = np.array([3.7338e-3, 2.6173e-3, 1.8359e-3, 1.2887e-3, 9.0560e-4, 6.3765e-4, 4.5057e-4, 3.2011e-4])
 
 # The standard's mid-latitude ozone (Table 18, after Krueger & Minzner 1976), 1e18 molecules per m3.
 _OZONE_KM = np.array([0.0, *range(2, 76, 2), 80.0, 90.0, 100.0])
@@ -84,6 +82,12 @@ class Atmosphere:
         if not ((self.pressure_pa > 0).all() and (self.temperature_k > 0).all()):
             raise UserError("atmosphere: pressure (Pa) and temperature (K) must be positive")
 
+    def __repr__(self) -> str:
+        """One line: how high, how warm below, how much aerosol."""
+        air = f"{self.height_m[0]:g} to {self.height_m[-1]:g} m, {self.temperature_k[0]:.1f} K at the lowest"
+        depth = f"aerosol depth {float(self.aerosol_depth_at(550.0)):.3g} at 550 nm"
+        return f"<Atmosphere: {self.height_m.size} heights, {air}; {depth}>"
+
     @staticmethod
     def us_standard(ozone_du: float = 300.0, aerosol: Layers = _DEFAULT) -> Atmosphere:
         """US Standard Atmosphere 1976 every 500 m to 100 km, its ozone scaled to a column in Dobson units.
@@ -134,11 +138,7 @@ class Atmosphere:
         """
         z = np.asarray(height_m, float)
         log_p = np.log(self.pressure_pa)
-        below = (
-            np.minimum(z - self.height_m[0], 0.0)
-            * (log_p[1] - log_p[0])
-            / (self.height_m[1] - self.height_m[0])
-        )
+        below = np.minimum(z - self.height_m[0], 0.0) * (log_p[1] - log_p[0]) / (self.height_m[1] - self.height_m[0])
         inside = z <= self.height_m[-1]
         pressure = np.where(inside, np.exp(np.interp(z, self.height_m, log_p) + below), 0.0)
         ozone = np.where(inside, np.interp(z, self.height_m, self.ozone_per_m3), 0.0)

@@ -54,6 +54,13 @@ class Grid:
         if not 1e3 < self.earth_radius_m < 1e9:
             raise UserError(f"grid: earth_radius_m = {self.earth_radius_m} is no planet's radius in metres")
 
+    def __repr__(self) -> str:
+        """One line: how large, and where."""
+        where = "on the Earth" if self.curved else "flat"
+        levels = f"{self.height_m.min():g} to {self.height_m.max():g} m"
+        size = "{2} x {1} x {0} nodes".format(*self.shape)
+        return f"<Grid: {size}; {levels}; {where}{', periodic' * self.periodic}>"
+
     @property
     def curved(self) -> bool:
         """True on a sphere (a projection is known), False in flat Cartesian metres."""
@@ -108,11 +115,7 @@ class Grid:
         Points outside the domain get indices below 0 or above n - 1; points the projection cannot show, inf.
         """
         lon, lat = np.broadcast_arrays(np.asarray(lon, float), np.asarray(lat, float))
-        x, y = (
-            (lon, lat)
-            if self._to_lonlat is None
-            else self._to_lonlat.transform(lon, lat, direction="INVERSE")
-        )
+        x, y = (lon, lat) if self._to_lonlat is None else self._to_lonlat.transform(lon, lat, direction="INVERSE")
         x, y = np.asarray(x, float), np.asarray(y, float)
         if self.in_degrees:
             middle = 0.5 * (self.x[0] + self.x[-1])
@@ -174,9 +177,7 @@ def _unit_vector(lon: ArrayLike, lat: ArrayLike) -> NDArray[np.float64]:
 def great_circle_m(lon: ArrayLike, lat: ArrayLike, radius_m: float) -> float:
     """Distance [m] on a sphere between two points; lon and lat [degrees] hold one value for each."""
     (lon0, lon1), (lat0, lat1) = np.radians(np.asarray(lon)), np.radians(np.asarray(lat))
-    haversine = (
-        np.sin(0.5 * (lat1 - lat0)) ** 2 + np.cos(lat0) * np.cos(lat1) * np.sin(0.5 * (lon1 - lon0)) ** 2
-    )
+    haversine = np.sin(0.5 * (lat1 - lat0)) ** 2 + np.cos(lat0) * np.cos(lat1) * np.sin(0.5 * (lon1 - lon0)) ** 2
     return float(2.0 * radius_m * np.arcsin(np.sqrt(haversine)))
 
 
@@ -217,10 +218,7 @@ def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:
     if not np.isfinite(axis).all():
         raise UserError(f"grid: {name} contains values that are not finite numbers")
     step = (axis[-1] - axis[0]) / (axis.size - 1)
-    if (
-        step <= 0
-        or np.abs(axis - np.linspace(axis[0], axis[-1], axis.size)).max() > _UNIFORM_TOLERANCE * step
-    ):
+    if step <= 0 or np.abs(axis - np.linspace(axis[0], axis[-1], axis.size)).max() > _UNIFORM_TOLERANCE * step:
         raise UserError(f"grid: {name} must ascend in even steps: resample the fields to a regular grid")
     return axis
 
@@ -228,25 +226,13 @@ def _axis(values: ArrayLike, name: str) -> NDArray[np.float64]:
 def _heights(values: ArrayLike, ny: int, nx: int) -> NDArray[Any]:
     # float32 resolves 8 mm at 100 km; one-dimensional axes cost nothing, so they keep full precision
     height = numbers("grid: height_m", values)
-    height = (
-        np.array(height, dtype=np.float64) if height.ndim == 1 else np.ascontiguousarray(height, np.float32)
-    )
-    if (
-        height.ndim not in (1, 3)
-        or height.shape[0] < 2
-        or (height.ndim == 3 and height.shape[1:] != (ny, nx))
-    ):
-        raise UserError(
-            f"grid: height_m has shape {height.shape}; it must be (nz,) or (nz, {ny}, {nx}) with nz >= 2"
-        )
+    height = np.array(height, dtype=np.float64) if height.ndim == 1 else np.ascontiguousarray(height, np.float32)
+    if height.ndim not in (1, 3) or height.shape[0] < 2 or (height.ndim == 3 and height.shape[1:] != (ny, nx)):
+        raise UserError(f"grid: height_m has shape {height.shape}; it must be (nz,) or (nz, {ny}, {nx}) with nz >= 2")
     if not np.isfinite(height).all() or np.abs(height).max() > 1e6:
-        raise UserError(
-            "grid: height_m holds missing or absurd values (above 1000 km): give metres above sea level"
-        )
+        raise UserError("grid: height_m holds missing or absurd values (above 1000 km): give metres above sea level")
     if not (np.diff(height, axis=0) > 0).all():
-        raise UserError(
-            "grid: height_m must ascend along its first axis: turn the levels (and all fields) over"
-        )
+        raise UserError("grid: height_m must ascend along its first axis: turn the levels (and all fields) over")
     thinnest = float(np.diff(height, axis=0).min())
     if thinnest < THINNEST_M:
         raise UserError(

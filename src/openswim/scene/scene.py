@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import check_kind, number, numbers, shown, takes
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
@@ -82,21 +82,17 @@ class Scene:
         self.data, repairs = checked_dataset(self.data, self.grid)
         self.time = parse_time(self.time)
         odd = check_plausible(self.data, self.grid) + odd_time(self.time)
-        self.notes = list(dict.fromkeys(" ".join(note.split()) for note in [*self.notes, *repairs, *odd]))
-        self.source = " ".join(self.source.split())
+        self.notes = list(dict.fromkeys(one_line(" ".join(note.split())) for note in [*self.notes, *repairs, *odd]))
+        self.source = one_line(" ".join(self.source.split()))
         direct = [
-            str(name).removeprefix(DIRECT_PREFIX)
-            for name in self.data.data_vars
-            if str(name).startswith(DIRECT_PREFIX)
+            str(name).removeprefix(DIRECT_PREFIX) for name in self.data.data_vars if str(name).startswith(DIRECT_PREFIX)
         ]
         for name in direct:
             if name not in self.optics:
                 raise UserError(f"scene: {DIRECT_PREFIX}{name} needs optics={{'{name}': Optics(...)}}")
         for name in self.optics:
             if name not in direct and name != "aerosol":
-                raise UserError(
-                    f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}"
-                )
+                raise UserError(f"scene: optics are given for {name}, but there is no field {DIRECT_PREFIX}{name}")
 
     def __repr__(self) -> str:
         """One line: where from, when, how large, what is in it."""
@@ -189,9 +185,7 @@ class Scene:
         x, y, z = (numbers(f"scene: {name}", values) for name, values in given.items())
         grid = Grid(x, y, z, _projection(crs), earth_radius_m, periodic)
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
-        extinctions = (
-            extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
-        )
+        extinctions = extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         optics = {
             str(name): Optics(
                 _for_species(single_scattering_albedo, name),

@@ -40,6 +40,8 @@ _SINGLE = {
     "longitude": ("Site_Longitude(Degrees)", "Longitude(Degrees)"),
     "height_m": ("Site_Elevation(m)", "Elevation(m)"),
 }
+_PLACE = (*_SINGLE["latitude"], *_SINGLE["longitude"])
+_ONE_SITE_DEG = 0.1
 _RADIUS, _ANGLE = r"\d+\.\d{6}", r"(\d+\.\d+)\[(\d+)nm\]"
 
 
@@ -71,8 +73,10 @@ class Sunphotometer:
         """Bulk optics of the size distribution and index, by Mie theory; the share that is no spheres as irregular
         particles (docs/optics.md), since no table of spheroids is at hand."""
         if not self.radius_um.size or not self.index:
-            raise UserError("no size distribution and refractive index in the AERONET files: give an inversion of both "
-                            "(-999 is none; level 2.0 has an index in thick aerosol only, level 1.5 more often)")
+            raise UserError(
+                "no size distribution and refractive index in the AERONET files: give an inversion of both "
+                "(-999 is none; level 2.0 has an index in thick aerosol only, level 1.5 more often)"
+            )
         sizes, known = self._sizes(), sorted(self.index)
         index = complex(*(np.interp(wavelength_nm, known, [part(self.index[wl]) for wl in known])
                           for part in (np.real, np.imag)))  # fmt: skip
@@ -123,6 +127,9 @@ def read_aeronet(files: Any, time: Time = None, until: Time = None) -> Sunphotom
     if last is not None and (first is None or last < first):
         raise UserError(f"AERONET: until = {last} needs a time before it")
     rows = [_row(Path(path), first, last) for path in paths("files", files)]
+    for names in (_SINGLE["latitude"], _SINGLE["longitude"]):
+        if degrees := [row[name] for row in rows for name in names if name in row]:
+            _check_one_site("AERONET files", degrees)
     found = {key: value for row in rows for key, value in row.items()}
     spectral = {name: _by_wavelength(found, pattern) for name, pattern in _SPECTRAL.items()}
     depth = spectral["depth"] or spectral["inverted_depth"]
@@ -133,9 +140,7 @@ def read_aeronet(files: Any, time: Time = None, until: Time = None) -> Sunphotom
              if wl in spectral["imaginary"]}  # fmt: skip
     sizes = sorted((float(name), value) for name, value in found.items() if re.fullmatch(_RADIUS, name))
     radius, volume = np.array(sizes).T if len(sizes) > 2 else (np.zeros(0), np.zeros(0))
-    single = {
-        ours: found[name] for ours, names in _SINGLE.items() for name in names if name in found
-    }
+    single = {ours: found[name] for ours, names in _SINGLE.items() for name in names if name in found}
     for name, (low, high) in PLACES.items():
         if not low <= single.get(name, 0.0) <= high:
             raise UserError(f"AERONET: {name} = {single[name]:g} is none: mend the file")
@@ -176,9 +181,18 @@ def _row(path: Path, time: np.datetime64 | None, until: np.datetime64 | None) ->
     for number, name in enumerate(header):
         values = [_number(row[number]) for row in rows if number < len(row)]
         known = [value for value in values if value is not None]
+        if known and name in _PLACE:
+            _check_one_site(str(path), known)
         if known:
             out[name] = float(np.mean(known))
     return out
+
+
+def _check_one_site(where: str, degrees: Sequence[float]) -> None:
+    """Raise UserError where latitudes or longitudes are not those of one place."""
+    low, high = min(degrees), max(degrees)
+    if high - low > _ONE_SITE_DEG:
+        raise UserError(f"{where}: rows of several sites, {low:g} and {high:g} degrees among them: give those of one")
 
 
 def _of_period(

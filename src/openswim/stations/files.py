@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import number
+from openswim.arguments import number, shown
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened
 from openswim.scene.times import parse_time
@@ -50,6 +50,7 @@ _COLUMNS = (  # of tables, by how their names begin or read
 )
 _LARGEST_JSON = 100_000  # characters
 _MISSING_ARM_BIT = 1
+_YEARS = 1900, 2200
 
 
 def read_station(
@@ -79,10 +80,9 @@ def read_station(
             raise UserError(f"{path}: {name} = {value:g} is none: mend the file")
     given = {"latitude": lat, "longitude": lon, "height_m": height_m}
     place = place | {name: value for name, value in given.items() if value is not None}
-    for name, (unit, low, high) in QUANTITIES.items():
+    for name, (unit, _, _) in QUANTITIES.items():
         if name in data:
-            values = np.asarray(data[name].values, float)
-            data[name] = ("time", np.where((values >= low) & (values <= high), values, np.nan), {"units": unit})
+            data[name] = ("time", _measured(name, np.asarray(data[name].values, float)), {"units": unit})
     keep = [name for name in QUANTITIES if name in data and np.isfinite(data[name]).any()]
     if "ghi" not in keep and not {"dni", "dhi"} <= set(keep):
         raise UserError(f"{path}: neither global irradiance in it, nor direct and diffuse")
@@ -90,7 +90,24 @@ def read_station(
     if lacking:
         raise UserError(f"{path}: a {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon, "
                         f"or {path.with_suffix('.json').name} beside it with lat, lon and elev_m")  # fmt: skip
-    return data[keep].sortby("time").assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+    data = _without_doubles(path, data[keep].sortby("time"))
+    return data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+
+
+def _without_doubles(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """Without rows that stand there twice; raises UserError where two of one time differ."""
+    later = np.r_[False, np.diff(data["time"].values) == np.timedelta64(0)]
+    if not later.any():
+        return data
+    for name in data:
+        values = data[name].values
+        other = later[1:] & (values[1:] != values[:-1]) & np.isfinite(values[1:]) & np.isfinite(values[:-1])
+        if other.any():
+            when = np.datetime_as_string(data["time"].values[1:][other][0], "s")
+            raise UserError(
+                f"{path}: {name} is there twice for {when}Z, with two values: is its clock put back in autumn? Give UTC"
+            )
+    return data.isel(time=~later)
 
 
 def kind_of(path: Path) -> str | None:
@@ -172,7 +189,7 @@ def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
         dates = [text.split("/") for text in columns[next(n for n in header if "MM/DD/YYYY" in n)]]
         day = np.array([f"{y}-{int(m):02d}-{int(d):02d}" for m, d, y in dates], "datetime64[D]")
         minutes = [60 * int(text[:-3]) + int(text[-2:]) for text in clock]
-    time = day.astype("datetime64[ns]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
+    time = day.astype("datetime64[m]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
     return _of_columns(columns, time), _beside(path)
 
 
@@ -204,22 +221,30 @@ def _by_bits(file: xr.Dataset, flags: xr.DataArray) -> bool:
 
 def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     header, *rows = rows_of(path)
+    if not rows:
+        raise UserError(f"{path}: has no rows below the names of its columns")
+    if odd := [row for row in rows if len(row) != len(header)]:
+        raise UserError(
+            f"{path}: {len(odd[0])} columns in the row of {shown(odd[0][0])}, and {len(header)} names: mend the file"
+        )
     columns = dict(zip(map(str.strip, header), zip(*rows, strict=True), strict=True))
-    time = np.array([parse_time(text) for text in columns["utc"]], "datetime64[ns]")
+    time = np.array([parse_time(text) for text in columns["utc"]], "datetime64[ms]")
     return _of_columns(columns, time), _beside(path)
 
 
 def _of_columns(columns: Mapping[str, Any], time: NDArray[np.datetime64]) -> xr.Dataset:
     """Columns by their names; the mean of those of one kind (two instruments)."""
-    out = xr.Dataset(coords={"time": time})
+    years = time.astype("datetime64[Y]").astype(int) + 1970
+    if years.size and not (years.min() >= _YEARS[0] and years.max() <= _YEARS[1]):
+        raise UserError(f"times of the years {years.min()} to {years.max()}: no station measured then: mend the file")
+    out = xr.Dataset(coords={"time": time.astype("datetime64[ns]")})
     for ours, pattern in _COLUMNS:
         names = [n for n in columns if re.match(pattern, n.strip().lower().split(" [")[0])]
         if ours == "temperature" and len(names) > 1:
             names = [n for n in names if "2m" in n][:1] or names[:1]
         if names:
             values = np.array([[float(v) if v.strip() else np.nan for v in columns[n]] for n in names])
-            values[values <= -6999] = np.nan
-            out[ours] = ("time", _in_si(ours, values.mean(axis=0)))
+            out[ours] = ("time", _measured(ours, _in_si(ours, values)).mean(axis=0))
     return out
 
 
@@ -237,6 +262,12 @@ def _in_si(quantity: str, values: F64) -> F64:
     if quantity == "temperature":
         return values + 273.15
     return values / 100 if quantity == "relative_humidity" else values * (100 if quantity == "pressure" else 1)
+
+
+def _measured(quantity: str, values: F64) -> F64:
+    """NaN where instruments can give no such value: files have -999 and others for none."""
+    _, low, high = QUANTITIES[quantity]
+    return np.where((values >= low) & (values <= high), values, np.nan)
 
 
 def _place(lat: Any, lon: Any, height_m: Any) -> dict[str, float]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 from openswim.readers.common.bounds import check_container, check_header
 from openswim.readers.common.classic import classic_length
 from openswim.readers.common.kept import first_bytes
@@ -85,7 +85,7 @@ class SceneInfo:
             ("missing", ", ".join(self.missing) or "nothing"),
         ]
         rows += [("" if line else "assumed", note) for line, note in enumerate(self.assumed)]
-        own = "\n".join(f"{label:<11}{text}" for label, text in rows if text)
+        own = "\n".join(f"{label:<11}{one_line(text)}" for label, text in rows if text)
         return "\n\n".join([own, *map(str, self.others)])
 
 

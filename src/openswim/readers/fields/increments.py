@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.base import open_netcdf
+from openswim.readers.common.kept import first_bytes
 from openswim.readers.fields.air import VAPOUR_RATIO, saturation_over_ice_pa, saturation_pa
 from openswim.scene import Grid
 
@@ -18,8 +20,31 @@ F64 = NDArray[np.float64]
 
 HUMIDITY_LEFT = 0.95  # of saturation, at most, where an analysis took all cloud away
 CLOUD = 1e-6  # kg/kg of liquid or ice: the least that models and retrievals usually call cloud
+_NETCDF = (b"CDF", b"\x89HDF")  # first bytes
 _ROUNDING = 1e-6  # share of what was there, below which the rest is rounding of single precision
 _SAME_PLACE = 0.01  # cells, by which columns may be off
+
+
+def check_plain(path: Path, names: Iterable[str]) -> set[str]:
+    """Which of these variables a file has; raises UserError unless it is netCDF and they hold decimals as they are."""
+    if path.is_dir() or not first_bytes(path).startswith(_NETCDF):
+        raise UserError(f"{path}: only netCDF files can be written back to: write it as one, and analyse that")
+    with open_netcdf(path) as file:
+        found = {name: file.variables[name] for name in names if name in file.variables}
+        for name, variable in found.items():
+            if variable.dtype not in ("f4", "f8") or {"scale_factor", "add_offset"} & set(variable.ncattrs()):
+                raise UserError(f"{path}: {name} is packed, so that nothing can be written back: unpack it (ncpdq -U)")
+    return set(found)
+
+
+def put(variable: Any, at: Any, before: F32, after: F32, order: Any = ...) -> None:
+    """Write into a netCDF variable what was changed; the rest stays bit for bit, also where it is double precision."""
+    moved = after != before
+    whole = np.asarray(variable[at])
+    found = whole[order]
+    found[moved] = after[moved]
+    whole[order] = found
+    variable[at] = whole
 
 
 def added(total: F64, more: F64) -> F64:

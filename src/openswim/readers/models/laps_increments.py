@@ -14,7 +14,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Time, naming
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.air import density_kg_m3
-from openswim.readers.fields.increments import added, on_levels, vapour_beside_cloud, window
+from openswim.readers.fields.increments import added, check_plain, on_levels, put, vapour_beside_cloud, window
 from openswim.readers.models.laps import ON_LEVELS, LAPSReader
 from openswim.scene import Grid, Scene
 from openswim.scene.files import written_whole
@@ -38,6 +38,7 @@ def put_increments(
     its levels and nothing beyond. out: a file where there is one product, else a folder. Where a file has no value,
     as below the ground, none is made; temperature, relative humidity, cloud fraction and all else stay.
     """
+    check_files(paths)
     scene = LAPSReader().read_parts(paths, time)
     assert scene.grid is not None
     where = str(paths[0])
@@ -48,8 +49,6 @@ def put_increments(
     for name in own:
         if name not in _CONTENTS or _CONTENTS[name] not in held:
             raise UserError(f"{where}: has no {_CONTENTS.get(name, name)}, which the analysis changed")
-    if own and HUMIDITY not in held:
-        raise UserError(f"{where}: has no {HUMIDITY}, which must go with its cloud: give the lq3 product with it")
     changed = _changed(scene, {name: raw[path][name] for name, path in held.items()}, own) if own else {}
     counts: dict[str, int] = {}
     targets = [out] if len(paths) == 1 else [out / path.name for path in paths]
@@ -59,8 +58,15 @@ def put_increments(
             mine = {name: values for name, values in changed.items() if held[name] == path}
             different = {name: int(np.count_nonzero(v != raw[path][name])) for name, v in mine.items()}
             counts |= {name: count for name, count in different.items() if count}
-            _write(partial, {name: mine[name] for name in counts if name in mine}, scene.time)
+            _write(partial, {name: (raw[path][name], mine[name]) for name in counts if name in mine}, scene.time)
     return counts
+
+
+def check_files(paths: Sequence[Path]) -> None:
+    """Raise UserError where nothing could be put into the water of these LAPS products."""
+    held = [check_plain(path, (*_CONTENTS.values(), HUMIDITY)) for path in paths]
+    if not any(HUMIDITY in each for each in held):
+        raise UserError(f"{paths[0]}: has no {HUMIDITY}, which must go with its cloud: give the lq3 product with it")
 
 
 def _changed(scene: Scene, raw: Mapping[str, F32], own: Mapping[str, F64]) -> dict[str, F32]:
@@ -97,10 +103,17 @@ def _fields(path: Path, time: np.datetime64 | None) -> dict[str, F32]:
         if not names or file.dimensions["z"].size < 2:
             return {}
         order, at = _upward(file), _record(file, time, path)
-        return {name: np.asarray(file[name][at], np.float32)[order] for name in names}
+        return {name: _known(file[name], np.asarray(file[name][at], np.float32)[order]) for name in names}
 
 
-def _write(path: Path, fields: Mapping[str, F32], time: np.datetime64 | None) -> None:
+def _known(variable: Any, values: F32) -> F32:
+    """With LAPS's own sign for nothing where the file has another."""
+    for name in {"_FillValue", "missing_value"} & set(variable.ncattrs()):
+        values = np.where(values == np.float32(variable.getncattr(name)), np.float32(1e37), values)
+    return values
+
+
+def _write(path: Path, fields: Mapping[str, tuple[F32, F32]], time: np.datetime64 | None) -> None:
     import netCDF4
 
     if not fields:
@@ -108,10 +121,8 @@ def _write(path: Path, fields: Mapping[str, F32], time: np.datetime64 | None) ->
     with netCDF4.Dataset(path, "r+") as file:
         file.set_auto_maskandscale(False)
         order, at = _upward(file), _record(file, time, path)
-        for name, values in fields.items():
-            whole = np.asarray(file[name][at])
-            whole[order] = values
-            file[name][at] = whole
+        for name, (before, after) in fields.items():
+            put(file[name], at, before, after, order)
 
 
 def _upward(file: Any) -> NDArray[np.intp]:

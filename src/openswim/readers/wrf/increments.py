@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from openswim.errors import UserError
 from openswim.readers.common.base import Time, naming
 from openswim.readers.common.opening import reading
-from openswim.readers.fields.increments import added, on_levels, vapour_beside_cloud, window
+from openswim.readers.fields.increments import added, check_plain, on_levels, put, vapour_beside_cloud, window
 from openswim.readers.wrf.file import MASS_LEVELS, WRFFile
 from openswim.readers.wrf.grid import wrf_grid
 from openswim.readers.wrf.particles import CATEGORIES
@@ -23,6 +23,8 @@ from openswim.scene.files import written_whole
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+_WATER = ("QVAPOR", *(name for each in CATEGORIES.values() for mass, numbers, _ in each for name in (mass, *numbers)))
+
 
 def put_increments(
     path: Path, out: Path, grid: Grid, increments: Mapping[str, F64], time: Time = None
@@ -32,10 +34,9 @@ def put_increments(
     increments: by the names of scene variables, contents (kg m-3) and numbers (m-3), (nz, ny, nx) on ``grid``. They are
     linear in height between its levels, and nothing beyond. Temperature, pressure and all else stay.
     """
+    check_file(path)
     with WRFFile(path) as file, naming(path), reading(path):
         check_complete(file)
-        if "QVAPOR" not in file:
-            raise UserError(f"{path}: has no QVAPOR, which must go with its cloud: keep it when cutting the file")
         file.go_to(time)
         here = wrf_grid(file, [])
         part = window(grid, here, path)
@@ -47,18 +48,24 @@ def put_increments(
     with written_whole(out) as partial:
         shutil.copyfile(path, partial)
         if counts:
-            _write(partial, {name: changed[name][1] for name in counts}, where)
+            _write(partial, {name: changed[name] for name in counts}, where)
     return counts
 
 
-def _write(path: Path, fields: Mapping[str, F32], time_index: int) -> None:
+def check_file(path: Path) -> None:
+    """Raise UserError where nothing could be put into the water of a WRF file."""
+    if "QVAPOR" not in check_plain(path, _WATER):
+        raise UserError(f"{path}: has no QVAPOR, which must go with its cloud: keep it when cutting the file")
+
+
+def _write(path: Path, fields: Mapping[str, tuple[F32, F32]], time_index: int) -> None:
     import netCDF4
 
     with netCDF4.Dataset(path, "r+") as file:
         file.set_auto_maskandscale(False)
-        for name, values in fields.items():
+        for name, (before, after) in fields.items():
             variable = file.variables[name]
-            variable[time_index if variable.dimensions[:1] == ("Time",) else ...] = values
+            put(variable, time_index if variable.dimensions[:1] == ("Time",) else ..., before, after)
 
 
 def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, tuple[F32, F32]]:

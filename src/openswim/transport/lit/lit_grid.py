@@ -45,6 +45,10 @@ class Once:
         self._last: dict[str, tuple[Any, Any]] = {}
         self._lock = threading.RLock()
 
+    def __reduce__(self) -> tuple[type[Once], tuple[()]]:
+        """A copy, or what is sent to another process, works it out again: locks stay where they are."""
+        return Once, ()
+
     def __call__(self, name: str, make: Callable[[], _Made]) -> _Made:
         with self._lock:
             if name not in self._made:
