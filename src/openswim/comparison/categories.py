@@ -52,14 +52,14 @@ def contingency(observed: Mask, simulated: Mask, weight: F64, tiles: Tiles) -> C
     """Of masks (n,) of valid pixels."""
     cells = (observed & simulated, ~observed & simulated, observed & ~simulated, ~observed & ~simulated)
     values = np.stack([cell * weight for cell in cells], axis=-1)
-    scores = dict.fromkeys(SCORES, Interval(np.nan, reason=NO_PIXEL))
-    sums = tiles.sums(values) if weight.size else values
-    for name in SCORES if weight.size else ():
+    if not weight.size:
+        return Contingency(*(np.nan,) * 4, dict.fromkeys(SCORES, Interval(np.nan, reason=NO_PIXEL)))
 
-        def score(sums: F64, name: str = name) -> F64:
-            return table(sums)[name][None]
+    def every(sums: F64) -> F64:
+        found = table(sums)
+        return np.stack([found[name] for name in SCORES])
 
-        scores[name] = tiles.intervals_of_sums(sums, score, _BOUNDS[name], _REASONS.get(name, ""))[0]
-    shares = values.sum(axis=0) / weight.sum() if weight.size else np.full(4, np.nan)
-    hits, false_alarms, misses, both_clear = map(float, shares)
-    return Contingency(hits, false_alarms, misses, both_clear, scores)
+    bounds, reasons = [_BOUNDS[name] for name in SCORES], [_REASONS.get(name, "") for name in SCORES]
+    intervals = tiles.intervals_of_sums(tiles.sums(values), every, bounds, reasons)
+    hits, false_alarms, misses, both_clear = map(float, values.sum(axis=0) / weight.sum())
+    return Contingency(hits, false_alarms, misses, both_clear, dict(zip(SCORES, intervals, strict=True)))

@@ -150,7 +150,7 @@ def odd_pixels(linear: F32, there: Mask) -> Mask:
         low, high = (end(part, 5) for end in (ndimage.minimum_filter, ndimage.maximum_filter))
         row, column = np.nonzero(there & ((part - low > ODD * np.maximum(low, 1e-6)) | (part < (1 - ODD) * high)))
         around = np.lib.stride_tricks.sliding_window_view(np.pad(part, 2, "symmetric"), (5, 5))[row, column]
-        median = np.median(around.reshape(-1, 25), axis=-1)
+        median = np.partition(around.reshape(-1, 25), 12, axis=-1)[:, 12]  # a fifth of np.median's cost
         count[row, column] += np.abs(part[row, column] - median) > ODD * np.maximum(median, 1e-6)
     return np.asarray(count == 1)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 FEWEST_PIXELS = 50
+_BINS, _RUNGS = 128, 4096  # of a curve that is fitted; steps of the root of light that bins are made of
 SMOOTH, STEP = 0.15, 0.01  # of ln radiance, over which the inverse of a curve is averaged
 _PIXELS = 5000  # spread over a picture, say of a power law what all say
 AEROSOL_NOTE = (
@@ -30,10 +31,10 @@ class Curve:
 
     def __call__(self, light: NDArray[np.floating]) -> F64:
         value = np.asarray(light, float)
-        found = np.interp(value, self.light, self.radiance)
+        found = np.asarray(np.interp(value, self.light, self.radiance))
         for end, outside in ((0, value < self.light[0]), (-1, value > self.light[-1])):
-            ratio = np.maximum(value, 1e-6) / max(float(self.light[end]), 1e-6)
-            found = np.where(outside, self.radiance[end] * ratio**self.slope, found)
+            ratio = np.maximum(value[outside], 1e-6) / max(float(self.light[end]), 1e-6)
+            found[outside] = self.radiance[end] * ratio**self.slope
         return found
 
     def inverse(self, radiance: NDArray[np.floating]) -> F64:
@@ -63,16 +64,19 @@ def fit_curve(light: F64, radiance: F64, weight: F64) -> Curve | None:
     """The rising curve nearest to simulated radiance (n,) at observed linear light (n,); None of too few pixels."""
     from scipy.optimize import isotonic_regression
 
-    if light.size < FEWEST_PIXELS or light.max() <= light.min():
+    if light.size < FEWEST_PIXELS or light.max() <= max(light.min(), 0.0):
         return None
-    edges = np.unique(np.quantile(light, np.linspace(0, 1, 129)))  # as many pixels between any two
-    number = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
-    total = np.bincount(number, weight, len(edges) - 1)
+    # bins of as many pixels each, but for those of one rung
+    rung = (np.sqrt(np.maximum(light / light.max(), 0)) * _RUNGS).astype(np.intp)
+    pixels = np.bincount(rung)
+    bin_of_rung = ((np.cumsum(pixels) - 0.5 * pixels) * (_BINS / light.size)).astype(np.intp)
+    number = bin_of_rung[rung]
+    total, of_light, of_radiance = (np.bincount(number, weight * v, _BINS) for v in (1.0, light, radiance))
     there = total > 0
-    at, mean = (np.bincount(number, weight * v, len(edges) - 1)[there] / total[there] for v in (light, radiance))
+    at, mean = (each[there] / total[there] for each in (of_light, of_radiance))
     rising = isotonic_regression(mean, weights=total[there]).x
     left = radiance - np.interp(light, at, rising)
-    steepness = max((rising[-1] - rising[0]) / (at[-1] - at[0]), 1e-12)
+    steepness = max((rising[-1] - rising[0]) / max(at[-1] - at[0], 1e-12), 1e-12)
     rms = float(np.sqrt(np.average(left**2, weights=weight)) / steepness)
     return Curve(at, rising, _slope(light, radiance, weight), rms)
 

@@ -98,12 +98,15 @@ def undone(linear: F64, truth: F64, region: Region, curves: list[Curve] | None) 
     if curves is not None:
         return np.stack([curve(part) for curve, part in zip(curves, linear.T, strict=True)], axis=-1)
     found = np.full(linear.shape, np.nan)
-    half = region.tiles.number % 2 == 0
-    for k in range(linear.shape[1]):
-        for own, other in ((half, ~half), (~half, half)):
-            curve = fit_curve(linear[other, k], truth[other, k], region.weight[other])
+    halves = [np.flatnonzero(region.tiles.number % 2 == part) for part in (0, 1)]
+    seen = [np.ascontiguousarray(linear[half].T) for half in halves]
+    for part, own in enumerate(halves):
+        other = halves[1 - part]
+        weight, radiance = region.weight[other], truth[other].T
+        for k, light in enumerate(seen[part]):
+            curve = fit_curve(seen[1 - part][k], radiance[k], weight)
             if curve is not None:
-                found[own, k] = curve(linear[own, k])
+                found[own, k] = curve(light)
     return found
 
 

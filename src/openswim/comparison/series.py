@@ -1,6 +1,7 @@
 """Many frames: scores over time, and keograms."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,16 @@ def _in_colours(grey: xr.Dataset, coloured: xr.Dataset) -> xr.Dataset:
 
 def _meridian(picture: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
     """(KEOGRAM, channels): a picture along the meridian, the mean over 5 degrees across it."""
+    y, x, there = _on_meridian(camera)
+    values = np.where(there[..., None], picture[y, x], np.nan)
+    with np.errstate(invalid="ignore"):
+        mean = np.nansum(values, axis=1) / np.isfinite(values).sum(axis=1)
+    return np.asarray(mean, np.float32)
+
+
+@lru_cache(maxsize=4)
+def _on_meridian(camera: Camera) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+    """Rows and columns (KEOGRAM, 5) along the meridian and across it, and whether the camera sees there."""
     along = np.linspace(0, 180, KEOGRAM)[:, None]
     away = np.linspace(-2.5, 2.5, 5)[None]
     altitude = 90 - np.abs(along - 90) + 0 * away
@@ -83,10 +94,7 @@ def _meridian(picture: NDArray[Any], camera: Camera) -> NDArray[np.float32]:
     row, column = camera.pixel_of(azimuth % 360, altitude)
     ny, nx = camera.shape
     there = np.isfinite(row) & (row > -0.5) & (row < ny - 0.5) & (column > -0.5) & (column < nx - 0.5)
-    y, x = (np.where(there, np.round(np.nan_to_num(v)), 0).astype(int) for v in (row, column))
-    values = np.where(there[..., None], picture[y, x], np.nan)
-    with np.errstate(invalid="ignore"):
-        mean = np.nansum(values, axis=1) / np.isfinite(values).sum(axis=1)
-    return np.asarray(mean, np.float32)
+    y, x = (np.where(there, np.round(np.nan_to_num(v)), 0).astype(np.intp) for v in (row, column))
+    return y, x, there
 
 

@@ -1,6 +1,6 @@
 """Tiles of the sky, and intervals of scores by weighing tiles anew: neighbouring pixels are no independent pairs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -12,6 +12,7 @@ from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]
 Statistic = Callable[[F64], F64]
+Bounds = tuple[float, float]
 TILE_DEG = 15.0
 RESAMPLES = 1000
 ALIKE_DEG = 20.0  # tiles so far apart have weights correlated by exp(-1/2)
@@ -65,6 +66,16 @@ class Tiles:
         return np.asarray(np.bincount(self.number, values, len(self.which)), float)
 
     @cached_property
+    def _enough(self) -> bool:
+        """Whether there are tiles enough for an interval."""
+        return len(self.which) >= FEWEST_TILES and bool(np.isfinite(self.widening))
+
+    @cached_property
+    def _drawn(self) -> F64:
+        """(RESAMPLES, m): random weights of the tiles."""
+        return _weights()[:, self.which]
+
+    @cached_property
     def widening(self) -> float:
         """By what the spread of resampled scores falls short of the scores' own, few as independent tiles are: their
         number m* lowers the spread by sqrt(1 - 1/m*), and Student's t with m* - 1 degrees of freedom is the law."""
@@ -77,13 +88,13 @@ class Tiles:
         return float(stdtrit(independent - 1, 0.975) / 1.959964 / np.sqrt(1 - 1 / independent))
 
     def interval(
-        self, values: F64, statistic: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
+        self, values: F64, statistic: Statistic, bounds: Bounds = ANY, reason: str = ""
     ) -> Interval:
         """A statistic ((r, k) -> (r,)) of the sums over n directions of values (n, k), with a 95 % interval."""
         return self.intervals(values, lambda sums: statistic(sums)[None], bounds, reason)[0]
 
     def intervals(
-        self, values: F64, statistics: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
+        self, values: F64, statistics: Statistic, bounds: Bounds = ANY, reason: str = ""
     ) -> list[Interval]:
         """Several statistics ((r, k) -> (s, r)) of the same sums.
 
@@ -95,26 +106,40 @@ class Tiles:
         return self.intervals_of_sums(self.sums(values), statistics, bounds, reason)
 
     def intervals_of_sums(
-        self, sums: F64, statistics: Statistic, bounds: tuple[float, float] = ANY, reason: str = ""
-    ) -> list[Interval]:
-        """The same of sums (m, k) over each tile."""
-        enough = len(sums) >= FEWEST_TILES and np.isfinite(self.widening)
+        self, sums: F64, statistics: Statistic, bounds: Bounds | Sequence[Bounds] = ANY,
+        reason: str | Sequence[str] = "",
+    ) -> list[Interval]:  # fmt: skip
+        """The same of sums (m, k) over each tile; bounds and reason: of all, or of each statistic."""
         with np.errstate(invalid="ignore", divide="ignore"):
             whole = statistics(sums.sum(axis=0, keepdims=True))[:, 0]
-            drawn = statistics(_weights()[:, self.which] @ sums) if enough else [None] * len(whole)
-        return [self._interval(float(value), each, bounds, reason) for value, each in zip(whole, drawn, strict=True)]
+            drawn = statistics(self._drawn @ sums) if self._enough else np.full((len(whole), 0), np.nan)
+        within = np.broadcast_to(bounds, (len(whole), 2))
+        reasons = [reason] * len(whole) if isinstance(reason, str) else reason
+        rows = zip(whole, *_ends(drawn), within, reasons, strict=True)
+        return [self._interval(float(value), ends, int(count), *others) for value, ends, count, *others in rows]
 
-    def _interval(self, value: float, found: F64 | None, bounds: tuple[float, float], reason: str) -> Interval:
-        """Of a score and what it is for each drawing of weights (RESAMPLES,)."""
+    def _interval(self, value: float, ends: F64, count: int, bounds: F64, reason: str) -> Interval:
+        """Of a score and the percentiles of what it is for so many drawings of weights."""
         if not np.isfinite(value):
             return Interval(np.nan, reason=reason or "not defined here")
-        if found is None:
+        if not self._enough:
             return Interval(value, reason="too few tiles of the sky for an interval")
-        found = found[np.isfinite(found)]
-        if found.size < RESAMPLES / 2:
+        if count < RESAMPLES / 2:
             return Interval(value, reason="most draws of tiles have no score")
-        low, high = (value + (end - value) * self.widening for end in np.percentile(found, (2.5, 97.5)))
+        low, high = value + (ends - value) * self.widening
         return Interval(value, float(max(low, bounds[0])), float(min(high, bounds[1])))
+
+
+def _ends(drawn: F64) -> tuple[F64, NDArray[np.intp]]:
+    """The 2.5th and 97.5th percentiles (s, 2) of the finite ones of drawn scores (s, r), and how many these are."""
+    rising = np.sort(np.where(np.isfinite(drawn), drawn, np.nan), axis=-1)  # NaN comes last
+    count = np.isfinite(rising).sum(axis=-1)
+    if not rising.shape[-1]:
+        return np.full((len(drawn), 2), np.nan), count
+    place = np.array([0.025, 0.975]) * np.maximum(count - 1, 0)[:, None]
+    below = place.astype(np.intp)
+    low, high = (np.take_along_axis(rising, at, axis=-1) for at in (below, np.minimum(below + 1, rising.shape[-1] - 1)))
+    return np.where(place > below, low + (place - below) * (high - low), low), count
 
 
 def tile_of(direction: F64) -> NDArray[np.intp]:

@@ -65,6 +65,16 @@ def skyfield_times(times: NDArray[np.datetime64]) -> Any:
     )
 
 
+def observer_at(time: Time, lat: float, lon: float, height_m: float = 0.0) -> Any:
+    """`observer` at a time; the same object for sun, moon and planets of one picture."""
+    return _observer_at(parse_time(time), float(lat), float(lon), float(height_m))
+
+
+@functools.lru_cache(maxsize=4)
+def _observer_at(time: np.datetime64 | None, lat: float, lon: float, height_m: float) -> Any:
+    return observer(lat, lon, height_m).at(skyfield_time(time))
+
+
 def observer(lat: float, lon: float, height_m: float = 0.0) -> Any:
     """A place on the WGS84 ellipsoid, degrees and metres, for skyfield."""
     from skyfield.api import wgs84

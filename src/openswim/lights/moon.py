@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.lights.ephemeris import bodies, observer, skyfield_time, standard_pressure_pa
+from openswim.lights.ephemeris import bodies, observer_at, standard_pressure_pa
 from openswim.lights.refraction import refracted_altitude_deg
 from openswim.scene.times import Time
 
@@ -40,8 +40,8 @@ class Moon:
 
 def moon_position(time: Time, lat: float, lon: float, height_m: float = 0.0) -> Moon:
     """The moon at a time (UTC; before 1972 UT1) from a place on the WGS84 ellipsoid, refracted as stars are."""
-    t = skyfield_time(time)
-    here = observer(lat, lon, height_m).at(t)
+    here = observer_at(time, lat, lon, height_m)
+    t = here.t
     moon = here.observe(bodies()["moon"])
     altitude, azimuth, distance = moon.apparent().altaz()
     toward_moon = _unit(moon.apparent().position.km)

@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.lights.ephemeris import observer, skyfield_time, standard_pressure_pa
+from openswim.lights.ephemeris import observer_at, standard_pressure_pa
 from openswim.lights.refraction import refracted_altitude_deg
 from openswim.scene.times import Time
 
@@ -85,7 +85,7 @@ def star_positions(
         ra_mas_per_year=chosen.proper_motion_ra_mas,
         dec_mas_per_year=chosen.proper_motion_dec_mas,
     )
-    apparent = observer(lat, lon, height_m).at(skyfield_time(time)).observe(stars).apparent()
+    apparent = observer_at(time, lat, lon, height_m).observe(stars).apparent()
     altitude, azimuth, _ = apparent.altaz()
     refracted = refracted_altitude_deg(altitude.degrees, standard_pressure_pa(height_m))
     up = np.flatnonzero(refracted > above_deg)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.lights.ephemeris import bodies, observer, skyfield_time, skyfield_times
+from openswim.lights.ephemeris import bodies, observer, observer_at, skyfield_time, skyfield_times
 from openswim.lights.refraction import lit_altitude_deg
 from openswim.scene.times import Time
 
@@ -45,8 +45,7 @@ def sun_position(
     less above; Bennett 1982, about 0.1' above 15 degrees, minutes of arc at the horizon, none below -1 degree).
     Accuracy: about 0.0003 degree (DE421; the limit is UT1, extrapolated after skyfield's built-in table ends).
     """
-    t = skyfield_time(time)
-    apparent = observer(lat, lon, height_m).at(t).observe(bodies()["sun"]).apparent()
+    apparent = observer_at(time, lat, lon, height_m).observe(bodies()["sun"]).apparent()
     altitude, azimuth, distance = apparent.altaz()
     pressure_mbar = "standard" if pressure_pa is None else pressure_pa / 100
     refracted, _, _ = apparent.altaz(temperature_C=temperature_k - 273.15, pressure_mbar=pressure_mbar)

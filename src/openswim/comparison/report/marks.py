@@ -12,6 +12,7 @@ from openswim.lights import PLANETS, Moon, Sun, moon_position, planet_position, 
 RINGS_DEG = (0, 15, 30, 45, 60, 75)
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 _FAINTEST = 4.0  # planets that the eye sees
+_BRIGHT = PLANETS[:5]  # the others are always fainter
 
 
 Places = dict[str, tuple[float, float]]
@@ -27,7 +28,7 @@ def bodies(
         return {} if sun is None else {"sun": sun}
     found: dict[str, Sun | Moon] = {"sun": sun_position(time, *place), "moon": moon_position(time, *place)}
     places = {name: (body.azimuth_deg, body.refracted_altitude_deg) for name, body in found.items()}
-    for name in PLANETS:
+    for name in _BRIGHT:
         planet = planet_position(name, time, *place)
         if planet.magnitude < _FAINTEST:
             places[name] = planet.azimuth_deg, planet.refracted_altitude_deg

@@ -128,12 +128,13 @@ def _r_table(comparison: xr.Dataset) -> str:
     r = comparison["r"].transpose(*dims, "score_channel").values
     bounds = comparison["r_bounds"].transpose(*dims, "score_channel", "bound").values
     rows, masks = [], comparison["sun_mask"].values
+    places = [comparison[name].values for name in dims]
     # the sun is down: its masks hide nothing
     alike = np.array_equal(r, np.broadcast_to(r[:, :, :1], r.shape), equal_nan=True)
     for at in np.ndindex(r.shape[:3]):
         if alike and masks[at[2]] != comparison.attrs["sun_mask_deg"]:
             continue
-        light, weighting, mask = (comparison[name].values[n] for name, n in zip(dims, at, strict=True))
+        light, weighting, mask = (values[n] for values, n in zip(places, at, strict=True))
         cells = "".join(f"<td>{with_bounds(float(v), b)}</td>" for v, b in zip(r[at], bounds[at], strict=True))
         rows.append(f"<tr><td>{light}</td><td>{weighting}</td><td>{mask:g}</td>{cells}</tr>")
     head = "".join(f"<th>{name}</th>" for name in ("r of light", "by", "sun mask, degrees", *channels))
@@ -145,12 +146,9 @@ def _cloud_table(comparison: xr.Dataset) -> str:
         return ""
     names = {"observed_cover": "observed cover", "simulated_cover": "simulated cover", "pod": "POD", "far": "FAR",
              "ets": "ETS"}  # fmt: skip
-    rows, scores = [], comparison[[*names, *(f"{name}_bounds" for name in names)]]
-    for rule in scores["rule"].values:
-        part = scores.sel(rule=rule)
-        cells = "".join(
-            f"<td>{with_bounds(float(part[name]), part[f'{name}_bounds'].values)}</td>" for name in names
-        )
+    rows, scores = [], [(comparison[name].values, comparison[f"{name}_bounds"].values) for name in names]
+    for n, rule in enumerate(comparison["rule"].values):
+        cells = "".join(f"<td>{with_bounds(float(value[n]), bounds[n])}</td>" for value, bounds in scores)
         rows.append(f"<tr><td>{escape(str(rule))}</td>{cells}</tr>")
     head = "".join(f"<th>{name}</th>" for name in ("cloud by rule", *names.values()))
     return f'<table><tr>{head}</tr>{"".join(rows)}</table>'

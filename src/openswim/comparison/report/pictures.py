@@ -2,7 +2,7 @@
 
 import base64
 import io
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from openswim.cameras import Camera
 
 U8 = NDArray[np.uint8]
+_SHADES = 512  # from white to full colour
 GREY = np.array([120, 126, 132], np.uint8)  # no score here
 CLOUD_COLOURS = {
     "cloud in both": (244, 246, 248),
@@ -34,10 +35,17 @@ def difference(comparison: xr.Dataset) -> U8:
 
 def signed(value: NDArray[np.floating], most: float) -> U8:
     """Values (ny, nx) as red above 0 and blue below, in full colour at ``most``; grey where there is none."""
-    share = np.nan_to_num(np.clip(value / most, -1, 1))[..., None]
+    number = np.clip(np.nan_to_num(value * (_SHADES / most)), -_SHADES, _SHADES).astype(np.intp) + _SHADES
+    return _shades()[np.where(np.isfinite(value), number, -1)]
+
+
+@cache
+def _shades() -> U8:
+    """(2 _SHADES + 2, 3): from blue over white to red, and last grey."""
+    share = np.linspace(-1, 1, 2 * _SHADES + 1)[:, None]
     up, down, white = np.array([202, 62, 42.0]), np.array([36, 92, 190.0]), np.array([246, 246, 246.0])
     colour = np.where(share > 0, white + share * (up - white), white - share * (down - white))
-    return np.where(np.isfinite(value)[..., None], colour, GREY).astype(np.uint8)
+    return np.concatenate([colour, GREY[None]]).astype(np.uint8)
 
 
 def clouds(comparison: xr.Dataset) -> U8 | None:

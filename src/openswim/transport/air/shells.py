@@ -7,6 +7,7 @@ source that the last iteration left, until the field no longer changes.
 from __future__ import annotations
 
 from functools import lru_cache
+from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -200,8 +201,7 @@ def build_shells(
         np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), FLOAT),
         np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
     )  # fmt: skip
-    glow = _even_sky(shells.source.shape) if background.starlit else None
-    return tidy(_solve(tidy(shells), phase, sun_mu, scale, glow))
+    return _solve(_Unlit(tidy(shells), phase, sun_mu, scale, background.starlit))
 
 
 def phase_moments(background: Background) -> tuple[Array, Array]:
@@ -328,14 +328,41 @@ def gathering(ground_m: float) -> Gathering:
     )  # fmt: skip
 
 
-def _solve(
-    shells: Shells, phase: Array, sun_mu: Array, scale: float, glow: NDArray[np.float32] | None = None
-) -> Shells:
+class _Unlit(NamedTuple):
+    """Shells before their diffuse field; equal to others where all that this depends on is. ``phase``: see `source_of`,
+    ``starlit``: `_even_sky`."""
+
+    shells: Shells
+    phase: Array
+    sun_mu: Array
+    scale: float
+    starlit: bool
+
+    def _content(self) -> bytes:
+        found = blake2b(repr((self.scale, self.starlit)).encode())
+        known = (value for name, value in self.shells._asdict().items() if name not in ("moments", "source"))
+        for value in (*known, self.phase, self.sun_mu):
+            found.update(np.ascontiguousarray(value).tobytes())
+        return found.digest()
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Unlit) and self._content() == other._content()
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+
+@lru_cache(maxsize=8)  # pictures, irradiance and the clear sky beside a model ask for the same air
+def _solve(unlit: _Unlit) -> Shells:
     """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
 
-    Peaks are not read: delta-scaled transport keeps them in the beam. ``phase``: see `source_of`, ``glow``:
-    `_even_sky`.
+    Peaks are not read: delta-scaled transport keeps them in the beam.
     """
+    shells, phase, sun_mu, scale, starlit = unlit
+    glow = _even_sky(shells.source.shape) if starlit else None
     if glow is not None:
         shells = shells._replace(source=glow)
     gather = gathering(shells.ground_m)
@@ -358,7 +385,7 @@ def _solve(
         )
         if change < _CONVERGED:
             break
-    return shells
+    return tidy(shells)
 
 
 def clear_radiance(origin: Array, direction: Array, sun: Array, shells: Shells, scale: float) -> NDArray[np.float32]:
