@@ -20,7 +20,8 @@ from openswim.observations import SkyFrame
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-_DROPPED = np.uint32((1 << 11) - 1)  # bits of a float's mantissa of 23
+_BITS, _MANTISSA = 12, 23
+_ANGLE_BITS = 14  # of angles, .008 degrees at 360
 
 
 def compare_frame(
@@ -44,7 +45,8 @@ def compare_frame(
         valid = valid_pixels(ready, sun, mask_deg, settings.lowest_deg)
         regions[mask_deg] = Region.of(ready, valid & np.isfinite(simulated).all(axis=-1))
     region = regions[settings.sun_mask_deg]
-    scores = Scores(_pictures(ready, simulated[..., part], clear[..., part], region))
+    scores = Scores()
+    _put_pictures(scores, ready, simulated[..., part], clear[..., part], region)
     correlations(scores, ready, simulated[..., part], regions, known.curves)
     scale = _scale(known, settings, image, ready, simulated[..., part], region)
     radiance_errors(scores, ready, simulated[..., part], region, scale)
@@ -65,36 +67,37 @@ def compare_frame(
     there = open_pixels(ready, sun, settings.sun_mask_deg, settings.lowest_deg)
     whole = pixels.solid_angle_sr[there].sum()
     scores.attrs["share_of_sky_used"] = round(float(region.weight.sum() / whole), 4) if whole > 0 else 0.0
-    scores.variables["sun_distance"] = (("y", "x"), pixels.angle_to_deg(*sun).astype(np.float32), {"units": "degree"})
+    distance = rounded(pixels.angle_to_deg(*sun), _ANGLE_BITS)
+    scores.variables["sun_distance"] = (("y", "x"), distance, {"units": "degree"})
     return scores.dataset()
 
 
-def rounded(light: NDArray[np.floating]) -> F32:
-    """Light to 12 bits behind the leading one, 1.2e-4 of it, in half the room once it is packed; no camera and no model
-    tells it so closely."""
-    bits = np.array(light, np.float32).view(np.uint32)
-    even = (bits >> np.uint32(11)) & np.uint32(1)  # halves go to the even neighbour
-    return ((bits + (_DROPPED >> np.uint32(1)) + even) & ~_DROPPED).view(np.float32)
+def rounded(values: NDArray[np.floating], bits: int = _BITS) -> F32:
+    """Values to so many bits behind the leading one, 1.2e-4 of them, in half the room once they are packed; no camera
+    and no model tells light so closely."""
+    left = np.uint32(_MANTISSA - bits)
+    dropped = np.uint32((1 << int(left)) - 1)
+    found = np.array(values, np.float32).view(np.uint32)
+    even = (found >> left) & np.uint32(1)  # halves go to the even neighbour
+    return ((found + (dropped >> np.uint32(1)) + even) & ~dropped).view(np.float32)
 
 
-def _pictures(frame: Prepared, simulated: F64, clear: F64, region: Region) -> xr.Dataset:
+def _put_pictures(scores: Scores, frame: Prepared, simulated: F64, clear: F64, region: Region) -> None:
     plane, unit = ("y", "x"), {"units": "W m-2 sr-1 nm-1"}
     pixels = frame.pixels
-    return xr.Dataset(
-        {
-            "stored": ((*plane, "channel"), frame.stored, {"long_name": "counts as a share of full scale"}),
-            "observed": ((*plane, "channel"), rounded(frame.linear), {"long_name": "linear share of full scale"}),
-            "simulated": ((*plane, "channel"), rounded(simulated), {"long_name": "radiance", **unit}),
-            "clear_sky": ((*plane, "channel"), rounded(clear), {"long_name": "radiance", **unit}),
-            "valid": (plane, region.valid, {"long_name": "pixels that the scores are of"}),
-        },
-        coords={
-            "channel": list(frame.channels),
-            "azimuth": (plane, pixels.azimuth_deg.astype(np.float32), {"units": "degree"}),
-            "altitude": (plane, pixels.altitude_deg.astype(np.float32), {"units": "degree"}),
-            "solid_angle": (plane, pixels.solid_angle_sr.astype(np.float32), {"units": "sr"}),
-        },
-    )
+    scores.variables |= {
+        "stored": ((*plane, "channel"), rounded(frame.stored), {"long_name": "counts as a share of full scale"}),
+        "observed": ((*plane, "channel"), rounded(frame.linear), {"long_name": "linear share of full scale"}),
+        "simulated": ((*plane, "channel"), rounded(simulated), {"long_name": "radiance", **unit}),
+        "clear_sky": ((*plane, "channel"), rounded(clear), {"long_name": "radiance", **unit}),
+        "valid": (plane, region.valid, {"long_name": "pixels that the scores are of"}),
+    }
+    scores.coords |= {
+        "channel": list(frame.channels),
+        "azimuth": (plane, rounded(pixels.azimuth_deg, _ANGLE_BITS), {"units": "degree"}),
+        "altitude": (plane, rounded(pixels.altitude_deg, _ANGLE_BITS), {"units": "degree"}),
+        "solid_angle": (plane, pixels.solid_angle_sr.astype(np.float32), {"units": "sr"}),
+    }
 
 
 def _clouds(
@@ -118,11 +121,12 @@ def _clouds(
                                          {"long_name": "ln(red/blue) above the clear sky's"})  # fmt: skip
         for name, mask in zip(("observed_cloud", "simulated_cloud"), pair, strict=True):
             scores.variables[name] = (plane, mask & region.valid)
+    counts = frame.stored[region.valid].astype(float), shown[region.valid]
     for name, rule in FIXED.items() if by_day else ():
         pair = np.zeros(region.valid.shape, bool), np.zeros(region.valid.shape, bool)
         if region.weight.size:
-            pair[0][region.valid] = rule(frame.stored[region.valid].astype(float))
-            pair[1][region.valid] = rule(shown[region.valid])
+            for mask, own in zip(pair, counts, strict=True):
+                mask[region.valid] = rule(own)
         masks[name] = pair
     cloud_scores(scores, frame, masks, region)
 

@@ -29,7 +29,6 @@ NO_BALANCE = "the camera's white balance is not known: give a clear frame (--cle
 class Scores:
     """Scores as they come, beside the pictures that they are of, and why some are NaN."""
 
-    pictures: xr.Dataset
     variables: dict[str, Any] = field(default_factory=dict)
     coords: dict[str, Any] = field(default_factory=dict)
     attrs: dict[str, Any] = field(default_factory=dict)
@@ -37,7 +36,7 @@ class Scores:
 
     def dataset(self) -> xr.Dataset:
         """All of it, put together once: xarray aligns the whole of a Dataset with each variable that is added."""
-        return self.pictures.assign_coords(self.coords).assign(self.variables).assign_attrs(self.attrs)
+        return xr.Dataset(self.variables, self.coords, self.attrs)
 
     def add(self, name: str, dims: tuple[str, ...], intervals: NDArray, text: str, **attrs: str) -> None:
         """Intervals (array of `Interval`) as a variable and, beside it, its bounds."""

@@ -38,10 +38,9 @@ def of_series(comparison: xr.Dataset, camera: Camera) -> xr.Dataset:
     names = [name for each in SCORES for name in (each, f"{each}_bounds") if name in comparison]
     kept = comparison[names].drop_vars(("azimuth", "altitude", "solid_angle"), errors="ignore")
     smaller = camera.resized(comparison.sizes["x"]) if comparison.sizes["x"] != camera.shape[1] else camera
-    lines = {name: _meridian(comparison[name].values, smaller) for name in _PICTURES}
-    for name, line in lines.items():
-        kept[f"keogram_{name}"] = (("meridian", "channel"), line)
-    kept = kept.assign_coords(
+    lines = {f"keogram_{name}": (("meridian", "channel"), _meridian(comparison[name].values, smaller))
+             for name in _PICTURES}  # fmt: skip
+    kept = kept.assign(lines).assign_coords(
         time=np.datetime64(comparison.attrs["time"].rstrip("Z"), "ns"), frame=comparison.attrs["frame"],
         meridian=("meridian", np.linspace(0, 180, KEOGRAM), {"long_name": "angle from the northern horizon over the "
                                                                           "zenith", "units": "degree"}),
